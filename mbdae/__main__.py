@@ -1,0 +1,179 @@
+"""The command line: every sub-command is thin, one public function stands behind it."""
+
+import sys
+import warnings
+from typing import Any
+
+import click
+
+from . import METHODS, Solution, load, model_names
+from .console import (
+    FAILED,
+    HOLDS,
+    PAGES,
+    PICTURES,
+    USAGE,
+    as_json,
+    atol_option,
+    emit,
+    finish,
+    formulation_option,
+    method_option,
+    project_option,
+    rtol_option,
+    show,
+    simulate,
+    speed_option,
+    step_option,
+    time_option,
+    writable,
+)
+from .errors import InputError, MbdaeError
+from .methods.conditions import check_conditions
+from .studies.card import card
+from .studies.drift import drift as measure_drift
+from .study_commands import compare, drift, order, report
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="mbdae")
+def cli() -> None:
+    """Simulate constrained mechanisms, check the result, and replay it."""
+
+
+@cli.command()
+@as_json
+def models(as_json: bool) -> None:
+    """List the models that come with mbdae."""
+    rows = [(name, load(name)) for name in model_names()]
+    data = [{"name": n, "title": m.title, "nq": m.nq, "nv": m.nv, "ng": m.ng} for n, m in rows]
+    show(data, as_json)
+
+
+@cli.command()
+@click.option("--check", is_flag=True, help="Prove the claimed orders on index-2 trees.")
+@click.argument("names", nargs=-1)
+@as_json
+def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
+    """List the methods with their claims, or check their order conditions exactly."""
+    from .methods import method
+
+    chosen = [method(n) for n in names or METHODS]
+    if check:
+        reports = [check_conditions(m) for m in chosen]
+        emit([r.to_dict() for r in reports], "\n\n".join(str(r) for r in reports), as_json)
+        sys.exit(HOLDS if all(r.holds for r in reports) else FAILED)
+    data = [
+        {
+            "name": m.name,
+            "family": m.family,
+            "order": m.order,
+            "f linear in z": m.order_linear,
+            "own lam": m.order_own,
+            "embedded": m.order_embedded or None,
+            "solves": m.solves,
+            "title": m.title,
+        }
+        for m in chosen
+    ]
+    show(data, as_json)
+
+
+@cli.command()
+@click.argument("model")
+@as_json
+def info(model: str, as_json: bool) -> None:
+    """Show a model's card: sizes, joints, closures, degrees of freedom, start, and what is not modelled."""
+    result = card(load(model))
+    emit(result.to_dict(), str(result), as_json)
+
+
+@cli.command()
+@click.argument("model")
+@method_option
+@time_option
+@rtol_option
+@atol_option
+@step_option
+@formulation_option
+@project_option
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the solution as .npz, or as a .csv table.")
+@click.option("--html", type=click.Path(dir_okay=False), help="Write a replay as one HTML page.")
+@click.option("--plot", type=click.Path(dir_okay=False), help="Draw the run as .png, .svg or .pdf.")
+@speed_option
+@as_json
+def run(
+    model: str, output: str | None, html: str | None, plot: str | None, speed: float, as_json: bool, **options: Any
+) -> None:
+    """Simulate a model, and save, replay or plot the motion."""
+    written = writable((output, (".npz", ".csv")), (html, PAGES), (plot, PICTURES))
+    sol = simulate(load(model), **options)
+    if output:
+        sol.save(output)
+    if html:
+        from .studies.replay import animate
+
+        animate(sol, html, speed=speed)
+    if plot:
+        from .studies import figures
+        from .studies.figures_run import motion
+
+        figures.save(motion(sol), plot)
+    found = measure_drift(sol)
+    data = {
+        "status": sol.status,
+        "message": sol.message,
+        "t": float(sol.t[-1]),
+        "stats": sol.stats,
+        "drift": found.to_dict(),
+    }
+    s = sol.stats
+    rejected = "-" if s["rejected"] is None else s["rejected"]
+    lines = [
+        f"{sol.status}: {sol.message}, t = {sol.t[-1]:g} s",
+        f"  {s['steps']} steps, {rejected} rejected, {s['solves']} solves, {s['seconds']:.2f} s",
+        str(found),
+        *(f"wrote {p}" for p in written),
+    ]
+    emit({**data, "written": written}, "\n".join(lines), as_json)
+    finish(sol)
+
+
+@cli.command()
+@click.argument("solution", type=click.Path())
+@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The HTML page to write.")
+@speed_option
+@as_json
+def animate(solution: str, output: str, speed: float, as_json: bool) -> None:
+    """Write the replay of a saved solution as one HTML page."""
+    from .studies.replay import animate as write
+
+    write(Solution.load(solution), output, speed=speed)
+    emit({"written": [output]}, f"wrote {output}", as_json)
+
+
+for command in (order, drift, compare, report):
+    cli.add_command(command)
+
+
+def main() -> None:
+    """Entry point: errors are one line on stderr, exit codes 0 holds, 1 failed or refuted, 2 usage, 3 not judged."""
+    warnings.showwarning = lambda message, *_: click.echo(f"mbdae: warning: {message}", err=True)  # type: ignore[assignment]
+    try:
+        sys.exit(cli(standalone_mode=False) or HOLDS)
+    except click.exceptions.NoArgsIsHelpError as e:
+        click.echo(e.format_message())
+        sys.exit(USAGE)
+    except click.ClickException as e:
+        click.echo(f"mbdae: {e.format_message()}", err=True)
+        sys.exit(USAGE)
+    except MbdaeError as e:
+        click.echo(f"mbdae: {e}", err=True)
+        sys.exit(USAGE if isinstance(e, InputError) else FAILED)
+    except (click.exceptions.Abort, KeyboardInterrupt):
+        click.echo("mbdae: stopped by the user", err=True)
+        sys.exit(FAILED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,100 @@
+"""Solutions in files: .npz holds everything and can be read again, .csv is a table of named columns."""
+
+import csv
+import json
+import sys
+import warnings
+import zlib
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from .errors import InputError
+from .files import write_whole
+from .mechanism import describe, restore
+
+if TYPE_CHECKING:
+    from .solution import Solution
+
+FORMAT = 1
+SUFFIXES = (".npz", ".csv")
+DAMAGE = (OSError, ValueError, KeyError, EOFError, TypeError, AttributeError, RuntimeError, BadZipFile, zlib.error)
+
+
+def versions() -> dict[str, str]:
+    """Versions of mbdae and of what computes for it."""
+    return {name: version(name) for name in ("mbdae", "pin", "numpy", "scipy")}
+
+
+def write(sol: "Solution", path: str | Path) -> None:
+    """Write a solution as .npz without pickles, or its `mbdae.columns.signals` as .csv.
+
+    Raises:
+        InputError: for a textbook problem, whose functions cannot be written, or an unwritable path.
+    """
+    if Path(path).suffix not in SUFFIXES:
+        raise InputError(f"a solution is saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
+    if Path(path).suffix == ".csv":
+        _write_csv(sol.signals(), path)
+        return
+    meta = {
+        "format": FORMAT,
+        "mechanism": describe(sol.mechanism),
+        "settings": sol.settings,
+        "stats": sol.stats,
+        "status": sol.status,
+        "message": sol.message,
+        "versions": versions(),
+        "command": sys.argv,
+    }
+    ts, ys, zs = sol.steps or (sol.t[:0], sol.y[:0], sol.z_own[:0])
+    arrays = {"t": sol.t, "y": sol.y, "z_own": sol.z_own, "steps_t": ts, "steps_y": ys, "steps_z": zs}
+    with write_whole(path) as temporary:
+        np.savez_compressed(temporary, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
+
+
+def _write_csv(columns: dict[str, np.ndarray], path: str | Path) -> None:
+    with write_whole(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(columns)
+        table.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+
+
+def read(path: str | Path) -> dict[str, Any]:
+    """Read a .npz file; returns the arguments of `mbdae.Solution`. A file of another mbdae is read with a warning.
+
+    Raises:
+        InputError: for a file that is missing, damaged, of another kind, or of a newer format.
+    """
+    try:
+        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            data = {name: file[name] for name in file.files}
+        meta = json.loads(str(data.pop("meta")))
+        _check_version(path, meta)
+        mechanism = restore(meta["mechanism"])
+        width, n = mechanism.nq + mechanism.nv + len(mechanism.states) + 1, len(data["t"])
+        if data["y"].shape != (n, width) or len(data["z_own"]) != n:
+            raise ValueError(f"y has shape {data['y'].shape}, expected {(n, width)}")
+        steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
+        arrays = {name: data[name] for name in ("t", "y", "z_own")}
+        rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
+        return {"problem": mechanism, **arrays, **rest, "steps": steps}
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"no such file: {path}") from None
+    except DAMAGE as e:
+        reason = f"{type(e).__name__}: {str(e).splitlines()[0]}" if str(e) else type(e).__name__
+        raise InputError(f"{path} is damaged or not a solution written by mbdae ({reason})") from None
+
+
+def _check_version(path: str | Path, meta: dict[str, Any]) -> None:
+    written, here = meta["versions"]["mbdae"], version("mbdae")
+    if meta["format"] != FORMAT:
+        other = f"{path} was written by mbdae {written} in format {meta['format']}"
+        raise InputError(f"{other}; this is mbdae {here}, which reads format {FORMAT}")
+    if written != here:
+        warnings.warn(f"{path} was written by mbdae {written}, and this is mbdae {here}", stacklevel=4)

@@ -1,0 +1,63 @@
+"""Dense output: polynomials through both ends of a step and rates in between.
+
+A step leaves states and their rates of change at both ends. The Hermite polynomial through them is refined by
+collocation: rates at m interior nodes, evaluated on the polynomial before, fix a polynomial of higher degree; each
+sweep raises the order by one (Enright, Jackson, Noersett, Thomsen, ACM TOMS 12 (1986), bootstrapping).
+"""
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def nodes(m: int) -> Array:
+    """Interior nodes in (0, 1), (m,): equidistant, for odd m without the last of m + 1.
+
+    Not the Gauss points: with a symmetric odd number of slopes, or four second derivatives at Gauss points, together
+    with the data at both ends no polynomial is fixed (Hermite-Birkhoff interpolation).
+    """
+    return np.arange(1, m + 1) / (m + 1 + m % 2)
+
+
+def powers(theta: float, degree: int, derivative: int = 0) -> Array:
+    """The derivative of the monomials 1, theta, ..., theta^degree, (degree + 1,)."""
+    k = np.arange(degree + 1)
+    factor = np.ones(degree + 1)
+    for d in range(derivative):
+        factor *= k - d
+    return factor * float(theta) ** np.maximum(k - derivative, 0)
+
+
+@cache
+def _inverse(order: int, m: int) -> Array:
+    ends = [powers(theta, 2 * order + 1 + m, d) for d in range(order + 1) for theta in (0.0, 1.0)]
+    inner = [powers(theta, 2 * order + 1 + m, order) for theta in nodes(m)]
+    return np.linalg.inv(np.array(ends + inner))
+
+
+def fit(ends: list[tuple[Array, Array]], inner: Array) -> Array:
+    """Coefficients (degree + 1, n) of the polynomial in theta with given values and derivatives.
+
+    Args:
+        ends: for derivatives 0, 1, .. k with respect to theta, the vectors (n,) at 0 and 1.
+        inner: derivatives of order k at `nodes`, (m, n).
+    """
+    data = np.array([v for pair in ends for v in pair] + list(inner))
+    return _inverse(len(ends) - 1, len(inner)) @ data
+
+
+def refine(ends: list[tuple[Array, Array]], rate: Callable[[float, Array], Array], sweeps: int) -> Array:
+    """Fit, and refine in ``sweeps`` sweeps with as many interior nodes.
+
+    Args:
+        ends: as for `fit`.
+        rate: (theta, coefficients so far) -> the highest given derivative at theta, (n,).
+        sweeps: by how much the order is to rise.
+    """
+    c = fit(ends, np.empty((0, len(ends[0][0]))))
+    for _ in range(sweeps):
+        c = fit(ends, np.array([rate(theta, c) for theta in nodes(sweeps)]))
+    return c

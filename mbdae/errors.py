@@ -1,0 +1,56 @@
+"""The errors of mbdae: one base class, and a few leaves that carry data."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class MbdaeError(Exception):
+    """Base of every error that mbdae raises on purpose; its text is one line that names the thing."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(" ".join(message.splitlines()))  # names may hold anything
+
+
+class InputError(MbdaeError, ValueError):
+    """The user's input is wrong: the message says what was expected and what came."""
+
+
+class UnknownNameError(InputError):
+    """A name that does not exist.
+
+    Attributes:
+        kind: what was looked up, for instance ``"joint"``.
+        name: the name that was not found.
+        valid: the names that exist.
+    """
+
+    def __init__(self, kind: str, name: str, valid: Iterable[str]) -> None:
+        self.kind, self.name, self.valid = kind, name, tuple(valid)
+        near = get_close_matches(str(name), self.valid, n=1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        super().__init__(f"unknown {kind} {name!r}{hint}; valid: {', '.join(self.valid) or 'none'}")
+
+
+class AssemblyError(MbdaeError):
+    """No consistent configuration or velocity was found.
+
+    Attributes:
+        closure: name of the closure that stays open the most.
+        gap: its residual norm (m, rad or dimensionless axis products; m/s at velocity level).
+    """
+
+    def __init__(self, message: str, closure: str, gap: float) -> None:
+        self.closure, self.gap = closure, gap
+        super().__init__(message)
+
+
+class StepError(MbdaeError):
+    """A step could not be taken; `solve` turns it into a status and keeps what was computed.
+
+    Attributes:
+        status: short name of the reason, one of `mbdae.solution.STATUS`.
+    """
+
+    def __init__(self, status: str, message: str) -> None:
+        self.status = status
+        super().__init__(message)

@@ -1,0 +1,97 @@
+"""Events: where functions of time and state change sign, located on the dense output."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from .errors import InputError
+
+Array = np.ndarray
+SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
+SAME = 1e-10  # s, or relative to t: an event this close to the start is the start, whose state carries rounding
+Evaluate = Callable[[float, Array], float]
+
+
+@dataclass(frozen=True)
+class Event:
+    """A function whose zeros are looked for.
+
+    Attributes:
+        function: event(t, q, v) -> float for mechanisms, event(t, y) for textbook problems.
+        terminal: stop there.
+        direction: +1 for zeros where the function rises, -1 where it falls, 0 for both.
+    """
+
+    function: Callable[..., float]
+    terminal: bool = False
+    direction: int = 0
+
+
+def as_events(events: Any) -> tuple[Event, ...]:
+    """Accept one event or several: `Event`, or functions with attributes ``terminal`` and ``direction`` as in scipy.
+
+    Raises:
+        InputError: for anything else.
+    """
+    several = list(events) if isinstance(events, Sequence) else [] if events is None else [events]
+    out = []
+    for e in several:
+        if not isinstance(e, Event):
+            if not callable(e):
+                raise InputError(f"an event is a function or mbdae.Event, got {type(e).__name__}")
+            e = Event(e, bool(getattr(e, "terminal", False)), int(np.sign(getattr(e, "direction", 0))))
+        out.append(e)
+    return tuple(out)
+
+
+class Watch:
+    """Follows event functions from step to step and keeps what was found.
+
+    A function that is zero at the start of the run, to rounding, is an event there, in the direction in which it
+    leaves zero, but does not end the run: a run may start on the surface where another one ended.
+    """
+
+    def __init__(self, events: tuple[Event, ...], evaluate: Callable[[Event, float, Array], float]) -> None:
+        self.events, self.evaluate = events, evaluate
+        self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
+        self._last: list[float] = []
+
+    def begin(self, t: float, y: Array) -> None:
+        """Evaluate every event at the start."""
+        self._start = (t, y)
+        self._last = [self.evaluate(e, t, y) for e in self.events]
+
+    def step(self, t: float, h: float, at: Callable[[float], Array]) -> tuple[float, Array] | None:
+        """Look at a step from t to t + h; return time and point of the first terminal event in it."""
+        hits: list[tuple[float, int]] = []
+        for i, event in enumerate(self.events):
+            hits += [(theta, i) for theta in self._zeros(i, event, t, h, at)]
+        for theta, i in sorted(hits):
+            begins = t == self._start[0] and theta * abs(h) <= SAME * max(1.0, abs(t))
+            when, y = self._start if begins else (t + theta * h, at(theta))
+            self.found[i].append((when, y))
+            if self.events[i].terminal and not begins:
+                return when, y
+        return None
+
+    def _zeros(self, i: int, event: Event, t: float, h: float, at: Callable[[float], Array]) -> list[float]:
+        def value(theta: float) -> float:
+            return self.evaluate(event, t + theta * h, at(theta))
+
+        zeros, theta0, g0 = [], 0.0, self._last[i]
+        for theta1 in SAMPLES:
+            g1 = value(theta1)
+            rising = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
+            if event.direction * rising >= 0:
+                if g0 == 0 and theta0 == 0 and g1 != 0 and t == self._start[0]:
+                    zeros.append(0.0)
+                elif g0 * g1 < 0:
+                    zeros.append(float(brentq(value, theta0, theta1, xtol=1e-15, rtol=1e-15)))
+                elif g1 == 0 and g0 != 0:
+                    zeros.append(float(theta1))
+            theta0, g0 = theta1, g1
+        self._last[i] = g0
+        return zeros

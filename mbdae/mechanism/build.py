@@ -1,0 +1,135 @@
+"""Build a Pinocchio model from the sources and the tables of a mechanism file."""
+
+from collections.abc import Sequence
+from typing import NoReturn
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import InputError, UnknownNameError
+from .frames import find_frame, frame_names
+from .part import Part
+from .schema import HUGE, Body, Frame, MechanismFile, Source
+from .tree import Tree, settled
+
+
+def build(
+    file: MechanismFile, parts: Sequence[Part], name: str
+) -> tuple[pin.Model, pin.GeometryModel | None]:
+    """Return the model and its visuals: sources, extra bodies and frames, joints of other kinds, locked joints.
+
+    Args:
+        file: the mechanism file.
+        parts: its sources, read.
+        name: of the model.
+
+    Raises:
+        UnknownNameError: for a frame or joint that does not exist.
+        InputError: for a name that is taken, frames that hang on each other, or numbers that are not finite.
+    """
+    tree = Tree(parts[0].model.name if len(parts) == 1 else name)
+    waiting: list[tuple[Source | Frame, Part | None]] = [*zip(file.source, parts, strict=True)]
+    waiting += [(x, None) for x in (*file.body, *file.frame)]
+    while waiting:
+        known = frame_names(tree.model)
+        ready = [pair for pair in waiting if pair[0].parent in known]
+        if not ready:
+            _refuse(waiting, known)
+        for x, part in ready:
+            if isinstance(x, Frame):
+                _add(tree.model, x)
+            elif part is not None:
+                parent = find_frame(tree.model, x.parent)
+                tree.graft(part.model, part.visuals, parent=parent, placement=_placement(x), prefix=x.prefix)
+        waiting = [pair for pair in waiting if pair not in ready]
+    tree.model.gravity.linear = np.array(file.gravity)
+    if not tree.model.nv:
+        raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
+    refuse_infinite(tree.model)
+    model, visuals = settled(tree.model, tree.visuals, file.joint_type, file.lock)
+    return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
+
+
+def refuse_infinite(model: pin.Model) -> None:
+    """Refuse inertias and placements that are not finite or wild, or a negative mass.
+
+    Raises:
+        InputError: names the joint.
+    """
+    for name, inertia, place in zip(model.names, model.inertias, model.jointPlacements, strict=True):
+        numbers = [inertia.mass, *inertia.lever, *inertia.inertia.ravel(), *place.homogeneous.ravel()]
+        if not np.abs(numbers).max() <= HUGE:
+            raise InputError(f"the inertia or placement of joint {name!r} is not finite, or beyond {HUGE:g}")
+        if inertia.mass < 0:
+            raise InputError(f"the mass behind joint {name!r} is negative: {inertia.mass:g} kg")
+
+
+def _refuse(waiting: Sequence[tuple[Source | Frame, Part | None]], known: Sequence[str]) -> NoReturn:
+    """None of what is left finds its parent: it does not exist, or it waits for its own child."""
+    names = [x.name for x, _ in waiting if isinstance(x, Frame)]
+    lost = [x.parent for x, _ in waiting if x.parent not in names]
+    if lost or not names:
+        raise UnknownNameError("frame", lost[0], known)
+    raise InputError(f"frames hang on each other and not on the world: {', '.join(names)}")
+
+
+def _placement(x: Source | Frame) -> pin.SE3:
+    return pin.SE3(pin.rpy.rpyToMatrix(np.array(x.rpy)), np.array(x.xyz))
+
+
+def _add(model: pin.Model, x: Frame) -> None:
+    if x.name in frame_names(model):
+        raise InputError(f"the name {x.name!r} is taken: frames and bodies need names of their own")
+    parent = find_frame(model, x.parent)
+    placement = parent.placement * _placement(x)
+    joint = parent.parentJoint
+    if isinstance(x, Body):
+        inertia = _inertia(x)
+        if x.joint != "fixed":
+            moving, turn = _joint(x), _turn(x)
+            joint, placement = model.addJoint(joint, moving, placement * turn, x.name), turn.inverse()
+        if inertia is not None:
+            model.appendBodyToJoint(joint, inertia, placement)
+    kind = pin.FrameType.BODY if isinstance(x, Body) else pin.FrameType.OP_FRAME
+    model.addFrame(pin.Frame(x.name, joint, placement, kind))
+
+
+def _inertia(x: Body) -> pin.Inertia | None:
+    ixx, iyy, izz, ixy, ixz, iyz = x.inertia
+    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    if x.mass == 0 and not tensor.any():
+        return None
+    if np.linalg.eigvalsh(tensor).min() < -1e-12 * np.abs(tensor).max():
+        raise InputError(f"the inertia of body {x.name!r} is not positive semi-definite")
+    return pin.Inertia(x.mass, np.array(x.com), tensor)
+
+
+def _joint(x: Body) -> pin.JointModel:
+    axis = np.array(x.axis)
+    if not np.linalg.norm(axis) > 0:
+        raise InputError(f"the axis of body {x.name!r} is zero")
+    axis = axis / np.linalg.norm(axis)
+    match x.joint:
+        case "revolute":
+            return pin.JointModelRevoluteUnaligned(axis)
+        case "continuous":
+            return pin.JointModelRUBZ()  # about the z axis of a turned frame: the unaligned one takes no axis
+        case "prismatic":
+            return pin.JointModelPrismaticUnaligned(axis)
+        case "universal":
+            return pin.JointModelUniversal(np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))
+    plain = {
+        "spherical": pin.JointModelSpherical,
+        "planar": pin.JointModelPlanar,
+        "translation": pin.JointModelTranslation,
+        "free": pin.JointModelFreeFlyer,
+    }
+    return plain[x.joint]()
+
+
+def _turn(x: Body) -> pin.SE3:
+    """The placement of the joint's own frame in the body's: the z axis of a continuous joint is turned to its axis."""
+    if x.joint != "continuous":
+        return pin.SE3.Identity()
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.array(x.axis) / np.linalg.norm(x.axis))
+    return pin.SE3(turn, np.zeros(3))

@@ -1,0 +1,295 @@
+"""The index-2 descriptor form of a mechanism, bound to the workspace of one solve.
+
+q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(t, q, v, s),   w' = power of the
+non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
+
+from ..errors import StepError
+from ..system import Counts
+from . import rows as rowmath
+from .constraints import Constraints
+from .implicit import ImplicitStages
+from .path import interpolant
+from .project import restore
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+Array = np.ndarray
+
+
+class Descriptor:
+    """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
+
+    What is recomputed: one mass matrix, one force and two constraint Jacobians per stage, one factorization of M
+    (Cholesky) and of G(Qhat) M^-1 G(Q)^T (LU).
+    """
+
+    def __init__(self, mechanism: "Mechanism") -> None:
+        self.mechanism, self.model = mechanism, mechanism.model
+        self.manifold = mechanism.manifold
+        self.data = self.model.createData()
+        self.nq, self.nv, self.ng = self.model.nq, self.model.nv, mechanism.ng
+        self.nz = self.ng
+        self.laws = mechanism.bind_forces(self.data)
+        self.ns = self.laws.ns
+        self.ny = 2 * self.nv + self.ns + 1
+        self.measured = slice(0, self.ny if mechanism.drivers else self.ny - 1)  # drivers: their work too
+        self.counts = Counts()
+        self.constraints = Constraints(self.model, self.data, mechanism.constraints)
+        self.rank: int | None = None
+        self.rows: Array | None = None
+        self._last_q = np.full(self.nq, np.nan)
+        self._last = (np.empty(0), np.empty(0))  # U and G there
+
+    # -- the mechanism's functions -------------------------------------------------------------------------------
+
+    def closures(self, q: Array | None = None, t: float | None = None) -> tuple[Array, Array]:
+        """Return g(t, q) (ng,) and G (ng, nv) over all rows.
+
+        Without q the kinematics stand already; without t, g of driven rows is nan.
+        """
+        self.counts.G += self.ng > 0
+        if q is not None and self.ng:
+            pin.computeJointJacobians(self.model, self.data, q)
+        return self.constraints.value(t)
+
+    def g_t(self, t: float) -> Array:
+        """Return g_t over all rows, (ng,); zero for closures, minus the speed of drivers."""
+        return -self.constraints.motion(t)[1]
+
+    def residual(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return g(t, q) and G v + g_t over all rows, (ng,) each."""
+        g, G = self.closures(q, t)
+        return g, G @ v + self.g_t(t)
+
+    def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
+        """Return gamma = Gdot v + g_tt over all rows, (ng,); without t, it is nan for driven rows."""
+        pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.nv))
+        return self.constraints.bias(v) - self.constraints.motion(t)[2]
+
+    def inertia(self, t: float, q: Array) -> Array:
+        """Return the Cholesky factor U of M(q) = U^T U, (nv, nv); leaves J and poses at q."""
+        self.counts.M += 1
+        self.counts.factorizations += 1
+        pin.crba(self.model, self.data, q, pin.Convention.WORLD)
+        U, info = dpotrf(self.data.M, lower=0, clean=0)
+        if info:
+            if not np.isfinite(self.data.M).all():
+                raise StepError("nonfinite", f"the state is not finite at t = {t:.17g}")
+            joint = self.mechanism.coordinate_joint(abs(info) - 1)
+            raise StepError(
+                "singular",
+                f"the mass matrix is singular at joint {joint!r}, t = {t:.17g}: a body without inertia",
+            )
+        return U
+
+    def force(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+        """Return f (nv,) and the rates (s', power in W), (ns + 1,); the kinematics stand at q already."""
+        tau, rates = self.torque(t, q, v, s)
+        f = tau - pin.nonLinearEffects(self.model, self.data, q, v)
+        if not np.isfinite(f).all():
+            joint = self.mechanism.coordinate_joint(int(np.flatnonzero(~np.isfinite(f))[0]))
+            raise StepError("nonfinite", f"the force on joint {joint!r} is not finite at t = {t:.17g}")
+        return f, rates
+
+    def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+        """Return the sum of all force laws (nv,) and the rates (s', power in W); the kinematics stand at q already."""
+        self.counts.f += 1
+        return self.laws.torque(t, q, v, s)
+
+    def energy(self, q: Array, v: Array) -> tuple[float, float]:
+        """Kinetic energy (armature included) and potential energy of gravity and springs, in J."""
+        pin.crba(self.model, self.data, q, pin.Convention.WORLD)
+        M = self.data.M
+        kinetic = float(v @ (np.triu(M, 1) @ v)) + 0.5 * float(v @ (np.diagonal(M) * v))
+        gravity = float(pin.computePotentialEnergy(self.model, self.data, q))
+        return kinetic, gravity + self.laws.potential(q)
+
+    def choose_rows(self, t: float, U: Array, G: Array) -> Array:
+        """Independent rows (r,) for a step or a point; the rank is fixed when it is first found."""
+        if not self.ng:
+            return np.empty(0, int)
+        # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
+        B = dgesv(np.triu(U).T, G.T)[2]
+        _, diagonal = rowmath.pivots(B)
+        r = rowmath.rank(diagonal)
+        if self.rank is None:
+            self.rank = r
+        if r < self.rank:
+            raise StepError(
+                "rank",
+                f"the rank of the closures falls from {self.rank} to {r} at t = {t:.17g}: a singular configuration",
+            )
+        if rowmath.grown(diagonal, self.rank):
+            raise StepError(
+                "rank",
+                f"the rank of the closures rises above {self.rank} at t = {t:.17g}: "
+                "the run began in a singular configuration, or rows that depended on others have drifted open",
+            )
+        self.rows = rowmath.choose(B, self.rows, self.rank)
+        return self.rows
+
+    def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
+        """Largest eigenvalue of (G M^-1 G^T)^+: the change of lam per unit residual of G v', in kg."""
+        q, _ = self.split(y)
+        U, G = self.inertia(t, q), self.closures()[1]
+        rows = self.choose_rows(t, U, G)
+        if not len(rows):
+            return 0.0
+        B = dgesv(np.triu(U).T, G[rows].T)[2]
+        return float(np.linalg.svd(B, compute_uv=False)[-1] ** -2)
+
+    def own(self, G: Array, rows: Array, lam: Array) -> Array:
+        """Multipliers of all rows, (ng,), from those in use: of minimum norm when rows depend on each other."""
+        if len(rows) == self.ng:
+            return lam
+        return rowmath.minimum_norm(G, lam @ G[rows])
+
+    # -- the contract of mbdae.system ----------------------------------------------------------------------------
+
+    def split(self, y: Array) -> tuple[Array, Array]:
+        """Return q (nq,) and v (nv,)."""
+        return y[: self.nq], y[self.nq : self.nq + self.nv]
+
+    def inner(self, y: Array) -> Array:
+        """Return the states s (ns,) of actuators and controllers."""
+        return y[self.nq + self.nv : -1]
+
+    def breakpoint(self, t: float, sign: float) -> float:
+        """See `mbdae.system.System`."""
+        return self.laws.breakpoint(t, sign)
+
+    def jump(self, t: float, y: Array) -> Array:
+        """See `mbdae.system.System`: the states of sampled controllers jump."""
+        q, v = self.split(y)
+        return np.concatenate([q, v, self.laws.jump(t, q, v, self.inner(y)), y[-1:]])
+
+    def chart(self, t: float, y: Array) -> "DescriptorChart":  # noqa: D102
+        q, _ = self.split(y)
+        if np.abs(q - self._last_q).max() <= 1e-15 * (1 + np.abs(q).max()):  # the last stage ended here
+            U, G = self._last
+        else:
+            U, G = self.inertia(t, q), self.closures()[1]
+        return DescriptorChart(self, t, y, self.choose_rows(t, U, G))
+
+    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
+        """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""
+        q, v = self.split(y)
+        U, (f, rates) = self.inertia(t, q), self.force(t, q, v, self.inner(y))
+        _, G = self.closures()
+        rows = self.choose_rows(t, U, G)
+        Gr = G[rows]
+        rhs = -self.gamma(q, v, t)[rows] if self.ng else np.empty(0)
+        vdot, lam = self.saddle(t, U, Gr, Gr, f, rhs)
+        rates[-1] -= lam @ self.g_t(t)[rows]
+        return np.concatenate([v, vdot, rates]), self.own(G, rows, lam)
+
+    def saddle(self, t: float, U: Array, G: Array, Ghat: Array, f: Array, rhs: Array) -> tuple[Array, Array]:
+        """Solve M v' = f + G^T lam, Ghat v' = rhs by Cholesky of M = U^T U and LU of Ghat M^-1 G^T."""
+        self.counts.solves += 1
+        X = dpotrs(U, np.column_stack([G.T, f]))[0]
+        if not len(rhs):
+            return X[:, 0], rhs
+        self._MinvGT, self._G = X[:, :-1], G
+        S = Ghat @ self._MinvGT
+        lu, _, lam, info = dgesv(S, rhs - Ghat @ X[:, -1])
+        self.counts.factorizations += 1
+        pivot = np.abs(np.diagonal(lu))
+        if info or not pivot.min() > 1e-14 * pivot.max():
+            raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: {self._weakest(lu)}")
+        return X[:, -1] + self._MinvGT @ lam, lam
+
+    def _weakest(self, lu: Array) -> str:
+        index = self.rows[int(np.argmin(np.abs(np.diagonal(lu))))] if self.rows is not None else 0
+        return f"closure {self.mechanism.row_closure(int(index))!r}"
+
+    def carry(self, F: Array, z: Array) -> Array:
+        """Keep (v', s', w'): not lam, because rows may be re-chosen."""
+        return F[self.nv :].copy()
+
+    def add(self, y: Array, x: Array) -> Array:  # noqa: D102
+        return np.concatenate([self.manifold.integrate(y[: self.nq], x[: self.nv]), y[self.nq :] + x[self.nv :]])
+
+    def difference(self, y0: Array, y1: Array) -> Array:  # noqa: D102
+        return np.concatenate([self.manifold.difference(y0[: self.nq], y1[: self.nq]), y1[self.nq :] - y0[self.nq :]])
+
+    def lost(self, y0: Array, x: Array, y1: Array) -> Array:  # noqa: D102
+        out = np.zeros(self.ny)
+        out[self.nv :] = x[self.nv :] - (y1[self.nq :] - y0[self.nq :])
+        if self.manifold.flat:
+            out[: self.nv] = x[: self.nv] - (y1[: self.nq] - y0[: self.nq])
+        return out
+
+    def restore(self, t: float, y: Array) -> Array:
+        """See `mbdae.mechanism.project.restore`."""
+        return restore(self, t, y)
+
+    def size(self, y: Array) -> Array:  # noqa: D102
+        size = np.concatenate([self.manifold.size(y[: self.nq]), np.abs(y[self.nq :])])
+        if self.mechanism.drivers:
+            size[-1] += self.energy(*self.split(y))[0]
+        return size
+
+    def interpolant(
+        self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int
+    ) -> Callable[[float], Array]:
+        """See `mbdae.mechanism.path.interpolant`."""
+        return interpolant(self, t, h, ends, rates, order)
+
+
+class DescriptorChart(ImplicitStages):
+    """A step of a mechanism in coordinates (x, v, s, w), q = q_n (+) x, x' = J(x) v; one set of rows within it."""
+
+    def __init__(self, system: Descriptor, t: float, y: Array, rows: Array) -> None:
+        self.system, self.t, self.y, self.rows = system, t, y, rows
+        self.q, self.v = system.split(y)
+        self.s = system.inner(y)
+
+    def first(self, carry: Array) -> tuple[Array, Array]:  # noqa: D102
+        return np.concatenate([self.v, carry]), np.empty(0)
+
+    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+        """One saddle-point solve; two configurations meet in it (Hairer, Wanner II, (VII.6.8))."""
+        s, m, nv = self.system, self.system.manifold, self.system.nv
+        q, v = m.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
+        U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
+        G = s.closures()[1]
+        Gr = G[self.rows]
+        dx, Ghat = self.meet(that, x[:nv], v, xhat[:nv], factor, U, Gr)
+        rhs = -(Ghat @ (self.v + xhat[nv : 2 * nv]) + s.g_t(that)[self.rows]) / factor
+        vdot, lam = s.saddle(t, U, Gr, Ghat, f, rhs)
+        rates[-1] -= lam @ s.g_t(t)[self.rows]
+        s._last_q, s._last = q, (U, G)
+        return np.concatenate([dx, vdot, rates]), lam
+
+    def meet(
+        self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
+    ) -> tuple[Array, Array]:
+        """Return x' = J(x) v (nv,) and G (r, nv) where the stage meets the constraint: q_n (+) (xhat + factor x')."""
+        dx = self.system.manifold.tangent(x, v)
+        return dx, self.system.closures(self.system.manifold.integrate(self.q, xhat + factor * dx))[1][self.rows]
+
+    def own(self, z: Array) -> Array:
+        """Multipliers of all rows at the last stage's configuration."""
+        return self.system.own(self.system._last[1], self.rows, z)
+
+    def point(self, x: Array) -> Array:  # noqa: D102
+        self.system.manifold.within(x[: self.system.nv])
+        return self.system.add(self.y, x)
+
+    def project(self, e: Array) -> Array:
+        """Project the velocity part in the mass metric on G v = 0 at the last stage's configuration."""
+        s, nv = self.system, self.system.nv
+        if len(self.rows):
+            e = e.copy()
+            s.counts.projections += 1
+            e[nv : 2 * nv] -= s._MinvGT @ np.linalg.solve(s._G @ s._MinvGT, s._G @ e[nv : 2 * nv])
+        return e

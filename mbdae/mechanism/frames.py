@@ -1,0 +1,132 @@
+"""Points and axes fixed to the links of a Pinocchio model, by name or by number."""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import UnknownNameError
+
+WORLD = "world"
+
+
+class Anchor(NamedTuple):
+    """A frame fixed to a joint's body: rotation R (3, 3) and position p (3,) in m, in the joint's own frame."""
+
+    name: str
+    joint: int
+    R: np.ndarray
+    p: np.ndarray
+
+
+def find_frame(model: pin.Model, name: str) -> pin.Frame:
+    """Return the frame called ``name``: a link or an extra frame before a joint of the same name.
+
+    Raises:
+        UnknownNameError: lists the names that exist.
+    """
+    if name == WORLD:
+        return model.frames[0]
+    found = [f for f in model.frames if f.name == name]
+    links = [f for f in found if f.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)]
+    if not found:
+        raise UnknownNameError("frame", name, frame_names(model))
+    return (links or found)[0]
+
+
+def frame_names(model: pin.Model) -> list[str]:
+    """Names that `find_frame` knows, ``"world"`` first."""
+    return list(dict.fromkeys([WORLD, *(f.name for f in model.frames if f.name != "universe")]))
+
+
+def anchor(model: pin.Model, name: str) -> Anchor:
+    """Return the frame called ``name`` as an anchor."""
+    frame = find_frame(model, name)
+    return Anchor(
+        name, frame.parentJoint, frame.placement.rotation.copy(), frame.placement.translation.copy()
+    )
+
+
+def joint_names(model: pin.Model) -> list[str]:
+    """Names of the moving joints, in the order of q."""
+    return [n for n in model.names if n != "universe"]
+
+
+def find_joint(model: pin.Model, name: str) -> pin.JointModel:
+    """Return the joint called ``name``.
+
+    Raises:
+        UnknownNameError: lists the names that exist.
+    """
+    if name not in joint_names(model):
+        raise UnknownNameError("joint", name, joint_names(model))
+    return model.joints[model.getJointId(name)]
+
+
+def find_joints(model: pin.Model, names: str | Iterable[str]) -> list[pin.JointModel]:
+    """Return the joints of one name or of several."""
+    return [find_joint(model, n) for n in ([names] if isinstance(names, str) else names)]
+
+
+class Pair:
+    """Two anchors bound to live Pinocchio data: poses in the world, twists, and the columns of J that move them.
+
+    ``sign`` (nv,) is +1 where a joint moves b alone, -1 where it moves a alone and 0 elsewhere: a wrench w (6,) on b
+    and -w on a, both taken at the world's origin, is the generalised force sign * (J^T w).
+    """
+
+    def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
+        self._a, self._b = a, b
+        self._Ra, self._Rb = data.oMi[a.joint].rotation, data.oMi[b.joint].rotation  # live views
+        self._pa, self._pb = data.oMi[a.joint].translation, data.oMi[b.joint].translation
+        self._data, self._J = data, data.J.reshape(6, -1)  # with nv = 1 it comes as a vector
+        self.sign = _support(model, b.joint) - _support(model, a.joint)
+
+    def locate(self) -> None:
+        """Read rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""
+        self.Ra, self.pa = self._Ra @ self._a.R, self._Ra @ self._a.p + self._pa
+        self.Rb, self.pb = self._Rb @ self._b.R, self._Rb @ self._b.p + self._pb
+
+    def twist(self) -> None:
+        """Read the spatial velocities Va, Vb (6,) at the world's origin, linear part first."""
+        self.Va, self.Vb = self._in_world(self._data.v)
+
+    def bias(self) -> np.ndarray:
+        """Relative spatial acceleration of b against a, (6,); data.a holds those for v' = 0.
+
+        Not Jdot v: Pinocchio's dJ leaves out the change of a joint's own axes (universal and composite joints).
+        """
+        Aa, Ab = self._in_world(self._data.a)
+        return Ab - Aa
+
+    def _in_world(self, motions: Sequence[pin.Motion]) -> list[np.ndarray]:
+        return [self._data.oMi[x.joint].act(motions[x.joint]).vector for x in (self._a, self._b)]
+
+    def relative(self, v: np.ndarray) -> np.ndarray:
+        """Spatial velocity (6,) of b against a at the world's origin, for velocities v (nv,)."""
+        return self._J @ (self.sign * v)
+
+    def torque(self, wrench: np.ndarray) -> np.ndarray:
+        """Generalised force (nv,) of a wrench (6,) on b and its reaction on a."""
+        return self.sign * (wrench @ self._J)
+
+
+def _support(model: pin.Model, joint: int) -> np.ndarray:
+    mask = np.zeros(model.nv)
+    for j in model.supports[joint]:
+        if j:
+            mask[model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv] = 1.0
+    return mask
+
+
+def skew(p: np.ndarray) -> np.ndarray:
+    """The matrix of p x ., (3, 3)."""
+    return np.array([[0.0, -p[2], p[1]], [p[2], 0.0, -p[0]], [-p[1], p[0], 0.0]])
+
+
+def unit_gap(pair: Pair) -> tuple[float, np.ndarray]:
+    """Distance of both origins in m and the unit vector (3,) from a to b; the x axis where they coincide."""
+    gap = pair.pb - pair.pa
+    distance = float(np.sqrt(gap @ gap))
+    return (distance, gap / distance) if distance > 0 else (np.finfo(float).tiny, np.array([1.0, 0.0, 0.0]))

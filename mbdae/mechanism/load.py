@@ -1,0 +1,190 @@
+"""Read a mechanism from a file, or from what a saved solution remembers of it."""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import InputError
+from ..files import text_of
+from .assemble import START
+from .build import build
+from .closures import Closure
+from .drivers import Driver
+from .forces import FORCES, PYTHON_FORCES, Actuator
+from .library import IN_FOLDER, MECHANISM, find
+from .mechanism import Mechanism
+from .part import Motor, Part
+from .schema import MechanismFile, Source, read_toml
+from .sources import merged, read_source, restored
+from .user import function_name
+
+
+def load(
+    path: str | Path,
+    *,
+    closures: Sequence[Closure] = (),
+    drivers: Sequence[Driver] = (),
+    forces: Sequence[Any] = (),
+    motors: Mapping[str, Any] | None = None,
+    key: str = "",
+    assemble: bool = True,
+) -> Mechanism:
+    """Load a mechanism.
+
+    Args:
+        path: the name of a model that comes with mbdae, a mechanism.toml, a URDF file, an MJCF file, a robot.yaml
+            beside a robot.urdf, or a folder with one of these.
+        closures: more closures, behind those of the file.
+        drivers: more drivers, behind those of the file.
+        forces: more forces, behind those of the file.
+        motors: controls of named inputs (`Mechanism.motors`): numbers or functions of time.
+        key: keyframe of an MJCF file to start from; its first one when left out, ``"qpos0"`` for none.
+        assemble: make the file's start consistent; False takes it as it is, and refuses it where a closure is open.
+
+    Raises:
+        UnknownNameError: for a model, frame, joint, motor or keyframe that does not exist; lists those that do.
+        InputError: for a file that is wrong: one line with the key and what was expected.
+    """
+    found = find(str(path))
+    name = found.parent.name if found.name in IN_FOLDER else found.stem
+    if found.suffix == MECHANISM:
+        file = read_toml(text_of(found), str(found))
+    else:
+        file = MechanismFile(source=(Source(file=found.name),), title=name)
+    described = [f for f in forces if isinstance(f, FORCES)]
+    update = {
+        "source": tuple(_with_options(s, file, key) for s in file.source),
+        "closure": (*file.closure, *closures),
+        "driver": (*file.driver, *drivers),
+        "force": (*file.force, *described),
+        "start": file.start if assemble else file.start.model_copy(update={"assemble": False}),
+        "motor": MechanismFile(motor={**file.motor, **(motors or {})}).motor,
+    }
+    file = file.model_copy(update=update)
+    parts = [read_source(s, found.parent) for s in file.source]
+    file, inputs, left_out = merged(file, parts)
+    if left_out:
+        warnings.warn(f"{name}: not carried over: {'; '.join(left_out)}", stacklevel=2)
+    functions = [f for f in forces if not isinstance(f, FORCES)]
+    mech = _make(file, name, parts, functions, inputs, left_out)
+    if file.start.assemble and any(p.start.guess for p in parts):
+        _remark_open(mech, name)
+    return mech
+
+
+def _remark_open(mech: Mechanism, name: str) -> None:
+    """Warn where a source says how every joint stands and leaves a closure open; assembly will move the joints."""
+    gap = mech.gap_as_given
+    if gap and gap.size > START:
+        warnings.warn(f"{name}: closure {gap.name!r} is open by {gap.text} as given: assembly closes it", stacklevel=3)
+
+
+def _with_options(source: Source, file: MechanismFile, key: str) -> Source:
+    return source.model_copy(update={"free_flyer": source.free_flyer or file.free_flyer, "key": key or source.key})
+
+
+def _make(
+    file: MechanismFile,
+    name: str,
+    parts: Sequence[Part],
+    functions: Sequence[Any] = (),
+    motors: Sequence[Motor] = (),
+    left_out: Sequence[str] = (),
+) -> Mechanism:
+    if not parts and not file.body:
+        raise InputError(f"{name}: a mechanism needs a source or a [[body]]")
+    model, visuals = build(file, parts, name)
+    source = {
+        "name": name,
+        "file": _plain(file),
+        "parts": [p.record for p in parts],  # called when written: meshes are large
+        "motors": [list(m) for m in motors],
+        "left_out": list(left_out),
+    }
+    return Mechanism(
+        model,
+        file.closure,
+        [*file.force, *functions],
+        drivers=file.driver,
+        start=file.start,
+        visuals=visuals,
+        title=file.title or name,
+        duration=file.duration,
+        order=file.order,
+        source=source,
+        motors=motors,
+        left_out=left_out,
+    )
+
+
+def describe(mech: Mechanism) -> dict[str, Any]:
+    """What a saved solution remembers of a mechanism: plain JSON data; functions by name only."""
+    functions = _functions(mech)
+    if mech.source:
+        return {**mech.source, "parts": [record() for record in mech.source["parts"]], "functions": functions}
+    file = MechanismFile(
+        title=mech.title,
+        closure=mech.closures,
+        driver=mech.drivers,
+        force=tuple(f for f in mech.forces if isinstance(f, FORCES)),
+        start=mech.start_values,
+        order=mech.order,
+        duration=mech.duration,
+    )
+    return {"name": mech.title, "file": _plain(file), "model": mech.model.saveToString(), "functions": functions}
+
+
+def restore(description: dict[str, Any]) -> Mechanism:
+    """Make the mechanism that `describe` described; its Python force laws are missing."""
+    d = description
+    file = MechanismFile.model_validate(d["file"])
+    if "model" not in d:
+        functions = [_missing(**f) for f in d["functions"]]
+        parts, motors = [restored(r) for r in d["parts"]], [Motor(*m) for m in d["motors"]]
+        return _make(file, d["name"], parts, functions, motors, d["left_out"])
+    model = pin.Model()
+    model.loadFromString(d["model"])
+    forces: list[Any] = list(file.force)
+    for f in d["functions"]:
+        forces.insert(f["at"], _missing(**f))
+    return Mechanism(
+        model,
+        file.closure,
+        forces,
+        drivers=file.driver,
+        start=file.start,
+        title=file.title,
+        duration=file.duration,
+        order=file.order,
+    )
+
+
+def _plain(file: MechanismFile) -> dict[str, Any]:
+    """The file as JSON data; closures without their defaults, because not every kind takes every key."""
+    closures = [c.model_dump(mode="json", exclude_defaults=True) for c in file.closure]
+    return {**file.model_dump(mode="json"), "closure": closures}
+
+
+def _functions(mech: Mechanism) -> list[dict[str, Any]]:
+    """Names of the Python forces, their places among all forces, and the start values of their states."""
+    states = {law.name: law.states for law, _ in mech.bind_forces(mech.model.createData()).stateful}
+    python = [
+        (i, f.name if isinstance(f, PYTHON_FORCES) else function_name(f))
+        for i, f in enumerate(mech.forces)
+        if not isinstance(f, FORCES)
+    ]
+    return [{"name": name, "at": i, "states": states.get(name)} for i, name in python]
+
+
+def _missing(name: str, at: int, states: dict[str, float] | None) -> Any:
+    """A force that refuses to act."""
+
+    def missing(*point: Any) -> np.ndarray:
+        raise InputError(f"force {name!r} is a Python function and not in the file: load the mechanism with it again")
+
+    missing.__name__ = name
+    return Actuator(missing, missing, states, name) if states else missing

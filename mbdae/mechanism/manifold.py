@@ -1,0 +1,155 @@
+"""The tangent map of configurations: x' = J(x) v in coordinates q = q_n (+) x of a step.
+
+J(x) is the inverse right Jacobian of exp, a block for each spherical, planar and free-flying joint and the identity
+elsewhere, computed from its series (Iserles, Munthe-Kaas, Noersett, Zanna, Acta Numerica 2000, (B.11)),
+
+    J(x) v = v + [x, v]/2 + sum_k B_2k/(2k)! ad_x^2k v,      exp'(x) x' = sum_k (-1)^k/(k + 1)! ad_x^k x',
+
+because Pinocchio's closed forms lose digits at small angles.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+from scipy.special import zeta
+
+from ..errors import StepError
+from .frames import skew
+
+TERMS = 40
+LARGEST_TURN = 3.0  # rad within one step: below pi, so that both ends of a step determine it
+_EVEN = [-2 * (-1) ** k * float(zeta(2 * k)) / (2 * np.pi) ** (2 * k) for k in range(1, TERMS)]  # B_2k/(2k)!
+
+Ad = Callable[[np.ndarray], np.ndarray]
+
+
+def _so3(x: np.ndarray) -> np.ndarray:
+    return skew(x)
+
+
+def _se3(x: np.ndarray) -> np.ndarray:
+    w = skew(x[3:])
+    return np.block([[w, skew(x[:3])], [np.zeros((3, 3)), w]])
+
+
+def _se2(x: np.ndarray) -> np.ndarray:
+    return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [0.0, 0.0, 0.0]])
+
+
+BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and where the rotation stands in its tangent
+    "JointModelSpherical": (_so3, slice(0, 3)),
+    "JointModelFreeFlyer": (_se3, slice(3, 6)),
+    "JointModelPlanar": (_se2, slice(2, 3)),
+}
+
+
+class Manifold:
+    """The configuration manifold of a model; ``flat`` when it is a vector space."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.model = model
+        self.flat = model.nq == model.nv
+        self.blocks: list[tuple[str, slice, Ad, slice]] = []
+        self.circles: list[int] = []  # tangent indices of unbounded revolute joints
+        self.turning = np.zeros(
+            model.nv, bool
+        )  # tangent components that are angles without a magnitude of their own
+        for name, joint in zip(model.names[1:], list(model.joints)[1:], strict=True):
+            self._collect(name, joint, joint.idx_v)
+
+    def _collect(self, name: str, joint: pin.JointModel, at: int) -> None:
+        kind = joint.shortname()
+        if kind == "JointModelComposite":
+            for part in joint.extract().joints:
+                self._collect(name, part, at)
+                at += part.nv
+        elif kind in BLOCKS:
+            ad, turn = BLOCKS[kind]
+            self.blocks.append((name, slice(at, at + joint.nv), ad, turn))
+            self.turning[at : at + joint.nv][turn] = True
+        elif joint.nq != joint.nv:  # unbounded revolute: commutative, J = 1
+            self.turning[at : at + joint.nv] = True
+            self.circles.append(at)
+
+    def integrate(self, q: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return q (+) x, (nq,)."""
+        return q + x if self.flat else pin.integrate(self.model, q, x)
+
+    def difference(self, q0: np.ndarray, q1: np.ndarray) -> np.ndarray:
+        """Return q1 (-) q0 in the tangent at q0, (nv,)."""
+        return q1 - q0 if self.flat else pin.difference(self.model, q0, q1)
+
+    def unwrapped(self, q0: np.ndarray, q1: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        """Return q1 (-) q0 with the whole turns of unbounded revolute joints that bring it next to a guess, (nv,)."""
+        x = self.difference(q0, q1)
+        if self.circles:
+            x[self.circles] += 2 * np.pi * np.round((guess - x)[self.circles] / (2 * np.pi))
+        return x
+
+    def within(self, x: np.ndarray) -> None:
+        """Refuse coordinates of a step in which a joint turns too far.
+
+        Raises:
+            StepError: where a spherical, planar or free joint turns by more than 3 rad in one step.
+        """
+        for name, s, _, turn in self.blocks:
+            if np.linalg.norm(x[s][turn]) > LARGEST_TURN:
+                raise StepError("chart", f"joint {name!r} turns by more than {LARGEST_TURN} rad in one step")
+
+    def size(self, q: np.ndarray) -> np.ndarray:
+        """Magnitude of the tangent components, (nv,): |q| for lengths and bounded angles, 1 for rotations."""
+        if self.flat:
+            return np.abs(q)
+        return np.where(self.turning, 1.0, np.abs(pin.difference(self.model, pin.neutral(self.model), q)))
+
+    def tangent(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return x' = J(x) v, (nv,).
+
+        Raises:
+            StepError: see `within`.
+        """
+        if not self.blocks:
+            return v
+        self.within(x)
+        out = v.copy()
+        for _, s, ad, _ in self.blocks:
+            out[s] = inverse_jacobian(ad(x[s]), v[s])
+        return out
+
+    def tangent_rate(self, x: np.ndarray, dx: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return d/ds J(x + s dx) v at s = 0, (nv,), term by term from the series."""
+        out = np.zeros_like(v)
+        for _, s, ad, _ in self.blocks:
+            X, dX = ad(x[s]), ad(dx[s])
+            square, dsquare = X @ X, dX @ X + X @ dX
+            out[s] += 0.5 * (dX @ v[s])
+            term, dterm = v[s], np.zeros_like(v[s])
+            for b in _EVEN:
+                term, dterm = square @ term, dsquare @ term + square @ dterm
+                out[s] += b * dterm
+        return out
+
+    def velocity(self, x: np.ndarray, dx: np.ndarray) -> np.ndarray:
+        """Return v = J(x)^-1 x', (nv,)."""
+        if not self.blocks:
+            return dx
+        out = dx.copy()
+        for _, s, ad, _ in self.blocks:
+            X, term = ad(x[s]), dx[s]
+            for k in range(1, 2 * TERMS):
+                term = -(X @ term) / (k + 1)
+                out[s] += term
+        return out
+
+
+def inverse_jacobian(X: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return J v = v + X v/2 + sum_k B_2k/(2k)! X^2k v, the inverse right Jacobian of exp for X = ad_x."""
+    out = v + 0.5 * (X @ v)
+    term, square = v, X @ X
+    for b in _EVEN:
+        term = square @ term
+        out += b * term
+        if np.abs(term).max() * abs(b) < 1e-17 * (1e-300 + np.abs(v).max()):
+            break
+    return out

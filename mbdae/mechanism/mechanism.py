@@ -1,0 +1,291 @@
+"""A mechanism: a Pinocchio model, closures, forces and a start state; immutable after it is made."""
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import InputError, UnknownNameError
+from .assemble import assemble, refuse_inconsistent
+from .closures import Closure
+from .constraints import Constraints, anchors
+from .descriptor import Descriptor
+from .drivers import Driver
+from .forces import Laws, bind_forces, named_force
+from .frames import Anchor, find_joint, joint_names
+from .gaps import Gap, widest
+from .ggl import GGL
+from .index1 import Index1
+from .manifold import Manifold
+from .part import Motor
+from .schema import OrderSettings, Start, coordinates
+from .tree import is_depth_first
+from .visuals import Mark, Scene, make_scene
+
+Array = np.ndarray
+Coordinates = Mapping[str, float | Sequence[float]]
+SYSTEMS: dict[str, type[Descriptor]] = {"index2": Descriptor, "ggl": GGL, "index1": Index1}
+
+
+class Mechanism:
+    """A constrained mechanism in index-2 descriptor form.
+
+        q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G(q) v + g_t(t)
+
+    Args:
+        model: a Pinocchio model; its gravity counts, its joint limits and friction do not.
+        closures: loop closures, see `mbdae.Closure`.
+        drivers: joints, couplings or distances that follow functions of time, see `mbdae.Driver`.
+        forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
+        start: values of joints at the start, see `mbdae.mechanism.schema.Start`.
+        visuals: Pinocchio geometry for the replay; generated from the joints when left out.
+        title: one line.
+        duration: default end time of a run in s.
+        order: settings of the order study.
+        source: what the mechanism was read from, kept in saved solutions.
+        motors: named inputs, to which `mbdae.load` gives controls.
+        left_out: what the files say and the mechanism does not have.
+
+    Raises:
+        UnknownNameError: for a frame or joint that does not exist.
+        InputError: for wrong values.
+
+    Example:
+        >>> mech = Mechanism(model, closures=[Closure.point("left_tip", "right_tip")])   # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        model: pin.Model,
+        closures: Sequence[Closure] = (),
+        forces: Sequence[Any] = (),
+        *,
+        drivers: Sequence[Driver] = (),
+        start: Start | None = None,
+        visuals: pin.GeometryModel | None = None,
+        title: str = "",
+        duration: float = 10.0,
+        order: OrderSettings | None = None,
+        source: dict[str, Any] | None = None,
+        motors: Sequence[Motor] = (),
+        left_out: Sequence[str] = (),
+    ) -> None:
+        self.model, self.visuals, self.source = model, visuals, source
+        self.title = title or model.name
+        self.duration, self.order = duration, order or OrderSettings()
+        self.motors, self.left_out = tuple(motors), tuple(left_out)
+        self.closures, self.drivers = tuple(closures), tuple(drivers)
+        self.constraints: tuple[Closure | Driver, ...] = (*self.closures, *self.drivers)
+        names = [c.name for c in self.constraints]
+        if len(set(names)) < len(names):
+            raise InputError(f"closures and drivers need names of their own, got {', '.join(names)}")
+        if any(isinstance(j, pin.JointModelMimic) for j in model.joints):
+            raise InputError("mimic joints are not supported: close them by a coupling or lock them")
+        if not is_depth_first(model):
+            found = ", ".join(joint_names(model))
+            raise InputError(
+                f"joints must be numbered depth first, as Pinocchio's algorithms assume; they are {found}: "
+                "see mbdae.mechanism.depth_first"
+            )
+        self.closure_anchors: list[tuple[Closure, tuple[Anchor, Anchor]]] = [
+            (c, anchors(model, c)) for c in self.closures if c.frames
+        ]
+        self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
+        self.ng = len(self.row_names)
+        Constraints(model, model.createData(), self.constraints)  # wrong names are refused here
+        self.manifold = Manifold(model)
+        self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
+        self.states = self.bind_forces(model.createData()).states()  # wrong names are refused here
+        self.start_values = start or Start()
+        self._starts: dict[float, tuple[Array, Array]] = {}
+        for table in self.start_values.tables.values():
+            for name in table:
+                find_joint(model, name)
+
+    # -- sizes and names -----------------------------------------------------------------------------------------
+
+    @property
+    def nq(self) -> int:
+        """Length of a configuration q."""
+        return self.model.nq
+
+    @property
+    def nv(self) -> int:
+        """Length of a velocity v."""
+        return self.model.nv
+
+    @cached_property
+    def joint_names(self) -> list[str]:
+        """Names of the joints in the order of q."""
+        return joint_names(self.model)
+
+    def coordinate_joint(self, i: int) -> str:
+        """Name of the joint that velocity component i belongs to."""
+        return next(
+            n
+            for n in self.joint_names
+            if 0 <= i - find_joint(self.model, n).idx_v < find_joint(self.model, n).nv
+        )
+
+    def joint_kind(self, name: str) -> str:
+        """Kind of a joint in Pinocchio's word, for instance ``"RX"`` or ``"Spherical"``."""
+        return find_joint(self.model, name).shortname().removeprefix("JointModel")
+
+    @property
+    def gravity(self) -> Array:
+        """Gravity in m/s^2, (3,)."""
+        return self.model.gravity.linear.copy()
+
+    def row_closure(self, i: int) -> str:
+        """Name of the closure or driver that row i of g belongs to."""
+        return self.row_names[i]
+
+    @cached_property
+    def scene(self) -> Scene:
+        """Shapes and their placements for the replay."""
+        marks = [
+            Mark(c.name, (a.joint, pin.SE3(a.R, a.p)), (b.joint, pin.SE3(b.R, b.p)), rod=c.length or 0.0)
+            for c, (a, b) in self.closure_anchors
+        ]
+        return make_scene(self.model, self.visuals, marks)
+
+    # -- forces and energy ---------------------------------------------------------------------------------------
+
+    def bind_forces(self, data: pin.Data) -> Laws:
+        """Bind every force to a workspace."""
+        return bind_forces(self.forces, self.model, data)
+
+    def energy(self, q: Array, v: Array) -> tuple[float, float]:
+        """Kinetic energy v^T M v / 2 (armature included) and potential energy of gravity and springs, in J."""
+        return self.system().energy(np.asarray(q, float), np.asarray(v, float))
+
+    def residual(self, q: Array, v: Array, t: float = 0.0) -> tuple[Array, Array]:
+        """Return g(t, q) and G(q) v + g_t(t) over all rows, (ng,) each."""
+        return self.system().residual(t, np.asarray(q, float), np.asarray(v, float))
+
+    # -- states --------------------------------------------------------------------------------------------------
+
+    def system(self, formulation: str = "index2", baumgarte: tuple[float, float] | None = None) -> Descriptor:
+        """Bind the mechanism to a workspace of its own.
+
+        Args:
+            formulation: ``"index2"``, ``"ggl"`` (positions of the closures kept too) or ``"index1"`` (accelerations).
+            baumgarte: alpha and beta in 1/s, for ``"index1"`` only.
+
+        Raises:
+            UnknownNameError: for another formulation.
+            InputError: for wrong values of baumgarte, or where it does not belong.
+        """
+        if formulation not in SYSTEMS:
+            raise UnknownNameError("formulation", formulation, SYSTEMS)
+        if baumgarte is None:
+            return SYSTEMS[formulation](self)
+        if formulation != "index1":
+            raise InputError(f"baumgarte belongs to formulation 'index1', got it with {formulation!r}")
+        return Index1(self, baumgarte)
+
+    def coordinates(self, q: Coordinates, *, of_v: bool = False) -> tuple[Array, Array]:
+        """Return values and the indices of the tangent coordinates that a table ``joint = value`` names.
+
+        The values are a full q (nq,), neutral where nothing is said, or a full v (nv,).
+        """
+        return coordinates(self.model, q, of_v=of_v)
+
+    def assemble(
+        self,
+        q: Coordinates | Array | None = None,
+        v: Coordinates | Array | None = None,
+        *,
+        guess: Coordinates | None = None,
+        t: float = 0.0,
+    ) -> tuple[Array, Array]:
+        """Make a configuration and a velocity consistent: g(t, q) = 0 and G(q) v + g_t(t) = 0.
+
+        Args:
+            q: joint values to hold, by name; or a full configuration (nq,) to start from, nothing held.
+            v: joint velocities to hold, by name; or a full velocity (nv,), changed as little as possible in the
+                mass metric. Zero when left out.
+            guess: joint values to start from, by name; the model's start state when left out.
+            t: time in s, which matters for drivers.
+
+        Returns:
+            q (nq,) and v (nv,).
+
+        Raises:
+            AssemblyError: names the closure that stays open, by how much, and the coordinates held.
+            UnknownNameError: for a joint that does not exist.
+        """
+        return assemble(self, q, v, guess, t=t)
+
+    @property
+    def start(self) -> tuple[Array, Array]:
+        """The model's consistent start state q (nq,), v (nv,) at t = 0; see `start_at`."""
+        return self.start_at(0.0)
+
+    def start_at(self, t: float) -> tuple[Array, Array]:
+        """The model's consistent start state q (nq,), v (nv,) at time t, which matters for drivers.
+
+        The start values of driven joints are guesses: their drivers say where they start.
+
+        Raises:
+            AssemblyError: if the model file's values cannot be made consistent.
+            InputError: if they are not, and shall not be made so.
+        """
+        t = t if self.drivers else 0.0
+        if t not in self._starts:
+            values, driven = self.start_values, {d.joint for d in self.drivers}
+            if not values.assemble:
+                refuse_inconsistent(self, *self.given, t)
+                return self.given
+            q, v = ({n: x for n, x in table.items() if n not in driven} for table in (values.q, values.v))
+            self._starts[t] = assemble(self, q, v, None, values.guess_v, t)
+        return self._starts[t]
+
+    @property
+    def given(self) -> tuple[Array, Array]:
+        """The start values as they stand in the file, before assembly: q (nq,), v (nv,)."""
+        values = self.start_values
+        q = self.coordinates({**values.guess, **values.q})[0]
+        return q, self.coordinates({**values.guess_v, **values.v}, of_v=True)[0]
+
+    @property
+    def gap_as_given(self) -> Gap | None:
+        """The closure that the start values leave open the most, before assembly; None without closures."""
+        return widest(self, self.residual(*self.given)[0]) if self.ng else None
+
+    def point(
+        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None
+    ) -> Array:
+        """Return y = (q, v, s, w = 0) at time t; the start state where q or v is left out, start values for s.
+
+        Raises:
+            InputError: for wrong shapes, values that are not finite, or a state that is not consistent.
+        """
+        s0 = np.array(list(self.states.values())) if s is None else self.vector("s", s, len(self.states))
+        if q is None and v is None:
+            return np.concatenate([*self.start_at(t), s0, [0.0]])
+        q0 = self.start_at(t)[0] if q is None else self.vector("q", q, self.nq)
+        v0 = self.start_at(t)[1] if v is None else self.vector("v", v, self.nv)
+        if not pin.isNormalized(self.model, q0, 1e-8):
+            raise InputError("q is not on the manifold: normalise its quaternions, or pass it through assemble(q, v)")
+        refuse_inconsistent(self, q0, v0, t)
+        return np.concatenate([q0, v0, s0, [0.0]])
+
+    def vector(self, name: str, value: Any, n: int) -> Array:
+        """Return a value as n finite numbers.
+
+        Raises:
+            InputError: if it is something else.
+        """
+        try:
+            x = np.asarray(value, float)
+        except (TypeError, ValueError):
+            text = f"{name} is an array of {n} numbers, got {value!r}; assemble() takes values by name"
+            raise InputError(text) from None
+        if x.shape != (n,):
+            raise InputError(f"{name} has shape {x.shape}, expected ({n},) for {self.title!r}")
+        if not np.isfinite(x).all():
+            raise InputError(f"{name} is not finite: {x}")
+        return x

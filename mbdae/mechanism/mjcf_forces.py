@@ -1,0 +1,99 @@
+"""Motors and springs of an MJCF file."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from .forces import Bushing, JointSpring, Wrench
+from .mujoco_state import pose
+from .part import Motor
+from .signals import Constant
+
+if TYPE_CHECKING:
+    from .mjcf import Compiled
+
+
+def motors_of(c: "Compiled") -> tuple[dict[int, Motor], list[str]]:
+    """Motors on hinges and slides by the index of their control, and the names of the other actuators."""
+    m, lib = c.m, c.lib
+    motors, others = {}, []
+    for i in range(len(m.actuator_trntype)):
+        name, joint = c.name("ACTUATOR", i) or f"actuator{i}", _scalar_joint(c, i)
+        plain = (
+            lib.mjtGain(m.actuator_gaintype[i]) == lib.mjtGain.mjGAIN_FIXED
+            and lib.mjtBias(m.actuator_biastype[i]) == lib.mjtBias.mjBIAS_NONE
+            and lib.mjtDyn(m.actuator_dyntype[i]) == lib.mjtDyn.mjDYN_NONE
+        )
+        gear = float(m.actuator_gear[_address(m, "actuator_outadr", i), 0])
+        if joint is not None:
+            _reflected(c, i, joint, gear)
+        if joint is not None and plain:
+            control = _address(m, "actuator_ctrladr", i)
+            motors[control] = Motor(name, c.joints[joint], gear * float(m.actuator_gainprm[i, 0]))
+        else:
+            others.append(name)
+    return motors, others
+
+
+def _scalar_joint(c: "Compiled", i: int) -> int | None:
+    """The hinge or slide that an actuator acts on."""
+    transmission, joint = c.lib.mjtTrn(c.m.actuator_trntype[i]), int(c.m.actuator_trnid[i, 0])
+    if transmission not in (c.lib.mjtTrn.mjTRN_JOINT, c.lib.mjtTrn.mjTRN_JOINTINPARENT):
+        return None
+    return joint if c.is_scalar(joint) else None
+
+
+def _address(m: Any, array: str, i: int) -> int:
+    """Where an actuator's numbers stand: MuJoCo 4 knows actuators of several controls."""
+    return int(getattr(m, array)[i]) if hasattr(m, array) else i
+
+
+def _reflected(c: "Compiled", i: int, joint: int, gear: float) -> None:
+    """Armature and damping that an actuator adds to its joint (MuJoCo 4)."""
+    m = c.m
+    if hasattr(m, "jnt_actuatorid") and m.jnt_actuatorid[joint] == i:
+        at = c.model.joints[c.model.getJointId(c.joints[joint])].idx_v
+        c.model.armature[at] += gear**2 * m.actuator_armature[i]
+        if not disabled(c, "DAMPER"):
+            c.model.damping[at] += gear**2 * m.actuator_damping[i]
+
+
+def springs_of(c: "Compiled") -> list[JointSpring | Bushing]:
+    """Springs of hinges and slides, and of ball and free joints as bushings of equal stiffnesses."""
+    m = c.m
+    out: list[JointSpring | Bushing] = []
+    for j in np.flatnonzero(m.jnt_stiffness).tolist() if not disabled(c, "SPRING") else ():
+        name, rest, k = f"{c.joints[j]} spring", m.qpos_spring[m.jnt_qposadr[j] :], float(m.jnt_stiffness[j])
+        if c.is_scalar(j):
+            out.append(JointSpring(name=name, joint=c.joints[j], stiffness=k, rest=float(rest[0])))
+            continue
+        free = c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE
+        parent, place = c.before[j]
+        here = place * (pose(rest[:3], rest[3:7]) if free else pose(np.zeros(3), rest[:4]))
+        number = c.model.getJointId(c.joints[j])
+        frames = (c.unique(f"{name}.1"), c.unique(f"{name}.2"))
+        for frame, joint, at in zip(frames, (parent, number), (here, pin.SE3.Identity()), strict=True):
+            c.model.addFrame(pin.Frame(frame, joint, at, pin.FrameType.OP_FRAME))
+        out.append(Bushing(name=name, frames=frames, stiffness=(k if free else 0.0,) * 3 + (k,) * 3))
+    return out
+
+
+def weightless(c: "Compiled", gravity: tuple[float, ...]) -> list[Wrench]:
+    """Forces that carry the weight of the masses which stand for armature of free joints."""
+    m, out = c.m, []
+    for j in range(m.njnt):
+        mass = float(m.dof_armature[m.jnt_dofadr[j]])
+        if c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE and mass and any(gravity):
+            name = f"{c.joints[j]} armature"
+            frame = c.add_frame(c.unique(name), m.jnt_bodyid[j], np.zeros(3))
+            x, y, z = (Constant(value=-mass * g) for g in gravity)
+            out.append(Wrench(name=name, frame=frame, force=(x, y, z)))
+    return out
+
+
+def disabled(c: "Compiled", flag: str) -> bool:
+    """Whether the file's option disables a part of the dynamics."""
+    bits = c.lib.mjtDisableBit
+    bit = getattr(bits, f"mjDSBL_{flag}", None) or bits.mjDSBL_PASSIVE
+    return bool(c.m.opt.disableflags & bit)

@@ -1,0 +1,191 @@
+"""Reactions: what the multipliers mean, as forces and torques of closures, and as efforts and powers of drivers."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError, UnknownNameError
+from . import rows as rowmath
+from .drivers import Driver
+from .frames import skew
+
+if TYPE_CHECKING:
+    from .descriptor import Descriptor
+    from .mechanism import Mechanism
+
+Array = np.ndarray
+SAMPLES = 8
+NONE = 1e-6  # a share of a unit multiplier that counts as none
+NOT_UNIQUE = "rows depend on others: the multipliers of minimum norm are shown"
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """Force and torque of a closure on the body of its second frame, at that frame's origin.
+
+    The body of the first frame gets the opposite at the same point.
+
+    Attributes:
+        name: of the closure or driver.
+        t: times in s, (n,).
+        force: in N, along the axes of the first frame, (n, 3).
+        torque: in N m, along the axes of the first frame, (n, 3).
+        force_world: in N, along the world's axes, (n, 3).
+        torque_world: in N m, along the world's axes, (n, 3).
+        unique: which of the six components, force and then torque in the first frame, the motion determines.
+    """
+
+    name: str
+    t: Array
+    force: Array
+    torque: Array
+    force_world: Array
+    torque_world: Array
+    unique: tuple[bool, ...]
+
+    def __str__(self) -> str:
+        largest = [float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in (self.force, self.torque)]
+        lines = [f"reaction of {self.name}: force up to {largest[0]:.4g} N, torque up to {largest[1]:.4g} N m"]
+        names = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+        free = [n for n, known in zip(names, self.unique, strict=True) if not known]
+        return "\n".join([*lines, f"  not unique: {', '.join(free)} ({NOT_UNIQUE})"] if free else lines)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Effort of a coupling or a driver, and the power that a driver brings in.
+
+    Attributes:
+        name: of the coupling or driver.
+        t: times in s, (n,).
+        effort: on the first joint, in N m or N; of a driven distance the force in N that drives it apart, (n,).
+        counter: on the second joint where there is one, in N m or N, (n,).
+        position: u(t) of a driver in rad or m, zero for a coupling, (n,).
+        power: effort times u'(t), in W, (n,).
+        unique: the motion determines it.
+    """
+
+    name: str
+    t: Array
+    effort: Array
+    counter: Array | None
+    position: Array
+    power: Array
+    unique: bool
+
+    def __str__(self) -> str:
+        effort, power = (float(np.abs(x).max(initial=0.0)) for x in (self.effort, self.power))
+        text = f"effort of {self.name}: up to {effort:.4g} N m or N, power up to {power:.4g} W"
+        return text if self.unique else f"{text}\n  not unique ({NOT_UNIQUE})"
+
+
+def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Reaction:
+    """Return the reaction of a closure between frames, or of a driven distance.
+
+    Args:
+        mech: the mechanism.
+        name: of the closure or driver.
+        t: times, (n,).
+        q: configurations, (n, nq).
+        lam: multipliers, (n, ng).
+
+    Raises:
+        UnknownNameError: for a name that does not exist.
+        InputError: for a coupling, or a driver of joints: they have an effort.
+    """
+    system, rows = mech.system(), span(mech, name)
+    part = system.constraints.frame_parts.get(name)
+    if part is None:
+        raise InputError(f"{name!r} joins joints and has no force at a point: ask for its effort")
+    wrench, turns = np.empty((len(t), 6)), np.empty((len(t), 3, 3))
+    at_origin = np.empty((len(t), 6, rows.stop - rows.start))
+    for i in range(len(t)):
+        system.closures(q[i], t[i])
+        W = system.constraints.W[:, rows].copy()
+        W[3:] -= skew(part.pair.pb) @ W[:3]
+        at_origin[i], wrench[i], turns[i] = W, W @ lam[i, rows], part.pair.Ra
+    force, torque = wrench[:, :3], wrench[:, 3:]
+    local = [np.einsum("nji,nj->ni", turns, x) for x in (force, torque)]
+    known = np.ones(6, bool)
+    for i in sampled(len(t)):
+        N = null_rows(system, t[i], q[i])[rows]
+        R = np.kron(np.eye(2), turns[i].T)
+        known &= np.abs(R @ at_origin[i] @ N).max(axis=1, initial=0.0) < NONE
+    return Reaction(name, np.asarray(t), local[0], local[1], force, torque, tuple(known.tolist()))
+
+
+def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effort:
+    """Return the effort of a coupling or a driver; arguments as for `reaction`.
+
+    Raises:
+        UnknownNameError: for a name that does not exist.
+        InputError: for a closure between frames: it has a reaction.
+    """
+    system, rows = mech.system(), span(mech, name)
+    spec = next(c for c in mech.constraints if c.name == name)
+    if not isinstance(spec, Driver) and spec.frames:
+        raise InputError(f"{name!r} joins frames: ask for its reaction")
+    row = rows.start
+    part = next((p for p in system.constraints.joint_parts if p.at == row), None)
+    second = part.columns[1] if part and len(part.columns) > 1 else None
+    u, counter = np.empty((len(t), 3)), np.zeros(len(t))
+    for i in range(len(t)):
+        G = system.closures(q[i], t[i])[1]
+        u[i] = system.constraints.motion(t[i])[:, row]
+        counter[i] = lam[i, row] * G[row, second] if second is not None else 0.0
+    unique = all(np.abs(null_rows(system, t[i], q[i])[row]).max(initial=0.0) < NONE for i in sampled(len(t)))
+    force = lam[:, row]
+    return Effort(
+        name, np.asarray(t), force, None if second is None else counter, u[:, 0], force * u[:, 1], bool(unique)
+    )
+
+
+def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
+    """Closures and drivers whose reactions are not unique, and how many of their rows the others keep as well.
+
+    That is m - (rank of all rows - rank of the others' rows); rows that keep nothing, as the one across the plane of a
+    planar loop, count too.
+    """
+    system = mech.system()
+    G = scaled(system, t, q)
+    r, out = rank(G), {}
+    for c in mech.constraints:
+        rows = span(mech, c.name)
+        out[c.name] = c.m - (r - rank(np.delete(G, rows, axis=0)))
+    return {name: n for name, n in out.items() if n}
+
+
+def scaled(system: "Descriptor", t: float, q: Array) -> Array:
+    """G M^-1/2 over all rows, (ng, nv)."""
+    U = np.triu(system.inertia(t, q))
+    return np.linalg.solve(U.T, system.closures()[1].T).T
+
+
+def rank(G: Array) -> int:
+    """Rank of scaled rows by pivoted QR, as in `mbdae.mechanism.rows`."""
+    return rowmath.rank(rowmath.pivots(G.T)[1]) if len(G) else 0
+
+
+def null_rows(system: "Descriptor", t: float, q: Array) -> Array:
+    """Combinations of rows that do nothing: N (ng, ng - r) with G^T N = 0 and N^T N = 1, r the rank in use."""
+    U, G = system.inertia(t, q), system.closures()[1]
+    r = len(system.choose_rows(t, U, G))
+    return np.linalg.svd(G)[0][:, r:]
+
+
+def span(mech: "Mechanism", name: str) -> slice:
+    """Rows of a closure or driver.
+
+    Raises:
+        UnknownNameError: lists the names that exist.
+    """
+    if name not in mech.row_names:
+        raise UnknownNameError("closure or driver", name, [c.name for c in mech.constraints])
+    first = mech.row_names.index(name)
+    return slice(first, first + mech.row_names.count(name))
+
+
+def sampled(n: int) -> Array:
+    """At most eight of n indices, evenly spread."""
+    return np.unique(np.linspace(0, n - 1, min(n, SAMPLES)).astype(int))

@@ -1,0 +1,101 @@
+"""The source files of a mechanism: read, remembered, and merged with what the mechanism file says."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pinocchio as pin
+
+from ..errors import InputError, UnknownNameError
+from ..files import text_of
+from .forces import JointTorque
+from .frames import joint_names
+from .library import SOURCES, package_directories, resolve
+from .mjcf import read_mjcf
+from .part import Motor, Part, follow
+from .robot_yaml import read_robot_yaml
+from .schema import MechanismFile, Source
+from .shapes import unpack
+from .urdf import read_urdf
+
+
+def read_source(source: Source, base: Path) -> Part:
+    """Read a source file, relative to ``base``.
+
+    Raises:
+        InputError: for a file that is missing, wrong, or of a kind that is not read.
+    """
+    path = resolve(source.file, base)
+    if path.suffix not in SOURCES:
+        raise InputError(f"cannot read source {path.name}: expected {', '.join(SOURCES)}")
+    if path.suffix in (".xml", ".mjcf") and not _is_urdf(path):
+        if source.free_flyer:
+            raise InputError(f"free_flyer does not belong to an MJCF source: {path.name} has free joints of its own")
+        return read_mjcf(path, source.key)
+    if source.key:
+        raise InputError(f"key belongs to an MJCF source, not to {path.name}")
+    packages = [*(str(base / p) for p in source.packages), *package_directories(path)]
+    if path.suffix == ".yaml":
+        return read_robot_yaml(path, source.free_flyer, packages)
+    return read_urdf(text_of(path), path.name, source.free_flyer, packages)
+
+
+def restored(record: Mapping[str, Any]) -> Part:
+    """Make the part again that remembers itself as ``record``, as far as its tree and visuals go."""
+    if "urdf" in record:
+        r = record
+        return read_urdf(r["urdf"], "URDF", r["free_flyer"], r["packages"], kinds=r["kinds"], lock=r["lock"])
+    model = pin.Model()
+    model.loadFromString(record["model"])
+    return Part(model, unpack(record["visuals"]), lambda: dict(record))
+
+
+def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, tuple[Motor, ...], tuple[str, ...]]:
+    """Put what the sources say into the mechanism file, which has the last word.
+
+    Returns:
+        The file, the named inputs, and what the sources say that is left out.
+
+    Raises:
+        UnknownNameError: for a motor that does not exist.
+        InputError: for a joint that is locked while the one that it follows is not.
+    """
+    named = [p.prefixed(s.prefix) for s, p in zip(file.source, parts, strict=True)]
+    joints = [s.prefix + n for s, p in zip(file.source, parts, strict=True) for n in joint_names(p.model)]
+    couplings, lock = follow(tuple(m for p in named for m in p.mimics), file.lock, joints)
+    gravity = next((p.gravity for p in named if p.gravity), None)
+    motors = {m.name: m for p in named for m in p.motors}
+    controls = {**{n: u for p in named for n, u in p.controls.items()}, **file.motor}
+    changed = {*lock, *file.joint_type}
+    tables = {}
+    for key, table in file.start.tables.items():
+        old = {n: x for p in named for n, x in p.start.tables[key].items() if n not in changed}
+        tables[key] = {**old, **table}
+    update: dict[str, Any] = {
+        "lock": lock,
+        "closure": (*(c for p in named for c in p.closures), *couplings, *file.closure),
+        "driver": (*(d for p in named for d in p.drivers), *file.driver),
+        "force": (*(f for p in named for f in p.forces), *_driven(motors, controls), *file.force),
+        "start": file.start.model_copy(update=tables),
+        "motor": {},
+    }
+    if gravity and "gravity" not in file.model_fields_set:
+        update["gravity"] = gravity
+    left_out = tuple(text for p in named for text in p.left_out)
+    return file.model_copy(update=update), tuple(motors.values()), left_out
+
+
+def _driven(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[JointTorque]:
+    for name in controls:
+        if name not in motors:
+            raise UnknownNameError("motor", name, motors)
+    return [
+        JointTorque(name=n, joint=motors[n].joint, torque=u, gear=motors[n].gear) for n, u in controls.items()
+    ]
+
+
+def _is_urdf(path: Path) -> bool:
+    """Whether the first element of an XML file is a robot."""
+    first = re.search(r"<([A-Za-z][\w.-]*)", re.sub(r"<!--.*?-->", "", text_of(path), flags=re.DOTALL))
+    return first is not None and first.group(1) == "robot"

@@ -1,0 +1,53 @@
+"""Python functions of the user: called with states they cannot change, and their values checked, by name."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..errors import MbdaeError, StepError
+
+Array = np.ndarray
+
+
+def function_name(function: Any) -> str:
+    """The name under which a Python function is reported."""
+    return getattr(function, "__name__", type(function).__name__)
+
+
+def called(what: str, function: Callable[..., Any], t: float, *arrays: Array) -> Any:
+    """Call a user's function of (t, arrays ...), which it may read but not change.
+
+    Raises:
+        StepError: when the function raises an error.
+    """
+    views = [x.view() for x in arrays]
+    for x in views:
+        x.flags.writeable = False
+    try:
+        return function(t, *views)
+    except MbdaeError:
+        raise
+    except Exception as e:
+        raise StepError("force", f"{what} failed at t = {t:.17g}: {type(e).__name__}: {e}") from e
+
+
+def checked(value: Any, shape: tuple[int, ...], t: float, what: str) -> Array:
+    """Return what a user's function gave as an array.
+
+    Raises:
+        StepError: for another shape, or values that are not finite.
+    """
+    try:
+        out = np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise StepError("force", f"{what} returned {value!r:.80}, expected {_words(shape)}, at t = {t:.17g}") from None
+    if out.shape != shape:
+        raise StepError("force", f"{what} returned shape {out.shape}, expected {_words(shape)}, at t = {t:.17g}")
+    if not np.isfinite(out).all():
+        raise StepError("nonfinite", f"{what} returned {out} at t = {t:.17g}")
+    return out
+
+
+def _words(shape: tuple[int, ...]) -> str:
+    return f"shape {shape}" if shape else "a number"

@@ -1,0 +1,33 @@
+"""How time advances: half-explicit and Radau IIA Runge-Kutta methods for index-2 DAEs. Knows nothing of mechanisms."""
+
+import re
+
+from .. import errors
+from . import arnold, classical, herk, pherk, pherk6, radau
+from .radau import Method, RadauIIA
+from .tableau import Tableau
+
+_TABLES = (herk, pherk, pherk6, arnold, classical, radau)
+_KINDS = (Tableau, RadauIIA)
+
+METHODS: dict[str, Method] = {
+    value.name: value for table in _TABLES for value in vars(table).values() if isinstance(value, _KINDS)
+}
+"""Every method by name, found in the tables in their order: a method that exists cannot be missing here."""
+
+
+def method(name: str) -> Method:
+    """Look a method up.
+
+    Args:
+        name: one of `METHODS`, for instance ``"pherk5"``, or ``"radau7"`` to ``"radau29"`` for more stages.
+
+    Raises:
+        UnknownNameError: with the names that exist.
+    """
+    text = str(name)
+    if re.fullmatch(r"radau([1-9]|[12]\d)", text) and int(text[5:]) % 2:
+        return METHODS.get(text) or RadauIIA((int(text[5:]) + 1) // 2)
+    if text not in METHODS:
+        raise errors.UnknownNameError("method", name, METHODS)
+    return METHODS[text]

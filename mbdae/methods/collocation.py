@@ -1,0 +1,164 @@
+"""One step of a collocation method on an index-2 problem: all stages at once, by a simplified Newton iteration.
+
+In the coordinates x of a step, y = y_n (+) x, with K_i = x'_i at the stages,
+
+    E (K_i - f(t_i, X_i, Z_i)) = 0,   0 = g(t_i, X_i),   X_i = h sum_j a_ij K_j,   y_1 = y_n (+) X_s,  z_1 = Z_s.
+
+E is a matrix of the problem's choice (the mass matrix of a mechanism), so that a residual needs no solve. With the
+slopes at one point in place of all others an iteration reads
+
+    (I (x) E) dK - h (A (x) (E f)_x) dK - (I (x) (E f)_z) dZ = R,    h (A (x) g_x) dK = C,
+
+and A = T diag(mu) T^-1 takes it apart into systems of the size of one stage, real ones and complex ones.
+
+Sources: Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409 (1989), chapter 7; Hairer, Wanner, Solving
+Ordinary Differential Equations II, sections IV.8 and VII.4; Butcher, BIT 16 (1976) for the transformation.
+"""
+
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import StepError
+from ..system import Array, Chart, Linearization, Solver, State, Step, System
+from .radau_coefficients import Arrays, lagrange
+
+TOLERANCE = 1e-16  # Newton error that is aimed at, relative to the size of y: rounding
+STALLED = 1e-11  # an iteration that ceases to converge below this has met rounding
+REUSE = 0.03  # slopes serve the next step while the iteration converges faster than this
+
+
+class Memory(NamedTuple):
+    """What a step leaves to the next one: stage values for a first guess, and the slopes with their rate."""
+
+    unknowns: Any
+    h: float
+    K: Array
+    Z: Array
+    slopes: Linearization
+    solvers: list[Solver]
+    rate: float
+
+
+def collocation_step(
+    system: System, a: Arrays, t: float, h: float, state: State, patience: int, estimate: bool
+) -> Step:
+    """Advance (t, y) to t + h.
+
+    The state's carry is the `Memory` of the step before; anything else counts as none.
+
+    The equations are solved to rounding: a step knows no tolerance, and the order of a method and G v = 0 shall not
+    end at one. Slopes are taken in the middle of the step, at the stages foreseen there, which halves their distance
+    from the other stages; they serve the following steps while the iteration converges well.
+
+    Args:
+        system: the problem.
+        a: coefficients.
+        t: time.
+        h: step size.
+        state: y and the carry.
+        patience: largest number of iterations.
+        estimate: whether an error estimate is wanted.
+
+    Raises:
+        StepError: if the iteration does not converge, or what the problem raises.
+    """
+    chart = system.chart(t, state.y)
+    memory, s = state.carry, len(a.c)
+    if isinstance(memory, Memory) and memory.unknowns == chart.unknowns and len(memory.K) == s:
+        F = chart.first(system.carry(memory.K[-1], memory.Z[-1]))[0]
+        onward = lagrange(a.c, 1 + a.c * h / memory.h)
+        K, Z = onward @ memory.K, onward @ memory.Z
+        middle = h * (a.A @ K)[a.middle]
+    else:
+        memory = None
+        F, z = chart.start()
+        K, Z, middle = np.tile(F, (s, 1)), np.tile(z, (s, 1)), np.zeros(system.ny)
+    stages = _Stages(system, chart, a, t, h, system.size(state.y), patience)
+    found = None
+    if memory is not None and memory.rate < REUSE:
+        solvers = memory.solvers if h == memory.h else _factorize(memory.slopes, a, h)
+        with suppress(StepError):
+            found = stages.solve(K, Z, memory.slopes, solvers)
+    if found is None:
+        slopes = chart.linearize(middle, K[a.middle], Z[a.middle])
+        found = stages.solve(K, Z, slopes, _factorize(slopes, a, h))
+    x = h * (a.A[-1] @ found.K) + (0.0 if state.low is None else state.low)
+    y, own = chart.end(t + h, x, found.Z[-1])
+    errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
+    return Step(State(y, found, system.lost(state.y, x, y)), own, errors)
+
+
+def _factorize(slopes: Linearization, a: Arrays, h: float) -> list[Solver]:
+    return [slopes.factorize(h * mode.value) for mode in a.modes]
+
+
+def _errors(a: Arrays, F: Array, found: Memory) -> Array:
+    """Error estimates e, (1 or 2, ny), from F = y'_n and the collocation polynomial u.
+
+        (E - h gamma (E f)_x) e - (E f)_z * = E h gamma (y'_n - u'(t_n)),   g_x e = 0.
+
+    The right side belongs to an embedded formula of order s, as u' misses y'_n by h^s (Hairer, Wanner II, section
+    IV.8); the system damps it in stiff directions and projects it on 0 = g, along f_z, so that a wrong z in y'_n does
+    not matter. A second vector, where s >= 3, leaves the first stage out of u' and is one order lower.
+    """
+    h, none = found.h, np.zeros(found.Z.shape[1])
+    filtered = found.slopes.factorize(h * a.gamma) if a.real is None else found.solvers[a.real]
+    misses = [h * a.gamma * (F - row @ found.K) for row in a.start]
+    return np.array([filtered(found.slopes.weigh(miss), none)[0] for miss in misses])
+
+
+class _Stages:
+    """The coupled equations of a step."""
+
+    def __init__(self, system: System, chart: Chart, a: Arrays, t: float, h: float, size: Array, patience: int) -> None:
+        self.chart, self.a, self.t, self.h, self.patience = chart, a, t, h, patience
+        self.counts, self.measured, self.size = system.counts, system.measured, size
+
+    def solve(self, K: Array, Z: Array, slopes: Linearization, solvers: list[Solver]) -> Memory:
+        """Iterate from a guess of K (s, ny) and Z (s, m).
+
+        After a change of X by ``size`` about rate / (1 - rate) size is missing (Hairer, Wanner II, section IV.8): it is
+        brought below rounding, or until rounding stops the convergence.
+
+        Raises:
+            StepError: if the iteration diverges or is too slow.
+        """
+        scale, last, rate = self._scale(K), 0.0, 0.0
+        for k in range(self.patience):
+            dK, dZ = self._correction(K, Z, solvers)
+            K, Z = K + dK, Z + dZ
+            size = float(np.sqrt(np.mean((self._moves(dK) / scale) ** 2)))
+            self.counts.newton += 1
+            if k:
+                rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
+            converged = size <= TOLERANCE or (k and rate < 1 and rate * size <= (1 - rate) * TOLERANCE)
+            if converged or (k and size <= STALLED and size >= 0.5 * last):
+                return Memory(self.chart.unknowns, self.h, K, Z, slopes, solvers, rate)
+            if not np.isfinite(size) or rate >= 1 or rate ** (self.patience - 1 - k) * size > STALLED:
+                break
+            last = size
+        raise StepError(
+            "newton", f"the iteration of an implicit step at t = {self.t:.17g}, h = {self.h:.3g} does not converge"
+        )
+
+    def _moves(self, K: Array) -> Array:
+        """The measured components of X = h A K, (s, .)."""
+        return self.h * (self.a.A @ K)[:, self.measured]
+
+    def _scale(self, K: Array) -> Array:
+        """The size of y and of its change, no component's below a thousandth of the largest."""
+        scale = self.size[self.measured] + np.abs(self._moves(K)).max(axis=0)
+        return scale + 1e-3 * scale.max(initial=0.0) + np.finfo(float).tiny
+
+    def _correction(self, K: Array, Z: Array, solvers: list[Solver]) -> tuple[Array, Array]:
+        a, h, X = self.a, self.h, self.h * (self.a.A @ K)
+        pairs = [self.chart.residual(self.t + c * h, *point) for c, *point in zip(a.c, X, K, Z, strict=True)]
+        R, C = (np.array([pair[i] for pair in pairs]) for i in (0, 1))
+        dK, dZ = np.zeros_like(K), np.zeros_like(Z)
+        for mode, solver in zip(a.modes, solvers, strict=True):
+            dk, dz = solver(mode.row @ R, mode.row @ C)
+            dK += np.outer(mode.column, dk).real
+            dZ += np.outer(mode.column, dz).real
+        return dK, dZ

@@ -1,0 +1,98 @@
+"""Exact numbers for tableaus: rationals and one square root, read from the strings of the papers."""
+
+import ast
+import operator
+from dataclasses import dataclass
+from fractions import Fraction
+from math import isqrt, sqrt
+from typing import Union
+
+
+@dataclass(frozen=True)
+class Surd:
+    """The number ``a + b sqrt(d)`` with rational a, b and a square-free integer d > 1."""
+
+    a: Fraction
+    b: Fraction
+    d: int
+
+    def _coerce(self, other: "Number | int") -> "Surd":
+        if not isinstance(other, Surd):
+            return Surd(Fraction(other), Fraction(0), self.d)
+        if other.d != self.d:
+            raise ValueError(f"cannot mix sqrt({self.d}) and sqrt({other.d})")
+        return other
+
+    def _make(self, a: Fraction, b: Fraction) -> "Number":
+        return Surd(a, b, self.d) if b else a
+
+    def __add__(self, other: "Number | int") -> "Number":
+        o = self._coerce(other)
+        return self._make(self.a + o.a, self.b + o.b)
+
+    def __mul__(self, other: "Number | int") -> "Number":
+        o = self._coerce(other)
+        return self._make(self.a * o.a + self.d * self.b * o.b, self.a * o.b + self.b * o.a)
+
+    def __neg__(self) -> "Surd":
+        return Surd(-self.a, -self.b, self.d)
+
+    def __sub__(self, other: "Number | int") -> "Number":
+        return self + (-self._coerce(other))
+
+    def __rsub__(self, other: "Number | int") -> "Number":
+        return -self + other
+
+    def __truediv__(self, other: "Number | int") -> "Number":
+        o = self._coerce(other)
+        norm = o.a * o.a - o.d * o.b * o.b
+        return self * Surd(o.a / norm, -o.b / norm, o.d)
+
+    def __rtruediv__(self, other: "Number | int") -> "Number":
+        return self._coerce(other) / self
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    def __float__(self) -> float:
+        return float(self.a) + float(self.b) * sqrt(self.d)
+
+    def __str__(self) -> str:
+        return f"{self.a} + {self.b}*sqrt({self.d})"
+
+
+Number = Union[Fraction, Surd]  # noqa: UP007  (a forward reference above needs the old spelling)
+
+_OPERATORS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
+
+
+def exact(text: str) -> Number:
+    """Read ``"161/1024"``, ``"0.25"`` or ``"1/6 - sqrt(3)/108"`` without rounding.
+
+    Raises:
+        ValueError: for anything but numbers, + - * / and one square root of an integer.
+    """
+    return _evaluate(ast.parse(text.strip(), mode="eval").body, text)
+
+
+def _evaluate(node: ast.expr, text: str) -> Number:
+    match node:
+        case ast.Constant():
+            return Fraction(ast.get_source_segment(text.strip(), node) or "")
+        case ast.UnaryOp(op=ast.USub()):
+            return -_evaluate(node.operand, text)
+        case ast.BinOp() if type(node.op) in _OPERATORS:
+            return _OPERATORS[type(node.op)](_evaluate(node.left, text), _evaluate(node.right, text))
+        case ast.Call(func=ast.Name(id="sqrt"), args=[ast.Constant(value=int(d))]) if isqrt(d) ** 2 != d:
+            return Surd(Fraction(0), Fraction(1), d)
+    raise ValueError(f"not an exact number: {text!r}")
+
+
+def row(text: str) -> tuple[str, ...]:
+    """Split ``"1/6 2/3 1/6"``, numbers without inner blanks."""
+    return tuple(text.split())
+
+
+def rows(text: str) -> tuple[tuple[str, ...], ...]:
+    """Split a table as printed on a page, one row per line."""
+    return tuple(row(line) for line in text.strip().splitlines())

@@ -1,0 +1,146 @@
+"""The Radau IIA methods: implicit, stiffly accurate, of order 2s - 1 in y and s in their own z.
+
+That follows from the assumptions B(2s - 1), C(s), D(s - 1) (Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409
+(1989), chapter 4; Hairer, Wanner II, section VII.4). Up to 15 stages are there on demand: ``method("radau9")`` has
+five.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from math import prod
+
+import numpy as np
+
+from ..system import State, Step, System
+from .collocation import collocation_step
+from .radau_coefficients import Arrays, coefficients
+from .tableau import Row, Tableau
+
+PATIENCE, SHORT_PATIENCE = 60, 15  # iterations for a given step, and where a smaller step can be taken instead
+TYPICAL = 5  # iterations
+MOST = 15  # stages: with more the eigenvectors of A are too ill-conditioned for double precision
+
+
+@dataclass(frozen=True)
+class RadauIIA:
+    """The Radau IIA method with s stages.
+
+    Args:
+        stages: s, from 1 to 15.
+    """
+
+    stages: int
+
+    family = "Radau IIA"
+    reference = "Hairer, Wanner, Solving Ordinary Differential Equations II, sections IV.5 and VII.4"
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.stages <= MOST:
+            raise ValueError(f"a Radau IIA method has 1 to {MOST} stages here, got {self.stages}")
+
+    @property
+    def name(self) -> str:
+        """``"radau5"`` for three stages: named by the order."""
+        return f"radau{self.order}"
+
+    @property
+    def title(self) -> str:
+        """One line for a list of methods."""
+        return "implicit Euler" if self.stages == 1 else f"Radau IIA, {self.stages} stages"
+
+    @property
+    def order(self) -> int:
+        """Order of y: 2s - 1."""
+        return 2 * self.stages - 1
+
+    @property
+    def order_linear(self) -> int:
+        """Order of y when f is linear in z: the same."""
+        return self.order
+
+    @property
+    def order_own(self) -> int:
+        """Order of the method's own z: s."""
+        return self.stages
+
+    @property
+    def order_embedded(self) -> int:
+        """Order of the embedded formula, see `mbdae.methods.collocation.collocation_step`: s."""
+        return self.stages
+
+    @property
+    def error_power(self) -> int:
+        """Power of h in the error estimate: s + 1, one more where a second vector sharpens it (s >= 3)."""
+        return self.order_embedded + 1 + (self.stages >= 3)
+
+    @property
+    def solves(self) -> int:
+        """Stage evaluations per step with a typical five iterations, 5 s.
+
+        An iteration evaluates s residuals and solves s // 2 complex systems of one stage, and a real one for odd s.
+        """
+        return TYPICAL * self.stages
+
+    @property
+    def smallest_pivot(self) -> float:
+        """1 / sum_j |omega_sj|, omega the inverse of A; rounding in own z is eps / (h times it)."""
+        return 1 / float(np.abs(np.linalg.inv(self.arrays.A)[-1]).sum())
+
+    @cached_property
+    def arrays(self) -> Arrays:
+        """The coefficients in double precision."""
+        return coefficients(self.stages).arrays
+
+    # -- the same as a tableau with an explicit first stage at y_n, for order conditions ------------------------------
+
+    explicit_first = True
+    project_embedded = True
+    rounded = True
+
+    @cached_property
+    def exact_A(self) -> list[Row]:
+        """A to 40 digits below and beside zeros of the explicit stage, (s + 1, s + 1)."""
+        rows: list[Row] = [[Fraction(0)] * (self.stages + 1)]
+        rows += [[Fraction(0), *map(Fraction, row)] for row in coefficients(self.stages).A]
+        return rows
+
+    @property
+    def exact_Ahat(self) -> list[Row]:
+        """The same: a stage meets the constraint where it evaluates f."""
+        return self.exact_A
+
+    @property
+    def exact_b(self) -> Row:
+        """The weights, the last row of A."""
+        return self.exact_A[-1]
+
+    @property
+    def b_embedded(self) -> tuple[str, ...]:
+        """Weights of the embedded formula: b + gamma (1, -values of the Lagrange polynomials at 0)."""
+        return self._embedded(0)
+
+    @property
+    def b_companion(self) -> tuple[str, ...]:
+        """Weights of the second one, which leaves the first stage out; empty below three stages."""
+        return self._embedded(1) if self.stages >= 3 else ()
+
+    def _embedded(self, skip: int) -> tuple[str, ...]:
+        c, gamma = [Fraction(x) for x in coefficients(self.stages).c], Fraction(self.arrays.gamma)
+        used = c[skip:]
+        start = [prod(x / (x - y) for x in used if x != y) if y in used else Fraction(0) for y in c]
+        miss = [Fraction(1), *(-x for x in start)]
+        return tuple(str(b + gamma * e) for b, e in zip(self.exact_b, miss, strict=True))
+
+    def step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Take one step; see `mbdae.methods.collocation.collocation_step`. Its errors are empty, (0, ny)."""
+        return collocation_step(system, self.arrays, t, h, state, PATIENCE, estimate=False)
+
+    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Take one step with an error estimate, or give up where the iteration converges slowly."""
+        return collocation_step(system, self.arrays, t, h, state, SHORT_PATIENCE, estimate=True)
+
+
+radau1, radau3, radau5 = (RadauIIA(s) for s in (1, 2, 3))
+
+Method = Tableau | RadauIIA

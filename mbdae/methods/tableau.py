@@ -1,0 +1,163 @@
+"""A half-explicit Runge-Kutta method as data: exact coefficients, claims, and what follows from them."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ..system import State, Step, System
+from .exact import Number, exact
+from .step import doubled_step, half_explicit_step
+
+Row = list[Number]
+Text = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Tableau:
+    """Coefficients of a half-explicit Runge-Kutta method for y' = f(t, y, z), 0 = g(t, y).
+
+    Stage i = 1..n computes, with F_j = f(t_j, Y_j, Z_j),
+
+        Y_i    = y_0 + h sum_{j<i}  a_ij F_j
+        Yhat_i = y_0 + h sum_{j<=i} ahat_ij F_j,    Z_i such that g(t_0 + chat_i h, Yhat_i) = 0
+
+    and y_1 = y_0 + h sum b_i F_i. In HERK methods ahat_i = a_{i+1} (the last row is b). In PHERK methods the
+    first row of Ahat is zero: Z_1 = z_0 is carried, and an extra stage n = s + 1 with Y_n = y_1 gives z_1 and
+    the next step's first stage.
+
+    Args:
+        name: what a user types, for instance ``"pherk5"``.
+        title: one line for a list of methods.
+        reference: where the coefficients were published, or who derived them.
+        A: rows of the coefficients a_ij as text, lower triangle (zeros above may be left out).
+        b: weights as text, without an entry for the extra stage.
+        Ahat: rows of ahat_ij as text; left out for HERK.
+        order: claimed order of y (q and v) for general f.
+        order_linear: claimed order of y when f is linear in z, as in mechanics; left out if the same.
+        order_own: claimed order of the method's own z (lam_own).
+        b_embedded: weights of the embedded formula over the n stages, as text; empty if there is none.
+        b_companion: weights of a second embedded formula, one order lower (see `mbdae.methods.controller`).
+        order_embedded: order of the embedded formula, after projection if `project_embedded`.
+        project_embedded: the embedded solution leaves 0 = g and is projected before the difference is taken.
+        rounded: coefficients are decimals that were rounded; conditions hold to about 1e-24 and not exactly.
+    """
+
+    name: str
+    title: str
+    reference: str
+    A: tuple[Text, ...] = field(repr=False)
+    b: Text = field(repr=False)
+    order: int
+    order_own: int
+    Ahat: tuple[Text, ...] = field(default=(), repr=False)
+    order_linear: int = 0
+    b_embedded: Text = field(default=(), repr=False)
+    b_companion: Text = field(default=(), repr=False)
+    order_embedded: int = 0
+    project_embedded: bool = False
+    rounded: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.order_linear:
+            object.__setattr__(self, "order_linear", self.order)
+        A, Ahat, first = self.exact_A, self.exact_Ahat, int(self.explicit_first)
+        n = len(A)
+        lower = all(not A[i][j] for i in range(n) for j in range(i, n))
+        lower = lower and all(not Ahat[i][j] for i in range(n) for j in range(i + 1, n))
+        pivots = all(Ahat[i][i] for i in range(first, n))
+        closes = any(all(Ahat[i][j] == self.exact_b[j] for j in range(n)) for i in range(first, n))
+        if not (lower and pivots and closes and len(Ahat) == n):
+            shape = "A strictly lower, Ahat lower with a regular diagonal, b a row of Ahat"
+            raise ValueError(f"tableau {self.name!r}: {shape}")
+
+    @cached_property
+    def exact_A(self) -> list[Row]:
+        """Exact A, (n, n)."""
+        return [_row(r, len(self.A)) for r in self.A]
+
+    @cached_property
+    def exact_b(self) -> Row:
+        """Exact weights padded to the n stages, (n,)."""
+        return _row(self.b, len(self.A))
+
+    @cached_property
+    def exact_Ahat(self) -> list[Row]:
+        """Exact Ahat, (n, n): as given, or A shifted by one row and closed by b (HERK)."""
+        if self.Ahat:
+            return [_row(r, len(self.A)) for r in self.Ahat]
+        return [*self.exact_A[1:], self.exact_b]
+
+    @property
+    def explicit_first(self) -> bool:
+        """The first stage is known from the step before (PHERK, Arnold)."""
+        return bool(self.Ahat) and not any(self.exact_Ahat[0])
+
+    @property
+    def family(self) -> str:
+        """``"HERK"``, or ``"Arnold"`` (Ahat is A shifted) or ``"PHERK"`` for an explicit first stage."""
+        if not self.explicit_first:
+            return "HERK"
+        n = len(self.A)
+        return "Arnold" if self.exact_Ahat[1 : n - 1] == self.exact_A[2:] else "PHERK"
+
+    @property
+    def solves(self) -> int:
+        """Linear solves per step: the stages with a constraint."""
+        return len(self.A) - int(self.explicit_first)
+
+    @property
+    def smallest_pivot(self) -> float:
+        """Min |ahat_ii| over the stages with a constraint; rounding in own z is eps / (h times it)."""
+        return min(abs(float(self.exact_Ahat[i][i])) for i in range(int(self.explicit_first), len(self.A)))
+
+    @property
+    def error_power(self) -> int:
+        """Power of h in the error estimate of `controlled_step`: embedded order + 1, one more with a companion.
+
+        From errors of size h^(p+1) and, by the companion, h^p the estimate err_1^2 / (err_1 + 0.01 err_2) is
+        of size h^(p+2). Without an embedded formula two half steps give the method's own local error, h^(p+1).
+        """
+        return self.order_embedded + 1 + bool(self.b_companion) if self.b_embedded else self.order + 1
+
+    def step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Take one step; see `mbdae.methods.step.half_explicit_step`."""
+        return half_explicit_step(system, self, t, h, state)
+
+    def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Take one step with an error estimate: the embedded formula's, or that of two half steps."""
+        if self.b_embedded:
+            return self.step(system, t, h, state)
+        return doubled_step(self.step, self.order, system, t, h, state)
+
+    @cached_property
+    def arrays(self) -> "Arrays":
+        """The coefficients in double precision, rounded once from the exact ones."""
+        c = [sum(r, start=exact("0")) for r in self.exact_A]
+        chat = [sum(r, start=exact("0")) for r in self.exact_Ahat]
+        n = len(self.A)
+        weights = [_row(w, n) for w in (self.b_embedded, self.b_companion) if w]
+        e = [[w - b for w, b in zip(row, self.exact_b, strict=True)] for row in weights]
+        A, Ahat, b = _float(self.exact_A), _float(self.exact_Ahat), _float(self.exact_b)
+        return Arrays(A, Ahat, b, _float(c), _float(chat), _float(e).reshape(-1, n))
+
+
+@dataclass(frozen=True)
+class Arrays:
+    """Double-precision A (n, n), Ahat (n, n), b (n,), c (n,), chat (n,), error weights e (0 to 2, n)."""
+
+    A: np.ndarray
+    Ahat: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    chat: np.ndarray
+    e: np.ndarray
+
+
+def _row(text: Text, n: int) -> Row:
+    row: Row = [exact(x) for x in text]
+    return row + [exact("0")] * (n - len(row))
+
+
+def _float(x: list) -> np.ndarray:
+    return np.array([[float(v) for v in r] if isinstance(r, list) else float(r) for r in x])

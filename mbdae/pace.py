@@ -1,0 +1,199 @@
+"""Step sizes of a run: fixed, or under error control."""
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from .errors import InputError, StepError
+from .jumps import Leg
+from .methods.controller import Controller, error_norm
+from .system import Array, State, Step, System
+
+SMALLEST_RTOL = 100 * np.finfo(float).eps
+NOTHING = 1e-100  # keeps the scale of a component positive where neither tolerance does
+NEAR = 1e-9  # of a step: how near to the grid a time counts as on it
+TOLERATED = 1e-8  # what a move of the state may measure when steps are fixed
+
+
+class Run(Protocol):
+    """What a pace sees of a run."""
+
+    system: System
+    tableau: Any
+    state: State
+    t: float
+    t1: float
+    leg: Leg
+    sign: float
+    ts: list[float]
+    F: Array
+    rejected: int | None
+
+    def left(self) -> float:
+        """Time left to the end of the leg, positive."""
+
+
+class Pace(Protocol):
+    """How long the steps are, and which of them are accepted."""
+
+    def propose(self, run: Run) -> tuple[float, float]:
+        """Return the size of the next step and the time where it ends."""
+
+    def take(self, run: Run, h: float) -> Step:
+        """Take a step of size h (signed)."""
+
+    def error(self, run: Run, step: Step) -> float:
+        """Return the error norm of a step; it is accepted below 1."""
+
+    def may_retry(self, run: Run, h: float) -> bool:
+        """Say whether a smaller step is worth a try after one that could not be taken."""
+
+    def judge(self, run: Run, h: float, error: float) -> bool:
+        """Say whether a step is accepted, and choose the next one."""
+
+    def restart(self) -> None:
+        """A jump was crossed: nothing of the steps before it holds."""
+
+    def tolerates(self, run: Run, y: Array, move: Array) -> bool:
+        """Say whether a move of the state away from y stays within the tolerance of a step."""
+
+    def settings(self) -> dict[str, Any]:
+        """What is recorded with the solution."""
+
+
+class Fixed:
+    """Steps of equal size on a grid; those before and after jumps and at the end of the span may be shorter."""
+
+    def __init__(self, step: float, t0: float, length: float) -> None:
+        self.step, self.t0 = step, t0
+        self.n = max(1, int(np.ceil(length / step * (1 - 1e-12))))
+        self.i, self.on_grid = 0, True  # the last point of the grid, and whether the run stands there
+
+    def propose(self, run: Run) -> tuple[float, float]:
+        """Return the size of the next step and the time where it ends."""
+        i, started = self.i + 1, self.on_grid
+        t = run.t1 if i >= self.n else self.t0 + run.sign * i * self.step
+        beyond = run.sign * (t - run.leg.stop)  # the leg ends before the next point of the grid
+        self.on_grid = beyond <= NEAR * self.step
+        self.i += self.on_grid
+        if beyond >= -NEAR * self.step:
+            return run.left(), run.leg.end
+        return (self.step if started else abs(t - run.t)), t
+
+    def take(self, run: Run, h: float) -> Step:
+        """Take a step of size h (signed)."""
+        return run.tableau.step(run.system, run.t, h, run.state)
+
+    def error(self, run: Run, step: Step) -> float:
+        """Return the error norm of a step; it is accepted below 1."""
+        if not np.isfinite(step.state.y).all():
+            raise StepError("nonfinite", f"the state is not finite after the step at t = {run.t:.17g}")
+        return 0.0
+
+    def may_retry(self, run: Run, h: float) -> bool:
+        """Say whether a smaller step is worth a try after one that could not be taken."""
+        return False
+
+    def judge(self, run: Run, h: float, error: float) -> bool:
+        """Say whether a step is accepted, and choose the next one."""
+        return True
+
+    def restart(self) -> None:
+        """A jump was crossed: nothing to do."""
+
+    def tolerates(self, run: Run, y: Array, move: Array) -> bool:
+        """Say whether a move of the state away from y stays within 1e-8."""
+        m = run.system.measured
+        return bool((np.abs(move[m]) <= TOLERATED * (1 + run.system.size(y)[m])).all())
+
+    def settings(self) -> dict[str, Any]:
+        """What is recorded with the solution."""
+        return {"step": float(self.step)}
+
+
+class Adaptive:
+    """Steps under control: the error of q and v per step stays below atol + rtol max(|y_n|, |y_n+1|)."""
+
+    def __init__(
+        self, power: int, rtol: float, atol: float | Array | None, first: float | None, largest: float
+    ) -> None:
+        if not SMALLEST_RTOL <= rtol < np.inf:
+            raise InputError(f"rtol = {rtol} cannot be met: it must be finite and at least {SMALLEST_RTOL:.2g}")
+        self.rtol, self.atol = rtol, np.asarray(0.01 * rtol if atol is None else atol, float)
+        if not (np.isfinite(self.atol).all() and (self.atol >= 0).all()):
+            raise InputError(f"atol must be finite and not negative, got {atol}")
+        self.controller, self.h, self.largest = Controller(power), first, largest
+        self._cut = 0.0  # the step that would have been taken, had there not been the end of a leg
+
+    def propose(self, run: Run) -> tuple[float, float]:
+        """Return the size of the next step and the time where it ends."""
+        if self.h is None:
+            self.h = self._first(run)
+        h, left = min(self.h, self.largest), run.left()
+        self._cut = self.h if h > left else 0.0
+        if h >= left * (1 - 1e-10):
+            return left, run.leg.end
+        return h, run.t + run.sign * h
+
+    def take(self, run: Run, h: float) -> Step:
+        """Take a step of size h (signed)."""
+        return run.tableau.controlled_step(run.system, run.t, h, run.state)
+
+    def error(self, run: Run, step: Step) -> float:
+        """Return the error norm of a step; it is accepted below 1."""
+        return error_norm(step.errors[:, run.system.measured], self._scale(run, step.state.y))
+
+    def may_retry(self, run: Run, h: float) -> bool:
+        """Say whether a smaller step is worth a try after one that could not be taken."""
+        self.h = self.controller.next_step(h, np.inf)
+        return self.h > self._smallest(run)
+
+    def judge(self, run: Run, h: float, error: float) -> bool:
+        """Say whether a step is accepted, and choose the next one."""
+        self.h = self.controller.next_step(h, error)
+        if error <= 1:
+            self.h = max(self.h, self._cut)
+        if not error <= 1 and self.h < self._smallest(run):
+            raise StepError(
+                "step_size",
+                f"the step size fell below {self._smallest(run):.1e} s at t = {run.t:.17g}: rtol cannot be met",
+            )
+        return error <= 1
+
+    def restart(self) -> None:
+        """A jump was crossed: the step size stays, the error decides."""
+
+    def tolerates(self, run: Run, y: Array, move: Array) -> bool:
+        """Say whether a move of the state away from y stays within the tolerance of a step."""
+        return error_norm(move[None, run.system.measured], self._scale(run, y)) <= 1
+
+    def settings(self) -> dict[str, Any]:
+        """What is recorded with the solution."""
+        return {"rtol": float(self.rtol), "atol": self.atol.tolist()}
+
+    def _smallest(self, run: Run) -> float:
+        return 16 * float(np.spacing(max(abs(run.t), abs(run.t1))))
+
+    def _scale(self, run: Run, y: Array) -> Array:
+        m = run.system.measured
+        n = len(range(run.system.ny)[m])
+        if self.atol.shape not in ((), (n,)):
+            raise InputError(f"atol is one number or one for each of {n} components, got shape {self.atol.shape}")
+        size = np.maximum(run.system.size(run.state.y)[m], run.system.size(y)[m])
+        return self.atol + self.rtol * size + NOTHING
+
+    def _first(self, run: Run) -> float:
+        """Guess the first step (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
+        s, y, F = run.system, run.state.y, run.F
+        scale, m = self._scale(run, y), s.measured
+
+        def norm(x: Array) -> float:
+            return float(np.sqrt(np.mean((x[m] / scale) ** 2)))
+
+        d0, d1 = norm(s.size(y)), norm(F)
+        h0 = min(1e-6 if min(d0, d1) < 1e-5 else 0.01 * d0 / d1, run.left())
+        F1 = s.derivative(run.t + run.sign * h0, s.add(y, run.sign * h0 * F))[0]
+        d2 = norm(F1 - F) / h0
+        steepest = max(d1, d2)
+        h1 = max(1e-6, 1e-3 * h0) if steepest <= 1e-15 else (0.01 / steepest) ** (1 / self.controller.power)
+        return min(100 * h0, h1)

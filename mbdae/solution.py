@@ -1,0 +1,268 @@
+"""What a run returns: times, states, multipliers, statistics, and the solution between the steps."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from .archive import read, write
+from .columns import signals
+from .errors import InputError, StepError
+from .events import Event
+from .mechanism import Effort, Mechanism, Reaction, effort, reaction, redundant
+from .textbook import Hessenberg
+
+Array = np.ndarray
+STATUS = {
+    "finished": "the end of the time span was reached",
+    "event": "a terminal event occurred",
+    "interrupted": "stopped by the user",
+    "step_size": "the step size became too small",
+    "max_steps": "the largest number of steps was reached",
+    "nonfinite": "a value was not finite",
+    "newton": "Newton's method did not converge",
+    "singular": "a linear system was singular",
+    "rank": "the rank of the closures changed",
+    "driver": "a driver is not defined there",
+    "force": "a force law failed",
+    "chart": "a joint turned too far within one step",
+}
+
+
+class Sample(NamedTuple):
+    """The state of a mechanism between steps: q (nq,) and v (nv,)."""
+
+    q: Array
+    v: Array
+
+
+@dataclass
+class Solution:
+    """A computed motion.
+
+    Attributes:
+        problem: the mechanism or textbook problem.
+        t: times of the accepted steps or of ``t_eval``, (n,).
+        y: points, (n, ...): (q, v, s, w) of a mechanism. At a jump there are two, the second just after the first.
+        z_own: the method's own multipliers at t, (n, nz).
+        status: one of `STATUS`; ``"finished"`` and ``"event"`` are successes.
+        message: one line.
+        stats: counts of steps, rejections, evaluations, solves, and seconds.
+        settings: method, tolerances and steps that were used.
+        steps: times, points and own multipliers of all steps, when ``t_eval`` asked for others.
+        events: for each event function the times (k,) and points (k, ...) of its zeros.
+    """
+
+    problem: Any
+    t: Array
+    y: Array
+    z_own: Array
+    status: str
+    message: str
+    stats: dict[str, Any]
+    settings: dict[str, Any]
+    steps: tuple[Array, Array, Array] | None = field(default=None, repr=False)
+
+    events: list[tuple[Array, Array]] = field(default_factory=list, repr=False)
+    viewer: ClassVar[Callable[["Solution"], str] | None] = None  # the page for notebooks, set by the package
+
+    def __post_init__(self) -> None:
+        self._rates: dict[int, Array] = {}
+        self._dense: dict[int, Callable[[float], Array]] = {}
+
+    @property
+    def nodes(self) -> tuple[Array, Array, Array]:
+        """Times, points and own multipliers of all steps."""
+        return self.steps or (self.t, self.y, self.z_own)
+
+    @cached_property
+    def system(self) -> Any:
+        """A workspace of the solution's own, for multipliers and dense output; its counts are not the run's."""
+        return self.problem.system()
+
+    @property
+    def success(self) -> bool:
+        """True when the run came to its end."""
+        return self.status in ("finished", "event")
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism that moved.
+
+        Raises:
+            InputError: for a textbook problem.
+        """
+        if not isinstance(self.problem, Mechanism):
+            raise InputError("a textbook problem has y and z, not q, v and lam")
+        return self.problem
+
+    @property
+    def q(self) -> Array:
+        """Configurations, (n, nq)."""
+        return self.y[:, : self.mechanism.nq]
+
+    @property
+    def v(self) -> Array:
+        """Velocities, (n, nv)."""
+        return self.y[:, self.mechanism.nq : self.mechanism.nq + self.mechanism.nv]
+
+    @property
+    def s(self) -> Array:
+        """States of actuators and controllers, (n, ns), in the order of ``mechanism.states``."""
+        return self.y[:, self.mechanism.nq + self.mechanism.nv : -1]
+
+    @property
+    def work(self) -> Array:
+        """Work of the non-conservative forces since the start in J, integrated with the motion, (n,)."""
+        return self.y[:, -1]
+
+    @property
+    def lam_own(self) -> Array:
+        """The method's own multipliers, (n, ng): lower order than `lam`."""
+        return self.z_own[:, : self.mechanism.ng]
+
+    @cached_property
+    def z(self) -> Array:
+        """Multipliers from the hidden constraint at each t, (n, nz): of the order of y; computed when asked for.
+
+        NaN where they cannot be found, for instance in the singular configuration that ended a run.
+        """
+        out = np.full((len(self.t), self.system.nz), np.nan)
+        for i, near in enumerate(self.z_own):
+            with suppress(StepError):
+                out[i] = self.system.derivative(self.t[i], self.y[i], near)[1]
+        return out
+
+    @property
+    def lam(self) -> Array:
+        """Multipliers from the hidden constraint 0 = G v' + gamma, (n, ng); of the order of v.
+
+        They act on the mechanism; rows in file order; of minimum norm where rows depend on each other.
+        """
+        return self.z[:, : self.mechanism.ng]
+
+    def reaction(self, name: str) -> Reaction:
+        """Return force (N) and torque (N m) of a closure, or of a driven distance, from `lam`.
+
+        Raises:
+            UnknownNameError: for a name that does not exist.
+            InputError: for a coupling or a driver of joints: see `effort`.
+        """
+        return reaction(self.mechanism, name, self.t, self.q, self.lam)
+
+    def effort(self, name: str) -> Effort:
+        """Return torque or force (N m, N) and power (W) of a coupling or a driver, from `lam`.
+
+        Raises:
+            UnknownNameError: for a name that does not exist.
+            InputError: for a closure between frames: see `reaction`.
+        """
+        return effort(self.mechanism, name, self.t, self.q, self.lam)
+
+    @property
+    def redundant(self) -> dict[str, int]:
+        """Closures whose reactions are not unique, and how many of their rows others keep as well, at the start."""
+        return redundant(self.mechanism, self.t[0], self.q[0])
+
+    def point(self, t: float) -> Array:
+        """Return y at any time of the run, interpolated between steps.
+
+        Raises:
+            InputError: for a time outside.
+        """
+        ts, ys, _ = self.nodes
+        low, high = min(ts[0], ts[-1]), max(ts[0], ts[-1])
+        if not low <= t <= high:
+            raise InputError(f"t = {t} is outside the solution, {low} to {high}")
+        if len(ts) == 1:
+            return ys[0]
+        rising, sign = (ts, 1.0) if ts[-1] > ts[0] else (-np.asarray(ts), -1.0)
+        i = int(np.clip(np.searchsorted(rising, sign * t, side="right") - 1, 0, len(ts) - 2))
+        if t in (ts[i], ts[i + 1]):
+            return ys[i] if t == ts[i] else ys[i + 1]
+        return self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
+
+    def dense(self, i: int) -> Callable[[float], Array]:
+        """Return theta -> y on step i, theta in [0, 1], of one order below the method's."""
+        if i not in self._dense:
+            ts, ys, _ = self.nodes
+            rates = self._rate(i), self._rate(i + 1)
+            order = self.settings["dense_order"]
+            self._dense[i] = self.system.interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
+        return self._dense[i]
+
+    def _rate(self, i: int) -> Array:
+        if i not in self._rates:
+            ts, ys, zs = self.nodes
+            self._rates[i] = self.system.derivative(ts[i], ys[i], zs[i])[0]
+        return self._rates[i]
+
+    def multipliers(self, t: float) -> Array:
+        """Return z (nz,) at any time of the run from the hidden constraint; the first ng are lam."""
+        ts, _, zs = self.nodes
+        near = zs[int(np.argmin(np.abs(np.asarray(ts) - t)))]
+        return self.system.derivative(t, self.point(t), near)[1]
+
+    def __call__(self, t: float) -> Sample:
+        """Return q and v at time t, continuous in between (one order below the method's)."""
+        m, y = self.mechanism, self.point(float(t))
+        return Sample(y[: m.nq], y[m.nq : m.nq + m.nv])
+
+    def signals(self) -> dict[str, Array]:
+        """Named columns of equal length for a table, see `mbdae.columns.signals`: ``pandas.DataFrame(sol.signals())``.
+
+        Raises:
+            InputError: for a textbook problem.
+        """
+        return signals(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write a .npz file without pickles (arrays; mechanism, settings and versions as JSON text), or a .csv table.
+
+        Raises:
+            InputError: for a textbook problem, whose functions cannot be written, or an unwritable path.
+        """
+        write(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Solution":
+        """Read the .npz file that `save` wrote; warns when another version of mbdae wrote it.
+
+        Raises:
+            InputError: for a missing or damaged file.
+        """
+        return cls(**read(path))
+
+    def __repr__(self) -> str:
+        title = getattr(self.problem, "title", "?")
+        span = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "empty"
+        return f"<Solution of {title}, {self.settings.get('method', '?')}: {span}, {self.status}>"
+
+    def _repr_html_(self) -> str | None:
+        """How a notebook shows a motion; None where there is nothing to see."""
+        show = type(self).viewer
+        return show(self) if show and isinstance(self.problem, Mechanism) and len(self.t) else None
+
+
+Problem = Mechanism | Hessenberg
+
+
+def event_value(problem: Problem, event: Event, t: float, y: Array) -> float:
+    """Evaluate an event function.
+
+    Raises:
+        InputError: if it does not return a number.
+    """
+    if isinstance(problem, Mechanism):
+        value = event.function(t, y[: problem.nq], y[problem.nq : problem.nq + problem.nv])
+    else:
+        value = event.function(t, y)
+    if np.ndim(value) or not np.isfinite(value):
+        raise InputError(
+            f"event {getattr(event.function, '__name__', '?')!r} returned {value!r} at t = {t:.17g}, expected a number"
+        )
+    return float(value)

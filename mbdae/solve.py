@@ -1,0 +1,270 @@
+"""The only time loop: step, accept or reject, record, look for events."""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from numbers import Real
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from .baseline import Scipy, find
+from .errors import InputError, StepError
+from .events import Watch, as_events
+from .jumps import Jumps
+from .pace import Adaptive, Fixed, Pace
+from .solution import STATUS, Problem, Solution, event_value
+from .system import Array, State, Step, System
+
+Progress = Callable[[float], None]
+
+
+def solve(
+    problem: Problem,
+    t_span: Sequence[float],
+    q: Array | None = None,
+    v: Array | None = None,
+    s: Array | None = None,
+    *,
+    method: str = "pherk5",
+    formulation: str = "index2",
+    project: bool = False,
+    baumgarte: tuple[float, float] | None = None,
+    step: float | None = None,
+    rtol: float = 1e-6,
+    atol: float | Array | None = None,
+    first_step: float | None = None,
+    max_step: float = np.inf,
+    max_steps: int | None = None,
+    jumps: Sequence[float] = (),
+    t_eval: Array | None = None,
+    events: Any = None,
+    progress: Progress | None = None,
+) -> Solution:
+    """Integrate a mechanism or a textbook problem over a time span.
+
+    Args:
+        problem: a mechanism, or a `mbdae.Hessenberg` problem (which brings its own start).
+        t_span: start and end in s; the end may lie before the start.
+        q: consistent start configuration (nq,); the model's start when left out.
+        v: consistent start velocity (nv,); the model's start when left out.
+        s: start values (ns,) of the states of actuators and controllers; their own when left out.
+        method: a name of `mbdae.METHODS`; one of RK45, DOP853, Radau, LSODA for ``"index1"``.
+        formulation: ``"index2"``: closures kept at velocity level; ``"ggl"``: at position level too, by a second
+            multiplier; ``"index1"``: neither, accelerations stepped by scipy as a baseline. Mechanisms only.
+        project: bring the state back to g = 0 and G v = 0 after each step, in the mass metric; for ``"index2"``.
+        baumgarte: alpha and beta in 1/s, for ``"index1"``: 0 = G v' + gamma + 2 alpha G v + beta^2 g.
+        step: fixed step in s; the step size is controlled when left out.
+        rtol: relative tolerance per step of q and v.
+        atol: absolute tolerance, a number or one for each component of (q, v) in the tangent; 0.01 rtol when left out.
+        first_step: first step in s; guessed when left out.
+        max_step: largest step in s.
+        max_steps: largest number of steps taken or rejected; unlimited when left out.
+        jumps: times at which forces (of t) jump: steps end there. Controllers and functions of time in mechanism files
+            tell their own.
+        t_eval: times to report, in the span's order; all steps when left out.
+        events: functions event(t, q, v) -> float (textbook problems: event(t, y)) or `mbdae.Event`; their zeros are
+            reported, and a terminal one ends the run.
+        progress: called with the fraction done after each step.
+
+    Returns:
+        The solution, with everything up to the point of failure if there was one: see `status` and `message`.
+
+    Raises:
+        InputError: for wrong arguments, or an inconsistent start.
+        UnknownNameError: for a method that does not exist.
+    """
+    if not isinstance(problem, Problem):
+        came = type(problem).__name__
+        raise InputError(f"solve takes a Mechanism (see mbdae.load) or a Hessenberg problem, got {came}")
+    tableau = find(formulation, method)
+    if project and formulation != "index2":
+        raise InputError(f"project=True belongs to formulation 'index2', got {formulation!r}")
+    t0, t1 = _span(t_span)
+    for name, value in (("step", step), ("first_step", first_step), ("max_step", max_step)):
+        if value is not None and not (isinstance(value, Real) and value > 0):
+            raise InputError(f"{name} must be positive, got {value}")
+    times = None if t_eval is None else _times(t_eval, t0, t1)
+    system = problem.system(formulation, baumgarte)
+    ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
+    run = _Run(problem, tableau, t0, ahead, problem.point(q, v, t0, s), system, project)
+    pace: Pace
+    if formulation == "index1":
+        pace = Scipy(tableau, run.system, step, rtol, atol, first_step, max_step)
+    elif step:
+        pace = Fixed(step, t0, abs(t1 - t0))
+    else:
+        pace = Adaptive(tableau.error_power, rtol, atol, first_step, max_step)
+    watch = Watch(as_events(events), lambda e, t, y: event_value(problem, e, t, y))
+    started = perf_counter()
+    status, message = "finished", STATUS["finished"]
+    try:
+        run.begin()
+        watch.begin(t0, run.state.y)
+        if _march(run, pace, watch, max_steps, progress):
+            status, message = "event", f"{STATUS['event']} at t = {run.t:.17g}"
+    except StepError as e:
+        if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law
+            raise InputError(str(e)) from e
+        status, message = e.status, str(e)
+    except KeyboardInterrupt:
+        status, message = "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
+    order = tableau.order_linear if hasattr(problem, "model") else tableau.order
+    settings = {"method": method, "formulation": formulation, "project": project, "baumgarte": baumgarte}
+    settings |= {"t_span": [t0, t1], **pace.settings(), "dense_order": max(1, order - 1)}
+    seconds = perf_counter() - started
+    stats = {
+        "steps": run.steps,
+        "rejected": run.rejected,
+        **run.system.counts.to_dict(),
+        "seconds": seconds,
+    }
+    return _report(run, watch, status, message, stats, settings, times)
+
+
+def _march(run: "_Run", pace: "Pace", watch: Watch, max_steps: int | None, progress: Progress | None) -> bool:
+    """Step to the end of the span; True when a terminal event stopped the run before."""
+    total = run.to_go()
+    while run.to_go() > 0:
+        if max_steps is not None and run.steps + (run.rejected or 0) >= max_steps:
+            raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
+        h, t_next = pace.propose(run)
+        try:
+            step = pace.take(run, run.sign * h)
+            error = pace.error(run, step)
+        except StepError:
+            if not pace.may_retry(run, h):
+                raise
+            step, error = None, np.inf
+        if step is None or not pace.judge(run, h, error):
+            run.rejected = (run.rejected or 0) + 1
+            continue
+        run.accept(t_next, _restored(run, pace, t_next, step) if run.project else step)
+        if watch.events:
+            stop = watch.step(run.ts[-2], t_next - run.ts[-2], run.record().dense(len(run.ts) - 2))
+            if stop:
+                run.end_at(*stop)
+                return True
+        if run.t == run.leg.end and run.leg.restart is not None:
+            run.cross(run.leg.restart)
+            pace.restart()
+        if progress:
+            progress(1 - run.to_go() / total)
+    return False
+
+
+def _restored(run: "_Run", pace: "Pace", t: float, step: Step) -> Step:
+    """The step with its end projected; what a method carries is found anew where that moved the state much."""
+    state = State(run.system.restore(t, step.state.y), step.state.carry)
+    move = run.system.difference(step.state.y, state.y)
+    if state.carry is not None and not pace.tolerates(run, state.y, move):
+        state = State(state.y, run.system.carry(*run.system.derivative(t, state.y)))
+    return step._replace(state=state)
+
+
+class _Run:
+    """State and record of a run."""
+
+    def __init__(
+        self, problem: Problem, tableau: Any, t0: float, ahead: Jumps, start: Array, system: System, project: bool
+    ) -> None:
+        self.problem, self.tableau, self.t, self.t1 = problem, tableau, t0, ahead.t1
+        self.ahead, self.sign, self.crossed = ahead, ahead.sign, 0
+        self.system, self.project = system, project
+        self.state = State(start)
+        self.rejected: int | None = 0
+        self.ts, self.ys, self.zs = [t0], [start], [np.full(self.system.nz, np.nan)]
+        self._record: Solution | None = None
+
+    def begin(self) -> None:
+        """Find the derivative at the start; a method with an explicit first stage carries it."""
+        self.ys[-1] = self.system.jump(self.t, self.ys[-1])
+        self.F, self.zs[-1] = self.system.derivative(self.t, self.ys[-1])
+        self.state = State(self.ys[-1], self.system.carry(self.F, self.zs[-1]))
+        self.leg = self.ahead.leg(self.t)
+
+    def cross(self, t: float) -> None:
+        """Begin again behind a jump, at time t: a second point of the solution, right after the one before."""
+        self.zs.append(self.zs[-1])
+        self.ys.append(self.ys[-1])
+        self.ts.append(t)
+        self.t, self.crossed = t, self.crossed + 1
+        self.begin()
+
+    @property
+    def steps(self) -> int:
+        """Number of accepted steps."""
+        return len(self.ts) - 1 - self.crossed
+
+    def left(self) -> float:
+        return abs(self.leg.stop - self.t)
+
+    def to_go(self) -> float:
+        return abs(self.t1 - self.t)
+
+    def accept(self, t: float, step: Step) -> None:
+        """Record a step; the time comes last, so that an interrupt in between leaves the record readable."""
+        self.zs.append(step.z)
+        self.ys.append(step.state.y)
+        self.ts.append(t)
+        self.t, self.state = t, step.state
+
+    def end_at(self, t: float, y: Array) -> None:
+        """Replace the last step's end by an event inside it; leave the step out if the event is at its start."""
+        if t == self.ts[-2]:
+            for record in (self.ts, self.ys, self.zs):
+                record.pop()
+        self.t, self.ts[-1], self.ys[-1] = t, t, y
+        self.zs[-1] = self.system.derivative(t, y)[1]
+
+    def record(self) -> Solution:
+        """The run so far as a solution that shares the lists: its dense output serves the events."""
+        if self._record is None:
+            order = self.tableau.order_linear if hasattr(self.problem, "model") else self.tableau.order
+            settings = {"dense_order": max(1, order - 1)}
+            self._record = Solution(self.problem, self.ts, self.ys, self.zs, "finished", "", {}, settings)  # type: ignore[arg-type]
+        return self._record
+
+
+def _report(
+    run: _Run, watch: Watch, status: str, message: str, stats: dict, settings: dict, times: Array | None
+) -> Solution:
+    n = len(run.ts)
+    t, y, z = np.array(run.ts), np.array(run.ys[:n]), np.array(run.zs[:n])
+    found = [(np.array([w for w, _ in hits]), np.array([p for _, p in hits])) for hits in watch.found]
+    full = Solution(run.problem, t, y, z, status, message, stats, settings, events=found)
+    if times is None:
+        return full
+    reached = times[(times - t[-1]) * run.sign <= 0]
+    read: list[Array] = []
+    with suppress(StepError):  # a method without a stage there may end a step where the forces fail
+        for s in reached:
+            read.append(full.point(s))
+    reached, points = reached[: len(read)], np.array(read).reshape(len(read), y.shape[1])
+    own = np.array([np.interp(run.sign * reached, run.sign * t, column) for column in z.T]).T.reshape(
+        len(reached), z.shape[1]
+    )
+    return Solution(run.problem, reached, points, own, status, message, stats, settings, steps=(t, y, z), events=found)
+
+
+def _span(t_span: Sequence[float]) -> tuple[float, float]:
+    try:
+        t0, t1 = (float(t) for t in t_span)
+    except (TypeError, ValueError):
+        raise InputError(f"t_span is a pair of times, got {t_span!r}") from None
+    if not (np.isfinite(t0) and np.isfinite(t1)):
+        raise InputError(f"t_span must be finite, got {t_span!r}")
+    return t0, t1
+
+
+def _times(t_eval: Array, t0: float, t1: float) -> Array:
+    try:
+        times = np.asarray(t_eval, float)
+    except (TypeError, ValueError):
+        raise InputError(f"t_eval is an array of times, got {t_eval!r}") from None
+    sign = 1.0 if t1 >= t0 else -1.0
+    inside = times.ndim == 1 and len(times) and np.isfinite(times).all()
+    inside = inside and sign * times[0] >= sign * t0 and sign * times[-1] <= sign * t1
+    if not inside or (np.diff(times) * sign <= 0).any():
+        raise InputError(f"t_eval must run from {t0} to {t1} in the span's order")
+    return times

@@ -1,0 +1,1 @@
+"""What one concludes: order, drift, cards, figures, replay."""

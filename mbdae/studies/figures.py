@@ -1,0 +1,157 @@
+"""Figures drawn from results; the files ``figures*.py`` are the only ones that import matplotlib.
+
+Every figure uses the same colour and marker for a method, and the same line style for a formulation; axes carry units;
+legends stand beside the data. They are meant for a page 18 cm wide, and can be read in grey.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from ..errors import InputError
+from ..files import write_whole
+from .variant import Variant
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+P = ParamSpec("P")
+T = TypeVar("T")
+FORMATS = (".png", ".svg", ".pdf")
+WIDTH = 7.1  # inches: two columns of a journal
+STYLE: Any = {  # of matplotlib's keys
+    "font.size": 8.5,
+    "axes.labelsize": 8.5,
+    "axes.titlesize": 9,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "legend.handlelength": 2.6,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.5,
+    "axes.axisbelow": True,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.top": True,
+    "ytick.right": True,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4.5,
+    "lines.markeredgewidth": 0.9,
+    "savefig.dpi": 200,
+    "svg.hashsalt": "mbdae",
+    "pdf.fonttype": 42,
+}
+LOOKS = {  # a hue for a family, a shade and a marker for a method
+    "herk1": ("#9ecae1", "."), "herk2": ("#6baed6", "<"), "herk3": ("#3182bd", "v"), "herk4": ("#2c6fbb", "p"),
+    "herk5": ("#08306b", "s"),
+    "pherk3": ("#fdae6b", ">"), "pherk4": ("#f16913", "H"), "pherk5": ("#d94801", "o"), "pherk6": ("#7f2704", "D"),
+    "arnold4": ("#74c476", "8"), "hedop5": ("#238b45", "^"),
+    "radau1": ("#bcbddc", "1"), "radau3": ("#9e9ac8", "2"), "radau5": ("#6a51a3", "*"), "radau7": ("#54278f", "P"),
+    "radau9": ("#3f007d", "X"),
+    "kutta3": ("#c49c94", "+"), "rk4": ("#8c564b", "x"), "rule38": ("#a1887f", "d"),
+    "RK45": ("#969696", "<"), "DOP853": ("#000000", "P"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
+}  # fmt: skip
+OTHER = ("#17becf", "d")
+LINES: dict[str, Any] = {"": "-", "project": (0, (6, 1.5)), "ggl": (0, (3, 1.5)), "index1": ":", "baumgarte": "-."}
+
+
+def look(name: str) -> dict[str, Any]:
+    """Colour, marker and line style of a method in a formulation, ``"pherk5"`` or ``"ggl:pherk5"``."""
+    variant = Variant.parse(name)
+    colour, marker = LOOKS.get(variant.method, OTHER)
+    face = colour if not variant.prefix else "white"
+    line = LINES[variant.prefix.partition("=")[0]]
+    return {"color": colour, "marker": marker, "markerfacecolor": face, "linestyle": line}
+
+
+def styled(draw: Callable[P, T]) -> Callable[P, T]:
+    """Draw with `STYLE` over matplotlib's own defaults, whatever the user's settings are."""
+
+    @wraps(draw)
+    def inner(*args: P.args, **kwargs: P.kwargs) -> T:
+        import matplotlib
+
+        with matplotlib.rc_context():
+            matplotlib.rcdefaults()
+            matplotlib.rcParams.update(STYLE)
+            return draw(*args, **kwargs)
+
+    return inner
+
+
+def settled(draw: Callable[P, "Figure"]) -> Callable[P, "Figure"]:
+    """`styled`, and the layout is fixed: a figure is the same however often it is written."""
+
+    @wraps(draw)
+    def inner(*args: P.args, **kwargs: P.kwargs) -> "Figure":
+        figure = draw(*args, **kwargs)
+        for _ in range(2):
+            figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        return figure
+
+    return styled(inner)
+
+
+def sheet(width: float, height: float) -> "Figure":
+    """An empty figure, in inches, that finds room for legends outside its axes."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def logarithmic(axis: "Axis", labels: int = 9) -> None:
+    """A logarithmic axis with at most so many labels, at powers of ten; more where it spans about one."""
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator
+
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})  # type: ignore[attr-defined]
+    axis.set_major_locator(LogLocator(numticks=labels))
+    axis.set_minor_locator(LogLocator(subs=tuple(range(2, 10)), numticks=labels))
+    axis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(1.3, 0.4)))
+
+
+def beside(ax: "Axes", **options: Any) -> None:
+    """A legend to the right of the axes, at its top."""
+    ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.02), borderaxespad=0.0, **options)
+
+
+@styled
+def save(figure: "Figure", path: str | Path) -> None:
+    """Write a figure as .png, .svg or .pdf.
+
+    Raises:
+        InputError: for another format or an unwritable path.
+    """
+    check(path)
+    with write_whole(path) as temporary:
+        figure.savefig(temporary, metadata=_undated(Path(path).suffix))
+
+
+@styled
+def svg(figure: "Figure") -> bytes:
+    """A figure as SVG."""
+    file = BytesIO()
+    figure.savefig(file, format="svg", metadata=_undated(".svg"))
+    return file.getvalue()
+
+
+def check(path: str | Path) -> None:
+    """Refuse a path that cannot hold a figure.
+
+    Raises:
+        InputError: naming the formats.
+    """
+    if Path(path).suffix not in FORMATS:
+        raise InputError(f"a figure is saved as {', '.join(FORMATS)}, got {str(path)!r}")
+
+
+def _undated(suffix: str) -> dict[str, None]:
+    """Meta data without a date: the same figure is the same file."""
+    return {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix, {})

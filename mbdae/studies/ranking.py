@@ -1,0 +1,85 @@
+"""Which method needs the least work to an error: interpolation in work-precision data."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil, floor, log
+
+Runs = Sequence[tuple[float, float]]  # (error, work), from coarse to fine
+
+
+@dataclass(frozen=True)
+class Place:
+    """A method in a ranking.
+
+    Attributes:
+        method: its name.
+        work: what it needs; None when it does not reach the target.
+        bound: True when even its coarsest run was better than the target: it needs at most this.
+    """
+
+    method: str
+    work: float | None
+    bound: bool = False
+
+
+def work_at(runs: Runs, target: float) -> tuple[float | None, bool]:
+    """Work that a method needs to stay at or below an error, and whether that is an upper bound only.
+
+    Interpolated in logarithms between its last run above the target and the next one, log work linear in log error.
+    None when its finest run is above.
+    """
+    above = [i for i, (error, _) in enumerate(runs) if error > target]
+    if not runs or (above and above[-1] == len(runs) - 1):
+        return None, False
+    if not above:
+        return runs[0][1], True
+    (e0, w0), (e1, w1) = runs[above[-1]], runs[above[-1] + 1]
+    share = log(e0 / target) / log(e0 / e1)
+    return w0 * (w1 / w0) ** share, False
+
+
+def rank(table: Mapping[str, Runs], target: float) -> list[Place]:
+    """Order methods by work at an error; those that do not reach it come last."""
+    places = [Place(name, *work_at(runs, target)) for name, runs in table.items()]
+    return sorted(places, key=lambda p: float("inf") if p.work is None else p.work)
+
+
+def targets(errors: Sequence[Sequence[float]], bound: float) -> list[float]:
+    """Powers of ten, not below a bound, that at least two methods reach and at least one does not overshoot.
+
+    Args:
+        errors: errors of the runs of each method.
+        bound: the least error that can be told.
+    """
+    best = sorted(min(e) for e in errors if e)
+    if not best:
+        return []
+    low = max(best[min(1, len(best) - 1)], bound)
+    high = max(max(e) for e in errors if e)
+    if not 0 < low <= high:
+        return []
+    return [10.0**k for k in range(min(floor(log10(high)), 0), ceil(log10(low)) - 1, -1)]
+
+
+def log10(x: float) -> float:
+    """Logarithm to base 10, rounded so that powers of ten come out whole."""
+    return round(log(x) / log(10.0), 9)
+
+
+def sentence(places: Sequence[Place], work: str) -> str:
+    """Say a ranking in words; empty when no method was measured."""
+    reached = [(p, p.work) for p in places if p.work is not None]
+    if not reached:
+        return ""
+    first, least = reached[0]
+    word = {"solves": "fewest solves", "seconds": "fastest"}[work]
+    text = f"{word} {first.method} ({_amount(least, work, first.bound)})"
+    if reached[1:]:
+        text += ", then " + ", ".join(f"{p.method} (x {w / least:.2f})" for p, w in reached[1:])
+    missing = [p.method for p in places if p.work is None]
+    return text + (f"; not reached by {', '.join(missing)}" if missing and work == "solves" else "")
+
+
+def _amount(value: float, work: str, bound: bool) -> str:
+    text = f"{value:.0f}" if work == "solves" else f"{value:.3g} s"
+    return f"at most {text}" if bound else text

@@ -1,0 +1,105 @@
+"""A method in a formulation: what one line of a comparison stands for, and how it is written.
+
+``pherk5`` keeps closures at velocity level (index 2); ``project:pherk5`` also brings the state back to g = 0, G v = 0
+after each step; ``ggl:radau5`` keeps closures at both levels; ``index1:DOP853`` has accelerations stepped by scipy, and
+``baumgarte=20,20:RK45`` the same with Baumgarte's alpha and beta in 1/s.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from ..baseline import find
+from ..errors import InputError, UnknownNameError
+
+FORMULATIONS = ("index2", "project", "ggl", "index1", "baumgarte=ALPHA,BETA")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A method in a formulation, see above.
+
+    Attributes:
+        method: a name of `mbdae.METHODS`, or of scipy for ``"index1"``.
+        formulation: ``"index2"``, ``"ggl"`` or ``"index1"``, as in `mbdae.solve`.
+        project: bring the state back after each step.
+        baumgarte: alpha and beta in 1/s.
+
+    Raises:
+        InputError: for a method and a formulation that do not belong together.
+        UnknownNameError: for a method that does not exist.
+    """
+
+    method: str
+    formulation: str = "index2"
+    project: bool = False
+    baumgarte: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        find(self.formulation, self.method)
+
+    @classmethod
+    def parse(cls, text: str) -> "Variant":
+        """Read ``method`` or ``formulation:method``.
+
+        Raises:
+            UnknownNameError: for a formulation or method that does not exist.
+            InputError: for numbers that are not.
+        """
+        prefix, _, method = text.rpartition(":")
+        if prefix in ("", "index2"):
+            return cls(method)
+        if prefix == "project":
+            return cls(method, project=True)
+        if prefix in ("ggl", "index1"):
+            return cls(method, prefix)
+        if prefix.startswith("baumgarte="):
+            return cls(method, "index1", baumgarte=_pair(prefix.removeprefix("baumgarte="), text))
+        raise UnknownNameError("formulation", prefix, FORMULATIONS)
+
+    @property
+    def prefix(self) -> str:
+        """The formulation as it is written before the colon; empty for index 2."""
+        if self.baumgarte:
+            return f"baumgarte={self.baumgarte[0]:g},{self.baumgarte[1]:g}"
+        return "project" if self.project else self.formulation.removeprefix("index2")
+
+    def __str__(self) -> str:
+        return f"{self.prefix}:{self.method}" if self.prefix else self.method
+
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of `mbdae.solve` that it stands for."""
+        rest = {"project": self.project, "baumgarte": self.baumgarte}
+        return {"method": self.method, "formulation": self.formulation, **rest}
+
+
+def variants(methods: Iterable[str | Variant], formulations: Iterable[str] | None = None) -> list[Variant]:
+    """Read a list of methods; those without a formulation of their own take each of ``formulations``.
+
+    Raises:
+        InputError: for an empty list, or as `Variant`.
+    """
+    out: list[Variant] = []
+    for m in methods:
+        if isinstance(m, Variant) or ":" in m:
+            out.append(m if isinstance(m, Variant) else Variant.parse(m))
+        else:
+            out += [Variant.parse(f"{f}:{m}") for f in formulations or ("index2",)]
+    if not out:
+        raise InputError("a comparison needs at least one method")
+    return list(dict.fromkeys(out))
+
+
+def of(settings: dict[str, Any]) -> Variant:
+    """The variant that a solution was computed with, from its settings."""
+    pair = settings.get("baumgarte")
+    rest = (settings.get("formulation", "index2"), bool(settings.get("project")))
+    return Variant(settings["method"], *rest, tuple(pair) if pair else None)
+
+
+def _pair(text: str, whole: str) -> tuple[float, float]:
+    try:
+        alpha, beta = (float(x) for x in text.split(","))
+    except ValueError:
+        raise InputError(f"{whole!r}: expected two numbers in 1/s, as in baumgarte=20,20:RK45") from None
+    return alpha, beta

@@ -1,0 +1,156 @@
+"""The contract between problems and methods: what a method may ask of a problem, and nothing else.
+
+A problem is an index-2 differential-algebraic equation in Hessenberg form on a manifold,
+
+    y' = f(t, y, z),   0 = g(t, y),   g_y f_z regular,
+
+with y a point (an array of numbers, some of which may be quaternions) and tangent vectors of length ny. A mechanism is
+one such problem: y = (q, v, w) with the work w, z = lam (Hairer, Lubich, Roche 1989, eqs. (1.7) to (1.9)).
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass
+class Counts:
+    """Work done so far: evaluations of f, of mass matrices M and constraint Jacobians G; stage systems solved.
+
+    Then factorizations of any kind, projections of embedded solutions, and of states at the ends of steps.
+    """
+
+    f: int = 0
+    M: int = 0
+    G: int = 0
+    solves: int = 0
+    factorizations: int = 0
+    projections: int = 0
+    state_projections: int = 0
+    newton: int = 0
+
+    def to_dict(self) -> dict[str, int]:
+        """The counts by name."""
+        return asdict(self)
+
+
+class State(NamedTuple):
+    """What a one-step method carries: the point y, and the derivative that makes a first stage explicit.
+
+    ``low`` (ny,) is what rounding lost of the increments so far; the next step adds it (compensated summation,
+    Hairer, Lubich, Wanner, Geometric Numerical Integration, VIII.5), so that many small steps cost few digits.
+    """
+
+    y: Array
+    carry: Any = None
+    low: Array | None = None
+
+
+class Step(NamedTuple):
+    """Result of one step: the new state, the method's own z (nz,), error vectors (k, ny), one per embedded formula."""
+
+    state: State
+    z: Array
+    errors: Array
+
+
+Solver = Callable[[Array, Array], tuple[Array, Array]]
+
+
+class Linearization(Protocol):
+    """Slopes of a problem E x' = E f(t, x, z), 0 = g(t, x) at a point, E a matrix of its choice; holds arrays only."""
+
+    def weigh(self, e: Array) -> Array:
+        """Return E e, (ny,)."""
+
+    def factorize(self, mu: complex) -> Solver:
+        """Return the solver (r, c) -> (dk, dz) of (E - mu (E f)_x) dk - (E f)_z dz = r, mu g_x dk = c."""
+
+
+class Chart(Protocol):
+    """A problem in tangent coordinates x at the start of a step, y = y_n (+) x; charts live for one step."""
+
+    def first(self, carry: Any) -> tuple[Array, Array]:
+        """Return (x', z) of the explicit first stage, at x = 0."""
+
+    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+        """Return (x', z) at (t, y_n (+) x), with z such that g(that, y_n (+) (xhat + factor x')) = 0."""
+
+    def point(self, x: Array) -> Array:
+        """Return y_n (+) x."""
+
+    def own(self, z: Array) -> Array:
+        """Return the last stage's z in full, (nz,)."""
+
+    def project(self, e: Array) -> Array:
+        """Project a small tangent vector e at the last stage's point onto the tangent of 0 = g along f_z."""
+
+    @property
+    def unknowns(self) -> Any:
+        """Which z are solved for: values (m,) of other steps serve while this stays the same."""
+
+    def start(self) -> tuple[Array, Array]:
+        """Return x' at x = 0 and the unknown z (m,) from the hidden constraint."""
+
+    def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
+        """Return E (f(t, x, z) - x'), (ny,), and -g(t, x), (m,), at a stage of an implicit method."""
+
+    def linearize(self, x: Array, dx: Array, z: Array) -> Linearization:
+        """Take the slopes at (x, x', z)."""
+
+    def end(self, t: float, x: Array, z: Array) -> tuple[Array, Array]:
+        """Return y_n (+) x, where a step ends, and z there in full, (nz,)."""
+
+
+class System(Protocol):
+    """A problem bound to a workspace of one solve (not to be shared between threads)."""
+
+    ny: int
+    nz: int
+    counts: Counts
+    measured: slice  # the components of a tangent vector whose error is controlled
+
+    def chart(self, t: float, y: Array) -> Chart:
+        """Open a step at (t, y)."""
+
+    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
+        """Return (y' in the tangent at y, z) from g_t + g_y f(t, y, z) = 0, the root near a guess of z."""
+
+    def carry(self, F: Array, z: Array) -> Any:
+        """Return what a method with an explicit first stage keeps of a derivative at the new point."""
+
+    def add(self, y: Array, x: Array) -> Array:
+        """Return y (+) x."""
+
+    def lost(self, y0: Array, x: Array, y1: Array) -> Array:
+        """Return what rounding lost of x in y1 = y0 (+) x, (ny,); zero where the tangent is curved."""
+
+    def difference(self, y0: Array, y1: Array) -> Array:
+        """Return y1 (-) y0 in the tangent at y0, (ny,)."""
+
+    def restore(self, t: float, y: Array) -> Array:
+        """Return the point nearest to y that meets what the methods do not keep: positions of a mechanism."""
+
+    def breakpoint(self, t: float, sign: float) -> float:
+        """Return the next time after t, in the direction of sign, at which f or y may jump; sign * inf if none.
+
+        At that very time f belongs to what comes after (in rising t).
+        """
+
+    def jump(self, t: float, y: Array) -> Array:
+        """Return y just after time t: y itself, but for what jumps there."""
+
+    def size(self, y: Array) -> Array:
+        """Magnitude of each tangent component for relative tolerances, (ny,); 1 for rotations."""
+
+    def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
+        """Return the norm of (g_y f_z)^-1, by which rounding in g reaches z."""
+
+    def interpolant(
+        self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int
+    ) -> Callable[[float], Array]:
+        """Return theta -> y on a step, of the wanted order, from y and y' at both ends."""

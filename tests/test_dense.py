@@ -1,0 +1,44 @@
+"""Dense output: polynomials of any order exist, and reach it."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.dense import fit, nodes, powers, refine
+from mbdae.textbook import TEXTBOOK
+
+SWEEPS = range(9)
+
+
+@pytest.mark.parametrize("highest", [1, 2])
+@pytest.mark.parametrize("m", SWEEPS)
+def test_a_polynomial_is_recovered(highest, m):
+    degree = 2 * highest + 1 + m
+    c = np.random.default_rng(m).normal(size=(degree + 1, 2))
+    ends = [(powers(0.0, degree, d) @ c, powers(1.0, degree, d) @ c) for d in range(highest + 1)]
+    inner = np.array([powers(s, degree, highest) @ c for s in nodes(m)]).reshape(m, 2)
+    np.testing.assert_allclose(fit(ends, inner), c, atol=1e-6)
+    assert ((nodes(m) > 0) & (nodes(m) < 1)).all()
+
+
+@pytest.mark.parametrize("sweeps", [0, 1, 2, 3, 4, 5])
+def test_each_sweep_raises_the_order_by_one(sweeps):
+    """On y' = -y^2, y = 1/(1 + t), from -h/2 to h/2."""
+
+    def error(h):
+        y = np.array([[1 / (1 - h / 2)], [1 / (1 + h / 2)]])
+        ends = [(y[0], y[1]), (-h * y[0] ** 2, -h * y[1] ** 2)]
+        c = refine(ends, lambda theta, c: -h * (powers(theta, len(c) - 1) @ c) ** 2, sweeps)
+        return max(abs((powers(s, len(c) - 1) @ c)[0] - 1 / (1 + (s - 0.5) * h)) for s in np.linspace(0, 1, 20))
+
+    assert np.log2(error(0.2) / error(0.1)) > 4 + sweeps - 0.2
+
+
+@pytest.mark.parametrize("order", range(3, 10))
+def test_problems_offer_every_order(order):
+    for problem, method in ((TEXTBOOK["hessenberg_a"](), "pherk5"), (mbdae.load("four_bar"), "pherk6")):
+        sol = mbdae.solve(problem, (0, 1), method=method, rtol=1e-8)
+        exact = sol.point(0.5123)
+        sol.settings["dense_order"] = order
+        sol._dense.clear()
+        np.testing.assert_allclose(sol.point(0.5123), exact, atol=1e-6)

@@ -1,0 +1,131 @@
+"""The house: who may import whom, where heavy imports live, and how long files are."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "mbdae"
+FLOORS = (  # a room imports from the floors below its own, never from rooms beside it
+    ("errors",),
+    ("files", "linear", "dense", "events"),
+    ("system",),
+    ("mechanism", "methods", "textbook"),
+    ("solution",),
+    ("solve",),
+    ("studies",),
+    ("__init__",),
+    ("__main__",),
+)
+ROOMS = {  # files that were split off, and the room they belong to
+    "textbook_stages": "textbook",
+    "archive": "solution",
+    "columns": "solution",
+    "pace": "solve",
+    "jumps": "solve",
+    "baseline": "solve",
+    "console": "__main__",
+    "study_commands": "__main__",
+}
+SECRETS = {  # heavy or special imports, and the only places that may know them
+    "pinocchio": "mechanism/*.py",
+    "coal": "mechanism/*.py",
+    "mujoco": "mechanism/mjcf*.py",
+    "matplotlib": "studies/figures*.py",
+    "meshcat": "studies/replay*.py",
+    "click": "*.py",
+    "rich": "console.py",
+}
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def imported(path):
+    """Full names of everything a file imports, wherever in it, except for type checkers."""
+    tree = ast.parse(path.read_text())
+    package = ["mbdae", *path.relative_to(PACKAGE).parts[:-1]]
+    skipped = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            stem = [*base, *([node.module] if node.module else [])]
+            yield from (".".join([*stem, alias.name]) for alias in node.names)
+
+
+def room(name):
+    """Room of a module given by its dotted name."""
+    first = name.split(".")[1] if "." in name else ""
+    exists = (PACKAGE / first).is_dir() or (PACKAGE / f"{first}.py").is_file()
+    first = first if first and exists else "__init__"
+    return ROOMS.get(first, first)
+
+
+def floor(name):
+    found = [level for level, rooms in enumerate(FLOORS) if name in rooms]
+    assert found, f"{name} has no floor: say in FLOORS or ROOMS where it belongs"
+    return found[0]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_imports_go_down(path):
+    here = room(".".join(["mbdae", *path.relative_to(PACKAGE).with_suffix("").parts]))
+    for name in imported(path):
+        if name.split(".")[0] == "mbdae":
+            there = room(name)
+            assert there == here or floor(there) < floor(here), f"{path.name} ({here}) imports {name} ({there})"
+        else:
+            floor(here)
+
+
+def test_the_test_sees_imports():
+    # guards the walk itself: relative, nested and plain imports are found, those for type checkers are not
+    found = set(imported(PACKAGE / "mechanism" / "descriptor.py"))
+    assert {"pinocchio", "numpy", "mbdae.errors.StepError", "mbdae.system.Counts"} <= found
+    assert not any("mechanism.mechanism" in name for name in found)
+    assert floor("methods") == floor("mechanism") < floor("solve")
+    assert room("mbdae.mechanism.frames.Pair") == "mechanism"
+    assert room("mbdae.load") == "__init__"
+
+
+@pytest.mark.parametrize("secret", SECRETS)
+def test_heavy_imports_are_secrets_of_one_place(secret):
+    users = {p for p in FILES if secret in {name.split(".")[0] for name in imported(p)}}
+    assert users <= set(PACKAGE.glob(SECRETS[secret]))
+
+
+def test_methods_know_numbers_only():
+    allowed = {"numpy", "scipy", "mbdae", *sys.stdlib_module_names}
+    for path in PACKAGE.glob("methods/*.py"):
+        assert {name.split(".")[0] for name in imported(path)} <= allowed, path.name
+
+
+def test_importing_mbdae_stays_light():
+    code = "import sys, mbdae; print(*{name.split('.')[0] for name in sys.modules})"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert not {"matplotlib", "meshcat", "mujoco", "tornado", "rich", "click", "pytest"} & set(out.stdout.split())
+    assert "pinocchio" in out.stdout
+
+
+@pytest.mark.parametrize("folder", ["mbdae", "tests", "examples"])
+def test_files_are_short(folder):
+    long = {str(p): n for p in (ROOT / folder).rglob("*.py") if (n := len(p.read_text().splitlines())) > 300}
+    assert not long
+
+
+def test_every_public_name_is_documented():
+    import mbdae
+
+    for name in mbdae.__all__:
+        value = getattr(mbdae, name)
+        assert isinstance(value, dict) or (value.__doc__ or "").strip(), name

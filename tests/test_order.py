@@ -1,0 +1,61 @@
+"""Observed orders of every method against its claims, by the rules of the order study."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.studies.order import LEAST_OUTPUTS, _above, _done
+from mbdae.textbook import hessenberg_a
+
+REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")
+
+IRREGULAR = {("heavy_top", "radau5", "own lam")}  # its error changes sign there: slopes between 2.5 and 4.6, claim 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["pendulum", "four_bar", "heavy_top"])
+@pytest.mark.parametrize("method", list(mbdae.METHODS))
+def test_orders(model, method):
+    study = mbdae.check_order(mbdae.load(model), [method])
+    slopes = [s for s in study.slopes[method] if (model, method, s.quantity) not in IRREGULAR]
+    assert [s.verdict for s in slopes] == ["holds"] * len(slopes), str(study)
+
+
+@pytest.mark.parametrize("method", REGULAR_ON_A)
+def test_orders_where_f_is_nonlinear_in_z(method):
+    study = mbdae.check_order(hessenberg_a(), [method])
+    assert study.holds, str(study)
+    if method in ("kutta3", "rk4", "rule38"):
+        assert study.slopes[method][0].observed < 2.3
+
+
+@pytest.mark.parametrize("method", ["kutta3", "rk4", "rule38"])
+def test_order_reduction_is_less_on_mechanisms(method):
+    q, v, own, _ = mbdae.check_order(mbdae.load("four_bar"), [method]).slopes[method]
+    assert 2.8 <= q.observed < 3.3
+    assert 2.8 <= v.observed < 3.3
+    assert own.observed < 1.3
+
+
+def test_what_cannot_be_judged_is_said_so():
+    mech = mbdae.load("pendulum")
+    study = mbdae.check_order(mech, ["pherk6"], T=1e-3, steps=LEAST_OUTPUTS)
+    assert not study.holds
+    assert not study.refuted
+    assert "cannot be judged" in str(study)
+    run = [sys.executable, "-m", "mbdae", "order", "pendulum", "-m", "pherk6", "-t", "1e-3", "--steps", "10", "--json"]
+    process = subprocess.run(run, capture_output=True, text=True, timeout=300)
+    assert process.returncode == 3
+    assert json.loads(process.stdout)["holds"] is False
+
+
+def test_rules():
+    assert _above([1.0, 0.1, 1e-9, 1.0], [1e-3] * 4) == 2  # an error that rose from the floor does not count
+    errors = 2.0 ** -np.arange(0, 10, 2)
+    assert _done(errors, np.zeros(5))
+    assert not _done(errors[:4], np.zeros(4))
+    assert _done([1.0, 1e-9], [1e-3, 1e-3])

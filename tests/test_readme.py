@@ -1,0 +1,63 @@
+"""The README's code runs, its tables agree with the code, and its commands work."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import mbdae
+from mbdae.__main__ import cli
+from mbdae.mechanism.closures import KINDS
+from mbdae.mechanism.forces import FORCES
+from mbdae.mechanism.library import MECHANISM, SOURCES
+
+README = (Path(__file__).parent.parent / "README.md").read_text()
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.S)
+PYTHON = [code for language, code in BLOCKS if language == "python"]
+COMMANDS = [
+    line.split("#")[0].strip() for language, code in BLOCKS if language == "sh" for line in code.splitlines()
+]
+MBDAE = [c for c in COMMANDS if c.startswith("mbdae ")]
+
+
+def table(header: str) -> dict[str, list[str]]:
+    body = README.split(f"| {header} |")[1].split("\n\n")[0].splitlines()[2:]
+    rows = [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in body]
+    return {row[0]: row[1:] for row in rows}
+
+
+@pytest.mark.parametrize("code", PYTHON)
+def test_python(code, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "README.md", "exec"), {})
+
+
+def test_commands(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    first = next(c for c in COMMANDS if "mbdae run" in c and "install" in c)
+    for command in [first.split("&&")[-1].strip(), *MBDAE]:
+        result = CliRunner().invoke(cli, shlex.split(command)[1:])
+        assert result.exit_code == 0, (command, result.output, result.exception)
+
+
+def test_methods_table():
+    assert table("method") == {n: [str(m.order), m.title] for n, m in mbdae.METHODS.items()}
+
+
+def test_models_table():
+    assert table("model") == {n: [mbdae.load(n).title] for n in mbdae.model_names()}
+
+
+def test_closures_table():
+    assert list(table("closure")) == list(KINDS)
+
+
+def test_files_table():
+    read = [suffix.strip(" `") for row in table("file") for suffix in row.split(",")]
+    assert read == [MECHANISM, *SOURCES]
+
+
+def test_forces_table():
+    assert list(table("force")) == [f.model_fields["kind"].default for f in FORCES]

@@ -1,0 +1,184 @@
+"""Bad input is refused in one line that names the thing and what would be valid."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import rod, tree
+
+import mbdae
+from mbdae import Closure, Hessenberg, JointDamping, JointSpring, JointTorque, Mechanism, SpringDamper
+from mbdae.errors import AssemblyError, InputError, UnknownNameError
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    return mbdae.load("four_bar")
+
+
+def refused(kind, call, *words):
+    with pytest.raises(kind) as caught:
+        call()
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message, message
+    return caught.value
+
+
+SOLVE = [
+    ({"method": "pherk7"}, ["unknown method 'pherk7'", "did you mean", "herk1, herk2", "pherk6"]),
+    ({"method": None}, ["unknown method None"]),
+    ({"step": -1e-3}, ["step must be positive", "-0.001"]),
+    ({"step": 0}, ["step must be positive"]),
+    ({"step": np.nan}, ["step must be positive"]),
+    ({"step": np.array([0.1])}, ["step must be positive"]),
+    ({"first_step": -1}, ["first_step must be positive"]),
+    ({"max_step": 0}, ["max_step must be positive"]),
+    ({"rtol": 0}, ["rtol = 0", "at least 2.2e-14"]),
+    ({"rtol": -1e-6}, ["rtol = -1e-06"]),
+    ({"rtol": np.nan}, ["rtol = nan"]),
+    ({"rtol": np.inf}, ["rtol = inf"]),
+    ({"atol": -1.0}, ["atol", "-1.0"]),
+    ({"atol": np.nan}, ["atol"]),
+    ({"atol": np.ones(5)}, ["atol", "(5,)"]),
+    ({"t_eval": [0.5, 0.2]}, ["t_eval must run from 0.0 to 1.0"]),
+    ({"t_eval": [0.5, 1.2]}, ["t_eval"]),
+    ({"t_eval": []}, ["t_eval"]),
+    ({"t_eval": "soon"}, ["t_eval", "'soon'"]),
+    ({"t_eval": [0.0, np.nan]}, ["t_eval"]),
+    ({"t_span": 5}, ["t_span is a pair of times", "5"]),
+    ({"t_span": (0, 1, 2)}, ["t_span"]),
+    ({"t_span": (0, np.inf)}, ["t_span must be finite"]),
+    ({"q": np.zeros(2)}, ["q has shape (2,), expected (3,)"]),
+    ({"q": {"crank": 1.0}}, ["q is an array of 3 numbers", "assemble"]),
+    ({"q": [np.nan, 0, 0]}, ["q is not finite"]),
+    ({"v": np.zeros((3, 1))}, ["v has shape (3, 1)"]),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), SOLVE, ids=[str(o)[:40] for o, _ in SOLVE])
+def test_arguments_of_solve(four_bar, options, words):
+    arguments = {"t_span": (0, 1), **options}
+    refused(InputError, lambda: mbdae.solve(four_bar, **arguments), *words)
+
+
+def test_numbers_of_numpy_are_numbers(four_bar, tmp_path):
+    options = {"t_span": (np.int64(0), np.float32(0.5)), "max_steps": np.int64(1000)}
+    tolerances = {"rtol": np.float32(1e-5), "atol": np.float32(1e-7), "max_step": np.int64(1)}
+    for more in ({"step": np.float32(0.1)}, tolerances):
+        sol = mbdae.solve(four_bar, **options, **more)
+        assert sol.success
+        sol.save(tmp_path / "run.npz")
+        assert mbdae.Solution.load(tmp_path / "run.npz").settings == sol.settings
+    assert mbdae.solve(four_bar, (0, 0.1), atol=0.0).success
+    assert mbdae.solve(four_bar, (0, 0.1), atol=np.full(6, 1e-8)).success
+
+
+def test_what_is_not_a_problem():
+    refused(InputError, lambda: mbdae.solve("four_bar", (0, 1)), "Mechanism", "mbdae.load", "got str")
+    refused(InputError, lambda: mbdae.solve(None, (0, 1)), "got NoneType")
+
+
+def test_a_start_that_leaves_closures_open(four_bar):
+    q, v = four_bar.assemble({"crank": 0.7}, {"crank": 2.0})
+    assert mbdae.solve(four_bar, (0, 0.1), q, v).success
+    for i in range(3):
+        wrong = q.copy()
+        wrong[i] += 1e-3
+        refused(InputError, lambda w=wrong: mbdae.solve(four_bar, (0, 1), w, v), "not consistent", "'pin'", "assemble")
+        wrong = v.copy()
+        wrong[i] += 1e-3
+        refused(InputError, lambda w=wrong: mbdae.solve(four_bar, (0, 1), q, w), "not consistent", "'pin'", "m/s")
+    gap = refused(InputError, lambda: mbdae.solve(four_bar, (0, 1), q + [0.1, 0, 0], v))
+    size = np.linalg.norm(four_bar.residual(q + [0.1, 0, 0], v)[0])
+    assert f"{size:.3g}" in str(gap)
+    again = four_bar.assemble(q + [1e-3, 0, 0], v + [0, 1e-3, 0])  # what the message advises
+    assert mbdae.solve(four_bar, (0, 0.1), *again).success
+
+
+def test_the_worst_closure_of_a_start_is_named():
+    mech = mbdae.load("andrews_squeezer")
+    q, v = (x.copy() for x in mech.start)
+    q[mech.joint_names.index("delta")] += 0.1  # moves K4 only
+    refused(InputError, lambda: mbdae.solve(mech, (0, 1), q, v), "'K2-K4'")
+
+
+def test_a_start_off_the_manifold():
+    mech = Mechanism(tree(["free", "ruby"], [0, 1]))
+    q, v = pin.neutral(mech.model), np.zeros(7)
+    assert mbdae.solve(mech, (0, 0.01), q, v).success
+    for i in (6, 7):
+        wrong = q.copy()
+        wrong[i] = 2.0
+        refused(InputError, lambda w=wrong: mbdae.solve(mech, (0, 1), w, v), "quaternions")
+    assert pin.isNormalized(mech.model, mech.assemble(wrong, v)[0])
+
+
+def test_an_inconsistent_textbook_problem():
+    problem = Hessenberg(
+        f=lambda t, y, z: np.array([y[1] + z[0], -y[0]]), g=lambda t, y: y[:1] - np.sin(t), y0=(0.5, 0.0), z0=(0.0,)
+    )
+    refused(InputError, lambda: mbdae.solve(problem, (0, 1)), "not consistent", "0.5")
+    refused(InputError, lambda: mbdae.solve(problem, (0, 1), np.zeros(2)), "belong to mechanisms")
+
+
+def test_assembly(four_bar):
+    both = {"crank": 1.0, "coupler": 2.0}
+    error = refused(AssemblyError, lambda: four_bar.assemble(both), "'pin' stays open", "held: crank, coupler")
+    assert error.closure == "pin"
+    assert error.gap > 0.1
+    refused(AssemblyError, lambda: four_bar.assemble(v=both), "velocity", "'pin'", "m/s")
+    refused(UnknownNameError, lambda: four_bar.assemble({"cranc": 1.0}), "unknown joint 'cranc'", "mean 'crank'")
+    refused(UnknownNameError, lambda: four_bar.assemble(v={"x": 1.0}), "valid: crank, coupler, rocker")
+    refused(InputError, lambda: four_bar.assemble({"crank": np.nan}), "'crank' takes 1 finite")
+    refused(InputError, lambda: four_bar.assemble({"crank": [1.0, 2.0]}), "'crank' takes 1")
+    refused(InputError, lambda: four_bar.assemble(np.zeros(5)), "q has shape (5,)")
+
+
+def test_names_of_frames_and_joints(four_bar):
+    model = four_bar.model
+    closure = lambda: Mechanism(model, [Closure.point("coupler_tip", "rocker_top")])  # noqa: E731
+    error = refused(UnknownNameError, closure, "unknown frame 'rocker_top'", "did you mean 'rocker_tip'", "world")
+    assert error.kind == "frame"
+    assert "rocker_tip" in error.valid
+    forces = [
+        JointDamping(joint="x", damping=1.0),
+        JointSpring(joint=("crank", "x"), stiffness=1.0),
+        JointTorque(joint="x", torque=1.0),
+    ]
+    for force in forces:
+        refused(UnknownNameError, lambda f=force: Mechanism(model, [], [f]), "unknown joint 'x'", "valid: crank")
+    spring = SpringDamper(frames=("world", "x"), stiffness=1.0)
+    refused(UnknownNameError, lambda: Mechanism(model, [], [spring]), "unknown frame 'x'")
+    refused(InputError, lambda: Mechanism(model, [], [JointTorque(joint="crank", torque=(1.0, 2.0))]), "1 torque value")
+    refused(InputError, lambda: Mechanism(model, [], [3.0]), "a force is", "got float")
+    two = [Closure.point("coupler_tip", "rocker_tip", name="pin")] * 2
+    refused(InputError, lambda: Mechanism(model, two), "names of their own", "pin, pin")
+
+
+def test_models_and_files():
+    refused(UnknownNameError, lambda: mbdae.load("four_bat"), "unknown model 'four_bat'", "did you mean 'four_bar'")
+    refused(InputError, lambda: mbdae.load("four_bar.toml"), "no such file")
+
+
+def test_closures_written_wrongly():
+    refused(InputError, lambda: Closure.distance("a", "b", -1.0), "Closure: length", "greater than 0")
+    refused(InputError, lambda: Closure.point("a", "a"), "'a' with itself")
+    refused(InputError, lambda: Closure(kind="weld", frames=("a", "b")), "kind", "'point'")
+    refused(InputError, lambda: Closure(kind="point", frames=("a", "b"), length=1.0), "length", "point")
+    refused(InputError, lambda: Closure.revolute("a", "b", axis=(0.0, 0.0, 0.0)), "axis must not be zero")
+    refused(InputError, lambda: Closure.revolute("a", "b", axis=(np.inf, 0.0, 0.0)), "finite")
+    refused(InputError, lambda: Closure(kind="point", frames=("a", "b"), stiffness=1.0), "unknown key stiffness")
+    refused(InputError, lambda: JointDamping(joint="a", damping=-1.0), "JointDamping: damping")
+
+
+def test_a_massless_chain_is_assembled_but_does_not_move():
+    model = pin.Model()
+    joint, tip = rod(model, 0, pin.SE3.Identity(), 1.0, "a", mass=0.0)
+    rod(model, joint, tip, 1.0, "b", mass=0.0)
+    mech = Mechanism(model, [Closure.point("b_tip", "world")])
+    q, v = mech.assemble({}, {"a": 1.0}, guess={"b": 3.0})
+    np.testing.assert_allclose(q, [0, np.pi], atol=1e-9)
+    sol = mbdae.solve(mech, (0, 1), q, v)
+    assert sol.status == "singular"
+    assert "joint 'a'" in sol.message

@@ -1,0 +1,34 @@
+"""The achieved error follows the tolerance, for every method on four models."""
+
+import numpy as np
+import pytest
+
+import mbdae
+
+CASES = {"four_bar": 1.0, "pendulum": 2.0, "slider_crank": 0.5, "heavy_top": 0.1}
+
+
+def tolerances(method):
+    """Low orders are not asked for tight tolerances: it would take a hundred thousand steps."""
+    if method.order < 3:
+        return [1e-3, 1e-4, 1e-5]
+    return [1e-4, 1e-6, 1e-8, 1e-10]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", CASES)
+@pytest.mark.parametrize("name", list(mbdae.METHODS))
+def test_error_follows_tolerance(model, name):
+    mech, T = mbdae.load(model), CASES[model]
+    times = np.linspace(0, T, 11)[1:]
+    other = "herk5" if name == "pherk6" else "pherk6"
+    reference = mbdae.solve(mech, (0, T), method=other, rtol=1e-13, atol=1e-13, t_eval=times)
+    ratios = []
+    for rtol in tolerances(mbdae.METHODS[name]):
+        sol = mbdae.solve(mech, (0, T), method=name, rtol=rtol, atol=rtol, t_eval=times)
+        assert sol.success, sol.message
+        pairs = zip(reference.q, sol.q, strict=True)
+        error_q = max(np.abs(mech.manifold.difference(a, b)).max() for a, b in pairs)
+        error_v = np.abs(sol.v - reference.v).max() / max(1.0, np.abs(reference.v).max())
+        ratios.append(max(error_q, error_v) / rtol)
+    assert max(ratios) / min(ratios) <= 100, ratios
