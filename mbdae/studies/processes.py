@@ -78,8 +78,8 @@ def _prepare(course: Course, reference: Samples | None, flag: Any) -> None:
 
 
 def _light(mech: Mechanism) -> Mechanism:
-    """The mechanism without its shapes, which can be hundreds of megabytes."""
+    """The mechanism without its shapes, which can be hundreds of megabytes, and without what made it."""
     light = copy(mech)
-    light.visuals = None
+    light.visuals = light.source = None
     light.__dict__.pop("scene", None)
     return light
