@@ -46,7 +46,17 @@ def cli() -> None:
 def models(as_json: bool) -> None:
     """List the models that come with mbdae."""
     rows = [(name, load(name)) for name in model_names()]
-    data = [{"name": n, "title": m.title, "nq": m.nq, "nv": m.nv, "ng": m.ng} for n, m in rows]
+    data = [
+        {
+            "name": n,
+            "title": m.title,
+            "nq": m.nq,
+            "nv": m.nv,
+            "ng": m.ng,
+            "parameters": "; ".join(f"{p['name']}: {p['takes']}" for p in (m.source or {})["parameters"]) or None,
+        }
+        for n, m in rows
+    ]
     show(data, as_json)
 
 

@@ -11,14 +11,12 @@ import mbdae
 from mbdae.__main__ import cli
 from mbdae.mechanism.closures import KINDS
 from mbdae.mechanism.forces import FORCES
-from mbdae.mechanism.library import MECHANISM, SOURCES
+from mbdae.mechanism.library import MECHANISM, PARAMETRIC, SOURCES
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.S)
 PYTHON = [code for language, code in BLOCKS if language == "python"]
-COMMANDS = [
-    line.split("#")[0].strip() for language, code in BLOCKS if language == "sh" for line in code.splitlines()
-]
+COMMANDS = [line.split("#")[0].strip() for language, code in BLOCKS if language == "sh" for line in code.splitlines()]
 MBDAE = [c for c in COMMANDS if c.startswith("mbdae ")]
 
 
@@ -56,7 +54,7 @@ def test_closures_table():
 
 def test_files_table():
     read = [suffix.strip(" `") for row in table("file") for suffix in row.split(",")]
-    assert read == [MECHANISM, *SOURCES]
+    assert read == [MECHANISM, PARAMETRIC, *SOURCES]
 
 
 def test_forces_table():

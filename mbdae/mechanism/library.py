@@ -6,10 +6,11 @@ from pathlib import Path
 from ..errors import InputError, UnknownNameError
 
 ROBOTS = "example-robot-data:"
-MECHANISM = ".toml"
+MECHANISM, PARAMETRIC = ".toml", ".py"
 SOURCES = (".urdf", ".xml", ".mjcf", ".yaml")
-SUFFIXES = ", ".join((MECHANISM, *SOURCES[:-1])) + f" or {SOURCES[-1]}"
-IN_FOLDER = ("mechanism.toml", "robot.yaml", "robot.urdf")
+SUFFIXES = ", ".join((MECHANISM, PARAMETRIC, *SOURCES[:-1])) + f" or {SOURCES[-1]}"
+OWN = ("mechanism.toml", "mechanism.py")
+IN_FOLDER = (*OWN, "robot.yaml", "robot.urdf")
 
 
 def models_directory() -> Path:
@@ -23,7 +24,7 @@ def models_directory() -> Path:
 
 def model_names() -> list[str]:
     """Names of the models that come with mbdae."""
-    return sorted(d.parent.name for d in models_directory().glob("*/mechanism.toml"))
+    return sorted({file.parent.name for own in OWN for file in models_directory().glob(f"*/{own}")})
 
 
 def find(name: str) -> Path:
@@ -33,9 +34,7 @@ def find(name: str) -> Path:
         UnknownNameError: when it is neither.
         InputError: for a file of a kind that is not read.
     """
-    if name in model_names():
-        return models_directory() / name / "mechanism.toml"
-    path = Path(name)
+    path = models_directory() / name if name in model_names() else Path(name)
     try:
         if path.is_dir():
             path = next((path / n for n in IN_FOLDER if (path / n).is_file()), path)
@@ -56,7 +55,7 @@ def refuse_suffix(path: Path) -> None:
     Raises:
         InputError: lists what is.
     """
-    if path.suffix not in (MECHANISM, *SOURCES):
+    if path.suffix not in (MECHANISM, PARAMETRIC, *SOURCES):
         raise InputError(f"cannot read {path.name}: expected a {SUFFIXES} file")
 
 

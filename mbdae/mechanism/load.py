@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ..errors import InputError
+from ..errors import InputError, UnknownNameError
 from ..files import text_of
 from .assemble import START
 from .build import build
 from .closures import Closure
 from .drivers import Driver
 from .forces import FORCES, PYTHON_FORCES, Actuator
-from .library import IN_FOLDER, MECHANISM, find
+from .library import IN_FOLDER, MECHANISM, PARAMETRIC, find
 from .mechanism import Mechanism
+from .parametric import read_parametric, split
 from .part import Motor, Part
 from .schema import MechanismFile, Source, read_toml
 from .sources import merged, read_source, restored
@@ -32,29 +33,30 @@ def load(
     motors: Mapping[str, Any] | None = None,
     key: str = "",
     assemble: bool = True,
+    **parameters: Any,
 ) -> Mechanism:
     """Load a mechanism.
 
     Args:
-        path: the name of a model that comes with mbdae, a mechanism.toml, a URDF file, an MJCF file, a robot.yaml
-            beside a robot.urdf, or a folder with one of these.
+        path: the name of a model that comes with mbdae, a mechanism.toml, a mechanism.py, a URDF file, an MJCF file, a
+            robot.yaml beside a robot.urdf, or a folder with one of these.
         closures: more closures, behind those of the file.
         drivers: more drivers, behind those of the file.
         forces: more forces, behind those of the file.
         motors: controls of named inputs (`Mechanism.motors`): numbers or functions of time.
         key: keyframe of an MJCF file to start from; its first one when left out, ``"qpos0"`` for none.
         assemble: make the file's start consistent; False takes it as it is, and refuses it where a closure is open.
+        parameters: of a mechanism.py, also written behind the name: ``"n_four_bar?N=10"``.
 
     Raises:
-        UnknownNameError: for a model, frame, joint, motor or keyframe that does not exist; lists those that do.
+        UnknownNameError: for a model, parameter, frame, joint, motor or keyframe that does not exist; lists those that
+            do.
         InputError: for a file that is wrong: one line with the key and what was expected.
     """
-    found = find(str(path))
+    plain, written = split(str(path))
+    found = find(plain)
     name = found.parent.name if found.name in IN_FOLDER else found.stem
-    if found.suffix == MECHANISM:
-        file = read_toml(text_of(found), str(found))
-    else:
-        file = MechanismFile(source=(Source(file=found.name),), title=name)
+    file, chosen = _read(found, name, {**written, **parameters})
     described = [f for f in forces if isinstance(f, FORCES)]
     update = {
         "source": tuple(_with_options(s, file, key) for s in file.source),
@@ -70,10 +72,21 @@ def load(
     if left_out:
         warnings.warn(f"{name}: not carried over: {'; '.join(left_out)}", stacklevel=2)
     functions = [f for f in forces if not isinstance(f, FORCES)]
-    mech = _make(file, name, parts, functions, inputs, left_out)
+    mech = _make(file, name, parts, functions, inputs, left_out, chosen)
     if file.start.assemble and any(p.start.guess for p in parts):
         _remark_open(mech, name)
     return mech
+
+
+def _read(found: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismFile, Sequence[dict[str, Any]]]:
+    """The mechanism file, and what is known of its parameters."""
+    if found.suffix == PARAMETRIC:
+        return read_parametric(found, name, values)
+    if values:
+        raise UnknownNameError(f"parameter of {name}", next(iter(values)), ())
+    if found.suffix == MECHANISM:
+        return read_toml(text_of(found), str(found)), ()
+    return MechanismFile(source=(Source(file=found.name),), title=name), ()
 
 
 def _remark_open(mech: Mechanism, name: str) -> None:
@@ -94,6 +107,7 @@ def _make(
     functions: Sequence[Any] = (),
     motors: Sequence[Motor] = (),
     left_out: Sequence[str] = (),
+    parameters: Sequence[dict[str, Any]] = (),
 ) -> Mechanism:
     if not parts and not file.body:
         raise InputError(f"{name}: a mechanism needs a source or a [[body]]")
@@ -104,6 +118,7 @@ def _make(
         "parts": [p.record for p in parts],  # called when written: meshes are large
         "motors": [list(m) for m in motors],
         "left_out": list(left_out),
+        "parameters": list(parameters),
     }
     return Mechanism(
         model,
@@ -145,7 +160,7 @@ def restore(description: dict[str, Any]) -> Mechanism:
     if "model" not in d:
         functions = [_missing(**f) for f in d["functions"]]
         parts, motors = [restored(r) for r in d["parts"]], [Motor(*m) for m in d["motors"]]
-        return _make(file, d["name"], parts, functions, motors, d["left_out"])
+        return _make(file, d["name"], parts, functions, motors, d["left_out"], d.get("parameters", ()))
     model = pin.Model()
     model.loadFromString(d["model"])
     forces: list[Any] = list(file.force)

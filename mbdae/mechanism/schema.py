@@ -143,6 +143,15 @@ def read_toml(text: str, name: str) -> MechanismFile:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as e:  # ValueError: also a number of thousands of digits
         raise InputError(f"{name} is not TOML: {e}") from None
+    return checked(content, name)
+
+
+def checked(content: Mapping[str, Any], name: str) -> MechanismFile:
+    """Check the tables of a mechanism file.
+
+    Raises:
+        InputError: one line with the key, what is wrong with it, and the known keys.
+    """
     wild = next(_wild(content), None)
     if wild is not None:
         raise InputError(f"{name}: {wild} is beyond {HUGE:g} in magnitude")
@@ -154,7 +163,7 @@ def read_toml(text: str, name: str) -> MechanismFile:
 
 def _wild(value: Any, where: str = "") -> Iterator[str]:
     """Keys of numbers whose products would overflow."""
-    if isinstance(value, dict | list):
+    if isinstance(value, dict | list | tuple):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             yield from _wild(inner, f"{where}.{key}" if where else str(key))
     elif isinstance(value, float | int) and abs(value) > HUGE and value not in (math.inf, -math.inf):
@@ -176,9 +185,7 @@ def _known_keys(path: Sequence[Any]) -> list[str]:
     return sorted((found or MechanismFile).model_fields)
 
 
-def coordinates(
-    model: pin.Model, table: Mapping[str, Any], *, of_v: bool = False
-) -> tuple[np.ndarray, np.ndarray]:
+def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """Return the full vector that a table ``joint = value`` stands for, and the tangent indices it names.
 
     A list gives the values of a joint of several coordinates in Pinocchio's order; an unbounded revolute joint may

@@ -38,6 +38,7 @@ class Card:
         Gv: max |G v| at the assembled start.
         open: which closure the file's own start values leave open, and by how much, in words.
         motors: names of the inputs that take controls.
+        parameters: name and value of each parameter of the model, and which values it takes, in words.
         not_modelled: what the motion ignores.
     """
 
@@ -58,6 +59,7 @@ class Card:
     Gv: float
     open: str = ""
     motors: tuple[str, ...] = ()
+    parameters: tuple[dict[str, Any], ...] = ()
     not_modelled: tuple[str, ...] = NOT_MODELLED
 
     def to_dict(self) -> dict[str, Any]:
@@ -79,6 +81,8 @@ class Card:
             names = ", ".join(c["name"] for c in self.closures if c["dependent"])
             lines.append(f"            reactions of {names} are not unique: lam is the one of minimum norm")
         lines += [f"  forces    {', '.join(self.forces) or 'none'}; gravity {list(self.gravity)} m/s^2"]
+        for p in self.parameters:
+            lines.append(f"  parameter {p['name']} = {p['value']}: {p['takes']}")
         if self.motors:
             lines.append(f"  motors    {', '.join(self.motors)}")
         lines.append(f"  start     |g| {self.g:.1e} ({self.g_loaded:.1e} as loaded{self.open}), |G v| {self.Gv:.1e}")
@@ -130,5 +134,6 @@ def card(mech: Mechanism) -> Card:
         Gv=float(np.abs(Gv).max(initial=0)),
         open=f", {gap.name!r} open by {gap.text}" if gap and gap.size > 1e-10 else "",
         motors=tuple(m.name for m in mech.motors),
+        parameters=tuple((mech.source or {}).get("parameters", ())),
         not_modelled=(*NOT_MODELLED, *mech.left_out),
     )

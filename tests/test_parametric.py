@@ -1,0 +1,130 @@
+"""Models and files with parameters: in Python, on the command line, in saved solutions; and what they refuse."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mbdae
+from mbdae.__main__ import cli
+
+TOWER = """
+from typing import Annotated, Literal
+from pydantic import Field
+
+Kind = Literal["revolute", "prismatic"]
+
+def mechanism(floors: Annotated[int, Field(ge=1, le=4)], length: float = 0.5, kind: Kind = "revolute"):
+    if length == 13:
+        raise RuntimeError("no thirteen")
+    if length == 14:
+        return {"bodies": []}
+    floor = {"joint": kind, "mass": 1.0, "xyz": [length, 0, 0]}
+    names = ["world"] + [f"floor_{i}" for i in range(floors)]
+    return {"body": [{"name": n, "parent": p, **floor} for p, n in zip(names, names[1:])]}
+"""
+
+
+@pytest.fixture
+def tower(tmp_path):
+    (tmp_path / "tower.py").write_text(TOWER)
+    return tmp_path / "tower.py"
+
+
+def mbdae_says(*arguments):
+    result = CliRunner().invoke(cli, [str(a) for a in arguments])
+    if result.exception and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.output
+
+
+def test_keywords_and_names():
+    for mech in (mbdae.load("n_four_bar", N=4), mbdae.load("n_four_bar?N=4"), mbdae.load("n_four_bar?N=7", N=4)):
+        assert (mech.nv, mech.ng) == (9, 12)
+    assert mbdae.load("n_four_bar").nv == 5
+
+
+def test_a_users_own_file(tower):
+    mech = mbdae.load(tower, floors=3, length=0.25)
+    assert mech.joint_names == ["floor_0", "floor_1", "floor_2"]
+    assert mech.model.jointPlacements[2].translation.tolist() == [0.25, 0, 0]
+    assert mech.joint_kind("floor_0") == "RevoluteUnaligned"
+    assert mbdae.load(f"{tower}?floors=1&kind=prismatic").joint_kind("floor_0") == "PrismaticUnaligned"
+    (tower.parent / "mechanism.py").write_text(TOWER)
+    assert mbdae.load(tower.parent, floors=2).nv == 2
+
+
+def test_commands_show_and_take_parameters(tmp_path):
+    assert "parameter N = 3: int at least 1 and at most 1000, default 2" in mbdae_says("info", "n_four_bar?N=3")
+    card = json.loads(mbdae_says("info", "n_four_bar?N=3", "--json"))
+    assert (card["parameters"][0]["name"], card["parameters"][0]["value"], card["nv"]) == ("N", 3, 7)
+    listed = {row["name"]: row["parameters"] for row in json.loads(mbdae_says("models", "--json"))}
+    assert listed["n_four_bar"] == "N: int at least 1 and at most 1000, default 2"
+    assert listed["pendulum"] is None
+    path = tmp_path / "run.npz"
+    assert "finished" in mbdae_says("run", "n_four_bar?N=1", "-t", 0.2, "-o", path)
+    sol = mbdae.Solution.load(path)
+    assert sol.mechanism.nv == 3
+    assert mbdae.card(sol.mechanism).parameters[0]["value"] == 1
+    assert mbdae.drift(sol).g_max < 1e-8
+    assert not np.isnan(sol.lam).any()
+    assert "wrote" in mbdae_says("animate", path, "-o", tmp_path / "run.html")
+
+
+REFUSED = [
+    ("?floors=5", "floors = 5: Input should be less than or equal to 4"),
+    ("?floors=x", "floors = x: Input should be a valid integer"),
+    ("?floors=2&length=nan", "length = nan: Input should be a finite number"),
+    ("?floors=2&kind=ball", "kind = ball: Input should be 'revolute' or 'prismatic'"),
+    ("?floor=2", "unknown parameter of tower 'floor'"),
+    ("", "tower needs floors"),
+]
+
+
+@pytest.mark.parametrize(("parameters", "message"), REFUSED)
+def test_wrong_parameters_name_the_valid_ones(parameters, message, tower):
+    with pytest.raises(mbdae.MbdaeError) as error:
+        mbdae.load(f"{tower}{parameters}")
+    text = str(error.value)
+    assert message in text
+    assert "floors (int at least 1 and at most 4, no default)" in text
+    assert "length (float, default 0.5)" in text
+    assert "\n" not in text
+
+
+WRONG = [
+    ("?floors=1&length=13", r"mechanism\(.*\) failed: RuntimeError: no thirteen"),
+    ("?floors=1&length=14", "unknown key bodies; known: .*body"),
+    ("?floors", "parameters are written .*name=value"),
+]
+
+
+@pytest.mark.parametrize(("parameters", "message"), WRONG)
+def test_functions_that_fail(parameters, message, tower):
+    with pytest.raises(mbdae.MbdaeError, match=message):
+        mbdae.load(f"{tower}{parameters}")
+
+
+FILES = [
+    ("import nothing_of_this_name", "cannot be run: ModuleNotFoundError"),
+    ("def mechanism(:", "cannot be run: SyntaxError"),
+    ("N = 3", r"has no function mechanism\(...\)"),
+    ("def mechanism(N=3): return {}", "parameter 'N' of mechanism.* needs an annotation"),
+    ("def mechanism(**N: int): return {}", "by name only"),
+    ("def mechanism(): return []", r"returned list, expected a dict"),
+    ("def mechanism(): return {'gravity': [0, 0, 1e60]}", "gravity.2 is beyond"),
+    ("raise SystemExit(3)", "cannot be run: SystemExit"),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), FILES)
+def test_files_that_are_wrong(text, message, tmp_path):
+    (tmp_path / "own.py").write_text(text)
+    with pytest.raises(mbdae.MbdaeError, match=message):
+        mbdae.load(tmp_path / "own.py")
+
+
+def test_models_without_parameters_take_none():
+    with pytest.raises(mbdae.MbdaeError, match="unknown parameter of four_bar 'N'; valid: none"):
+        mbdae.load("four_bar", N=3)
