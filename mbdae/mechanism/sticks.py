@@ -62,9 +62,7 @@ def proportions(
     return Proportions(extent, float(np.clip(0.008 * extent, 0.02 * typical, 0.12 * typical)))
 
 
-def generate(
-    model: pin.Model, points: Sequence[Point], size: Proportions, seen: Collection[int]
-) -> Iterator[Part]:
+def generate(model: pin.Model, points: Sequence[Point], size: Proportions, seen: Collection[int]) -> Iterator[Part]:
     """Draws the bodies that have no visual geometry.
 
     Args:
@@ -85,7 +83,7 @@ def generate(
     for foot in _distinct(feet):
         yield _part("ground", "ground", 0, foot, coal.Box(edge, edge, edge), GROUND_COLOUR)
     for i in shown:
-        yield from _joint(model, i, subspaces[i], size)
+        yield from _joint(model, i, subspaces[i], points, size)
         yield from _body(model, i, points, size)
 
 
@@ -93,9 +91,7 @@ def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: floa
     """Two balls, the second hidden in the first as long as the anchors coincide."""
     return [
         _part("closure", f"{name} {k}", joint, placement, coal.Sphere(radius * width), colour)
-        for (joint, placement), k, radius, colour in zip(
-            anchors, "ab", (2.2, 1.7), CLOSURE_COLOURS, strict=True
-        )
+        for (joint, placement), k, radius, colour in zip(anchors, "ab", (2.2, 1.7), CLOSURE_COLOURS, strict=True)
     ]
 
 
@@ -127,7 +123,9 @@ def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) 
     yield _part("link", f"{name} body", i, pin.SE3(axes, com), solid, colour)
 
 
-def _joint(model: pin.Model, i: int, subspace: np.ndarray, size: Proportions) -> Iterator[Part]:
+def _joint(
+    model: pin.Model, i: int, subspace: np.ndarray, points: Sequence[Point], size: Proportions
+) -> Iterator[Part]:
     name, width, (linear, angular) = model.names[i], size.width, np.split(subspace, 2)
     if model.nvs[i] == 6:
         return
@@ -142,12 +140,32 @@ def _joint(model: pin.Model, i: int, subspace: np.ndarray, size: Proportions) ->
     axis = _along(np.zeros(3), linear[:, 0])
     box = coal.Box(3.6 * width, 3.6 * width, 7 * width)
     yield _part("joint", name, i, axis, box, JOINT_COLOUR)
-    k = model.idx_qs[i]
-    low, high = np.clip([model.lowerPositionLimit[k], model.upperPositionLimit[k]], -size.extent, size.extent)
+    low, high = _travel(model, i, linear[:, 0], points, size)
     rail = pin.SE3(np.eye(3), np.array([0, 0, (low + high) / 2]))
     where = model.jointPlacements[i] * axis * rail
     shape = coal.Cylinder(0.5 * width, max(high - low, width))
     yield _part("ground", f"{name} rail", model.parents[i], where, shape, GROUND_COLOUR)
+
+
+def _travel(
+    model: pin.Model, i: int, axis: np.ndarray, points: Sequence[Point], size: Proportions
+) -> tuple[float, float]:
+    """Where the rail of a sliding joint begins and ends [m].
+
+    Its limits say so. Without limits a rail on the ground is as long as the mechanism, one on a body reaches as far as
+    the body does, or, where that is nowhere, as far as what slides.
+    """
+    k, parent = model.idx_qs[i], model.parents[i]
+    limits = model.lowerPositionLimit[k], model.upperPositionLimit[k]
+    if parent and np.abs(limits).min() > size.extent:  # an unlimited joint has the largest number, not infinity
+        place = model.jointPlacements[i].inverse()
+        reach = [axis @ place.act(p) for p in (np.zeros(3), *_ends(model, parent, points))]
+        if np.ptp(reach) < size.width:
+            reach += [axis @ p for p in _ends(model, i, points)]
+        if np.ptp(reach) > size.width:
+            return min(reach), max(reach)
+    low, high = np.clip(limits, -size.extent, size.extent)
+    return float(low), float(high)
 
 
 def _ends(model: pin.Model, i: int, points: Sequence[Point]) -> list[np.ndarray]:
@@ -188,9 +206,7 @@ def _capsule(end: np.ndarray, width: float) -> coal.Capsule:
     return coal.Capsule(width, float(np.linalg.norm(end)))
 
 
-def _part(
-    role: str, name: str, joint: int, placement: pin.SE3, shape: coal.CollisionGeometry, colour: str
-) -> Part:
+def _part(role: str, name: str, joint: int, placement: pin.SE3, shape: coal.CollisionGeometry, colour: str) -> Part:
     geometry = pin.GeometryObject(name, int(joint), placement, shape)
     geometry.meshColor = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)] + [1.0])
     return role, geometry
