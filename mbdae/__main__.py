@@ -136,6 +136,7 @@ def run(
         "t": float(sol.t[-1]),
         "stats": sol.stats,
         "drift": found.to_dict(),
+        "singular": [x.to_dict() for x in sol.singular],
     }
     s = sol.stats
     rejected = "-" if s["rejected"] is None else s["rejected"]
@@ -143,6 +144,7 @@ def run(
         f"{sol.status}: {sol.message}, t = {sol.t[-1]:g} s",
         f"  {s['steps']} steps, {rejected} rejected, {s['solves']} solves, {s['seconds']:.2f} s",
         str(found),
+        *(f"  singular configuration: {x}" for x in sol.singular),
         *(f"wrote {p}" for p in written),
     ]
     emit({**data, "written": written}, "\n".join(lines), as_json)

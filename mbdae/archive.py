@@ -14,7 +14,7 @@ import numpy as np
 
 from .errors import InputError
 from .files import write_whole
-from .mechanism import describe, restore
+from .mechanism import Singular, describe, restore
 
 if TYPE_CHECKING:
     from .solution import Solution
@@ -47,6 +47,7 @@ def write(sol: "Solution", path: str | Path) -> None:
         "stats": sol.stats,
         "status": sol.status,
         "message": sol.message,
+        "singular": [x.to_dict() for x in sol.singular],
         "versions": versions(),
         "command": sys.argv,
     }
@@ -81,7 +82,8 @@ def read(path: str | Path) -> dict[str, Any]:
         steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
         arrays = {name: data[name] for name in ("t", "y", "z_own")}
         rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
-        return {"problem": mechanism, **arrays, **rest, "steps": steps}
+        passed = [Singular(**{**x, **{key: tuple(x[key]) for key in ("q", "v", "closures")}}) for x in meta["singular"]]
+        return {"problem": mechanism, **arrays, **rest, "steps": steps, "singular": passed}
     except InputError:
         raise
     except FileNotFoundError:

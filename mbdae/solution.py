@@ -13,7 +13,7 @@ from .archive import read, write
 from .columns import signals
 from .errors import InputError, StepError
 from .events import Event
-from .mechanism import Effort, Mechanism, Reaction, effort, reaction, redundant
+from .mechanism import Effort, Mechanism, Reaction, Singular, effort, reaction, redundant
 from .textbook import Hessenberg
 
 Array = np.ndarray
@@ -55,6 +55,7 @@ class Solution:
         settings: method, tolerances and steps that were used.
         steps: times, points and own multipliers of all steps, when ``t_eval`` asked for others.
         events: for each event function the times (k,) and points (k, ...) of its zeros.
+        singular: configurations on the way in which closures lose rank; a run that does not keep positions ends there.
     """
 
     problem: Any
@@ -68,6 +69,7 @@ class Solution:
     steps: tuple[Array, Array, Array] | None = field(default=None, repr=False)
 
     events: list[tuple[Array, Array]] = field(default_factory=list, repr=False)
+    singular: list[Singular] = field(default_factory=list, repr=False)
     viewer: ClassVar[Callable[["Solution"], str] | None] = None  # the page for notebooks, set by the package
 
     def __post_init__(self) -> None:

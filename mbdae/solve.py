@@ -12,7 +12,9 @@ from .baseline import Scipy, find
 from .errors import InputError, StepError
 from .events import Watch, as_events
 from .jumps import Jumps
+from .mechanism.descriptor import Descriptor
 from .pace import Adaptive, Fixed, Pace
+from .singular import SingularWatch
 from .solution import STATUS, Problem, Solution, event_value
 from .system import Array, State, Step, System
 
@@ -88,6 +90,8 @@ def solve(
     system = problem.system(formulation, baumgarte)
     ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
     run = _Run(problem, tableau, t0, ahead, problem.point(q, v, t0, s), system, project)
+    if isinstance(system, Descriptor) and system.ng:
+        run.singular = SingularWatch(system, project or formulation == "ggl")
     pace: Pace
     if formulation == "index1":
         pace = Scipy(tableau, run.system, step, rtol, atol, first_step, max_step)
@@ -128,6 +132,8 @@ def _march(run: "_Run", pace: "Pace", watch: Watch, max_steps: int | None, progr
     while run.to_go() > 0:
         if max_steps is not None and run.steps + (run.rejected or 0) >= max_steps:
             raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
+        if run.singular:
+            run.singular.begin_step()
         h, t_next = pace.propose(run)
         try:
             step = pace.take(run, run.sign * h)
@@ -140,6 +146,8 @@ def _march(run: "_Run", pace: "Pace", watch: Watch, max_steps: int | None, progr
             run.rejected = (run.rejected or 0) + 1
             continue
         run.accept(t_next, _restored(run, pace, t_next, step) if run.project else step)
+        if run.singular:
+            run.singular.step(run, run.to_go() == 0)
         if watch.events:
             stop = watch.step(run.ts[-2], t_next - run.ts[-2], run.record().dense(len(run.ts) - 2))
             if stop:
@@ -148,6 +156,8 @@ def _march(run: "_Run", pace: "Pace", watch: Watch, max_steps: int | None, progr
         if run.t == run.leg.end and run.leg.restart is not None:
             run.cross(run.leg.restart)
             pace.restart()
+            if run.singular:
+                run.singular.restart(len(run.ts) - 1)
         if progress:
             progress(1 - run.to_go() / total)
     return False
@@ -174,6 +184,7 @@ class _Run:
         self.state = State(start)
         self.rejected: int | None = 0
         self.ts, self.ys, self.zs = [t0], [start], [np.full(self.system.nz, np.nan)]
+        self.singular: SingularWatch | None = None
         self._record: Solution | None = None
 
     def begin(self) -> None:
@@ -231,8 +242,10 @@ def _report(
 ) -> Solution:
     n = len(run.ts)
     t, y, z = np.array(run.ts), np.array(run.ys[:n]), np.array(run.zs[:n])
-    found = [(np.array([w for w, _ in hits]), np.array([p for _, p in hits])) for hits in watch.found]
-    full = Solution(run.problem, t, y, z, status, message, stats, settings, events=found)
+    hits = [[(w, p) for w, p in hits if (w - t[-1]) * run.sign <= 0] for hits in watch.found]
+    found = [(np.array([w for w, _ in some]), np.array([p for _, p in some])) for some in hits]
+    passed = run.singular.found if run.singular else []
+    full = Solution(run.problem, t, y, z, status, message, stats, settings, events=found, singular=passed)
     if times is None:
         return full
     reached = times[(times - t[-1]) * run.sign <= 0]
@@ -244,7 +257,9 @@ def _report(
     own = np.array([np.interp(run.sign * reached, run.sign * t, column) for column in z.T]).T.reshape(
         len(reached), z.shape[1]
     )
-    return Solution(run.problem, reached, points, own, status, message, stats, settings, steps=(t, y, z), events=found)
+    return Solution(
+        run.problem, reached, points, own, status, message, stats, settings, (t, y, z), events=found, singular=passed
+    )
 
 
 def _span(t_span: Sequence[float]) -> tuple[float, float]:

@@ -26,6 +26,7 @@ ROOMS = {  # files that were split off, and the room they belong to
     "columns": "solution",
     "pace": "solve",
     "jumps": "solve",
+    "singular": "solve",
     "baseline": "solve",
     "console": "__main__",
     "study_commands": "__main__",

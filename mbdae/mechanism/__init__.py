@@ -21,6 +21,7 @@ from .mechanism import Mechanism
 from .mujoco_state import from_mujoco, to_mujoco
 from .reactions import Effort, Reaction, effort, reaction, redundant
 from .signals import Function
+from .singular import Singular
 from .tree import depth_first
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "Mechanism",
     "Reaction",
     "Sampled",
+    "Singular",
     "SpringDamper",
     "Wrench",
     "depth_first",

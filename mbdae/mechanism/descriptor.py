@@ -46,6 +46,7 @@ class Descriptor:
         self.constraints = Constraints(self.model, self.data, mechanism.constraints)
         self.rank: int | None = None
         self.rows: Array | None = None
+        self.weakest = 1.0  # smallest ratio of pivots of G M^-1 G^T that a solve met
         self._last_q = np.full(self.nq, np.nan)
         self._last = (np.empty(0), np.empty(0))  # U and G there
 
@@ -134,6 +135,8 @@ class Descriptor:
                 f"the rank of the closures rises above {self.rank} at t = {t:.17g}: "
                 "the run began in a singular configuration, or rows that depended on others have drifted open",
             )
+        if self.rank:
+            self.weakest = min(self.weakest, (diagonal[self.rank - 1] / diagonal[0]) ** 2)
         self.rows = rowmath.choose(B, self.rows, self.rank)
         return self.rows
 
@@ -203,6 +206,7 @@ class Descriptor:
         lu, _, lam, info = dgesv(S, rhs - Ghat @ X[:, -1])
         self.counts.factorizations += 1
         pivot = np.abs(np.diagonal(lu))
+        self.weakest = min(self.weakest, pivot.min() / pivot.max())
         if info or not pivot.min() > 1e-14 * pivot.max():
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: {self._weakest(lu)}")
         return X[:, -1] + self._MinvGT @ lam, lam

@@ -1,0 +1,154 @@
+"""A run's watch for singular configurations between its steps."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from .errors import StepError
+from .mechanism.descriptor import Descriptor
+from .mechanism.singular import Singular, ratio, singular
+from .solution import Solution
+from .system import Array
+
+SUSPECT = 0.6  # of the largest ratio so far: minima above are no singular configurations, stages come near enough
+LOW = 0.02  # likewise: steps below are near a singular configuration
+JUMP, STEEPEST = 0.1, 3.0  # of |v|, and of |v'| at both ends: what v may change by there
+CLOSED = 1e-12  # m or rad: loops open by less, and branches apart by its root, are as good as kept closed
+SAMPLES = 5  # of each step
+SHARP = 1e-10  # of a step: how sharply a minimum is found
+SAME = 1e-6  # s: minima this near to each other are one
+
+
+class Run(Protocol):
+    """What the watch sees of a run."""
+
+    system: Any
+    ts: list[float]
+    ys: list[Array]
+    zs: list[Array]
+
+    def record(self) -> Solution:
+        """The run so far."""
+
+
+class SingularWatch:
+    """Follows how far the rows of the closures are from depending on each other, step by step.
+
+    The solves of the stages tell: the ratio of their pivots, for nothing. Where it is smallest from step to step, the
+    smallest pivot is minimised on the dense output, and the configuration found there is looked at.
+
+    Branches that meet there have velocities of their own: a run that keeps positions passes when its velocity is the
+    same before and after, as far as accelerations outside explain.
+
+    Args:
+        system: the run's workspace.
+        kept: the method keeps positions of closures, by projection or a multiplier: a run can pass.
+    """
+
+    def __init__(self, system: Descriptor, kept: bool) -> None:
+        self.system, self.kept = system, kept
+        self.own = system.mechanism.system()  # what is computed here is not counted
+        self.found: list[Singular] = []
+        self.restart(0)
+
+    def restart(self, first: int) -> None:
+        """Steps begin anew at node ``first``, behind a jump."""
+        self.first, self.ratios, self.largest = first, [np.inf], 0.0
+        self.entered: int | None = None  # the node where steps came near a singular configuration
+
+    def begin_step(self) -> None:
+        """Forget what solves outside of the next step tell."""
+        self.system.weakest = 1.0
+
+    def step(self, run: Run, last: bool) -> None:
+        """Look back at the step before the one just taken, and at this one if it is the last.
+
+        Raises:
+            StepError: for a singular configuration that the run cannot pass, or passed onto another branch; nodes
+                behind it are taken off.
+        """
+        self.ratios.append(float(np.sqrt(self.system.weakest)))
+        self.largest = max(self.largest, self.ratios[-1])
+        self._look(run, len(self.ratios) - 2)
+        if last:
+            self.ratios.append(np.inf)
+            self._look(run, len(self.ratios) - 2)
+        if self.ratios[-1] < LOW * self.largest:
+            self.entered = len(run.ts) - 2 if self.entered is None else self.entered
+        elif self.entered is not None:
+            if self.found and (self.found[-1].t - run.ts[self.entered]) * (run.ts[-1] - run.ts[-2]) >= 0:
+                self._compare(run, self.entered, len(run.ts) - 2)
+            self.entered = None
+
+    def _compare(self, run: Run, a: int, b: int) -> None:
+        """Compare velocities at nodes a and b, before and after a singular configuration."""
+        v, slopes = ([f(run.ts[i], run.ys[i]) for i in (a, b)] for f in (self._velocity, self._acceleration))
+        steepest = STEEPEST * max(np.linalg.norm(x) for x in slopes) * abs(run.ts[b] - run.ts[a])
+        jump, size = np.linalg.norm(v[1] - v[0]), max(np.linalg.norm(x) for x in v)
+        if jump > JUMP * size + steepest:
+            text = f"{self.found[-1]}: there the run went over to another branch, its velocity changed by {jump:.2g}"
+            self._end(run, a, f"{text}; take a larger rtol, or an explicit method")
+
+    def _velocity(self, t: float, y: Array) -> Array:
+        return self.own.split(y)[1]
+
+    def _acceleration(self, t: float, y: Array) -> Array:
+        return self.own.derivative(t, y)[0][self.own.nv : 2 * self.own.nv]
+
+    def _end(self, run: Run, i: int, message: str) -> None:
+        del run.ts[i + 1 :], run.ys[i + 1 :], run.zs[i + 1 :]
+        raise StepError("rank", message)
+
+    def _look(self, run: Run, k: int) -> None:
+        """Look around step k, counted from 1, whose ratio is in place k."""
+        before, here, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
+        if not (here < before and here <= after and here < SUSPECT * self.largest):
+            return
+        nodes = range(max(0, k - 2), min(k + 2, len(run.ts) - self.first))
+        self._search(run, [self.first + i for i in nodes])
+
+    def _search(self, run: Run, nodes: list[int]) -> None:
+        """Minimise over u, node i and the share of the step behind it that has passed."""
+        self.own.rank = self.system.rank
+        paths = {i: self._path(run, i) for i in nodes[:-1]}
+
+        def at(u: float) -> tuple[float, Array]:
+            i = min(int(u), nodes[-2])
+            return paths[i](u - i)
+
+        samples = np.linspace(nodes[0], nodes[-1], SAMPLES * len(paths) + 1)
+        padded = np.array([np.inf, *(ratio(self.own, *at(u)) for u in samples), np.inf])
+        lowest = np.flatnonzero((padded[1:-1] < padded[:-2]) & (padded[1:-1] <= padded[2:]))
+        for k in lowest.tolist():
+            bounds = float(samples[max(0, k - 1)]), float(samples[min(k + 1, len(samples) - 1)])
+            best = minimize_scalar(
+                lambda u: ratio(self.own, *at(u)), bounds=bounds, method="bounded", options={"xatol": SHARP}
+            )
+            self._judge(run, nodes, int(best.x), *at(float(best.x)))
+
+    def _judge(self, run: Run, nodes: list[int], i: int, t: float, y: Array) -> None:
+        """Keep what was found on step i, and end the run there if it cannot pass."""
+        gap = max(np.abs(self.own.residual(run.ts[n], *self.own.split(run.ys[n]))[0]).max() for n in nodes)
+        found = singular(self.own, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), self.largest, gap)
+        if found is None or any(abs(found.t - other.t) <= SAME * (1 + abs(t)) for other in self.found):
+            return
+        self.found.append(found)
+        if not self.kept and gap > CLOSED:
+            text = f"{found}: a singular configuration, behind which loops that have drifted open by {gap:.1e}"
+            self._end(run, i, f"{text} may be on another branch; keep them closed by project=True or formulation 'ggl'")
+
+    def _path(self, run: Run, i: int) -> Callable[[float], tuple[float, Array]]:
+        """Theta -> time and point on step i; straight where an end of it is too singular for dense output."""
+        t, h, y = run.ts[i], run.ts[i + 1] - run.ts[i], run.ys[i]
+        move = self.own.difference(y, run.ys[i + 1])
+        try:
+            dense = run.record().dense(i)
+        except StepError:
+            dense = partial(self._straight, y, move)
+        return lambda theta: (t + theta * h, dense(theta))
+
+    def _straight(self, y: Array, move: Array, theta: float) -> Array:
+        return self.own.add(y, theta * move)

@@ -1,0 +1,121 @@
+"""Configurations that lose rank on the way: found, reported, passed where positions are kept, never in silence."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mbdae
+from mbdae.__main__ import cli
+
+HORIZONTAL = [0.714355529, 1.228159387, 2.65687, 3.170674]  # s: when the cranks of two four-bars lie along x
+
+
+def cranks(sol):
+    names = sol.mechanism.joint_names
+    return sol.q[:, [i for i, name in enumerate(names) if name.startswith("crank")]]
+
+
+def fall():
+    """When the cranks lie along x, by the quadrature of energy, for one four-bar with equal bars."""
+    from scipy.integrate import quad
+
+    # N = 1: J = 2/3 + 1 kg m^2 (two cranks, a coupler that does not turn), weight arm 2/2 + 1 m
+    inertia, arm = 2 / 3 + 1, 2.0
+    energy = inertia / 2 + 9.81 * arm
+    rate = lambda a: 1 / np.sqrt(2 * (energy - 9.81 * arm * np.cos(a)) / inertia)  # noqa: E731
+    return [quad(rate, 0, a, epsabs=1e-13)[0] for a in (np.pi / 2, 3 * np.pi / 2)]
+
+
+@pytest.mark.parametrize("options", [{"project": True}, {"formulation": "ggl"}, {"project": True, "method": "herk4"}])
+def test_passed_and_reported_where_positions_are_kept(options):
+    sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 2), rtol=1e-8, **options)
+    assert sol.success
+    np.testing.assert_allclose([x.t for x in sol.singular], fall(), atol=1e-6)
+    assert np.ptp(cranks(sol), axis=1).max() < 1e-10
+    for x in sol.singular:
+        assert (x.rank, x.rank_there, x.closures) == (2, 1, ("pin_1",))
+        assert abs(np.sin(x.q[0])) < 1e-6
+        np.testing.assert_allclose(x.v[0], sol(x.t).v[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"rtol": 1e-3}, {"rtol": 1e-9}, {"method": "DOP853", "formulation": "index1"}, {"step": 0.011}]
+)
+def test_loops_that_have_drifted_open_stop_before(options):
+    """Open by 1e-12 m and more they may go on folded, whatever the energy says; nearer to closed they pass."""
+    sol = mbdae.solve(mbdae.load("n_four_bar", N=2), (0, 10), **options)
+    assert sol.status == "rank"
+    assert "rank 4 falls to 2" in sol.message
+    assert "pin_1, pin_2" in sol.message
+    assert "project=True" in sol.message
+    assert sol.t[-1] <= sol.singular[-1].t
+    assert np.ptp(cranks(sol), axis=1).max() < 1e-4
+    np.testing.assert_allclose([x.t for x in sol.singular], HORIZONTAL[: len(sol.singular)], atol=0.01)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-8])
+def test_tiny_implicit_steps_do_not_go_astray_in_silence(rtol):
+    sol = mbdae.solve(mbdae.load("n_four_bar"), (4, 5), *later(), rtol=rtol, method="radau5", project=True)
+    assert sol.success or sol.status == "rank"
+    assert np.ptp(cranks(sol), axis=1).max() < 1e-6
+
+
+def later():
+    sol = mbdae.solve(mbdae.load("n_four_bar"), (0, 4), rtol=1e-9, project=True)
+    return sol.q[-1], sol.v[-1]
+
+
+def test_a_velocity_that_jumps_in_a_singular_configuration_ends_the_run(monkeypatch):
+    """As on another branch, where the bars turn at other speeds: |g| does not show it."""
+    from mbdae.mechanism.descriptor import Descriptor
+
+    honest, jumped = Descriptor.restore, []
+
+    def jumping(self, t, y):
+        if t > fall()[0] and not jumped:
+            jumped.append(t)
+            y = y.copy()
+            y[self.nq + 1 : self.nq + self.nv] *= -1
+        return honest(self, t, y)
+
+    monkeypatch.setattr(Descriptor, "restore", jumping)
+    sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 1), step=0.001, project=True)
+    assert sol.status == "rank"
+    assert "went over to another branch" in sol.message
+    assert sol.t[-1] < jumped[0]
+
+
+def test_commands_and_files(tmp_path):
+    path = str(tmp_path / "run.npz")
+    run = CliRunner().invoke(cli, ["run", "n_four_bar", "-t", "1", "--project", "-o", path])
+    assert run.exit_code == 0
+    assert "singular configuration: rank 4 falls to 2 at t = 0.71435" in run.output
+    sol = mbdae.Solution.load(path)
+    assert abs(sol.singular[0].t - HORIZONTAL[0]) < 1e-6
+    assert sol.singular[0].closures == ("pin_1", "pin_2")
+    stopped = CliRunner().invoke(cli, ["run", "n_four_bar", "-t", "4", "--json"])
+    assert stopped.exit_code == 1
+    assert json.loads(stopped.stdout)["singular"][0]["rank_there"] == 2
+
+
+@pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}])
+def test_a_start_in_a_singular_configuration_is_refused_when_the_rank_rises(options):
+    mech = mbdae.load("n_four_bar", N=1)
+    sol = mbdae.solve(mech, (0, 1), np.zeros(3), np.array([1.0, -1.0, 1.0]), **options)
+    assert sol.status in ("rank", "newton")
+    assert "rank" in sol.message
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "panda_handle"])
+def test_regular_motions_have_none(name):
+    assert mbdae.solve(mbdae.load(name), (0, 2), rtol=1e-6).singular == []
+
+
+def test_backwards():
+    mech = mbdae.load("n_four_bar", N=1)
+    there = mbdae.solve(mech, (0, 1), rtol=1e-8, project=True)
+    back = mbdae.solve(mech, (1, 0), there.q[-1], there.v[-1], rtol=1e-8, project=True)
+    np.testing.assert_allclose(back.singular[0].t, there.singular[0].t, atol=1e-6)
+    np.testing.assert_allclose(back.q[-1], there.q[0], atol=1e-6)
