@@ -2,6 +2,7 @@
 
 import sys
 import warnings
+from pathlib import Path
 from typing import Any
 
 import click
@@ -15,6 +16,7 @@ from .console import (
     USAGE,
     as_json,
     atol_option,
+    bar,
     emit,
     finish,
     formulation_option,
@@ -152,16 +154,41 @@ def run(
 
 
 @cli.command()
-@click.argument("solution", type=click.Path())
-@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The HTML page to write.")
+@click.argument("solutions", nargs=-1, required=True, metavar="RUN.npz [OTHER.npz...]")
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="The HTML page to write.")
+@click.option("--video", type=click.Path(dir_okay=False), help="The video to write, .mp4 or .gif; takes Chromium.")
 @speed_option
+@click.option("--plot", "plots", multiple=True, help="A signal, q.crank, or several on common axes: q.crank,q.rod.")
+@click.option("--trace", "traces", multiple=True, help="A frame whose path is drawn.")
+@click.option("--arrow", "arrow", multiple=True, help="A closure whose force is drawn.")
+@click.option("--arrows", "every", is_flag=True, help="Draw the forces of all closures.")
 @as_json
-def animate(solution: str, output: str, speed: float, as_json: bool) -> None:
-    """Write the replay of a saved solution as one HTML page."""
+def animate(
+    solutions: tuple[str, ...],
+    output: str | None,
+    video: str | None,
+    plots: tuple[str, ...],
+    arrow: tuple[str, ...],
+    every: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Write the replay of a saved solution as one HTML page or as a video; further solutions are shown as ghosts."""
+    from .studies.replay import VIDEO
     from .studies.replay import animate as write
 
-    write(Solution.load(solution), output, speed=speed)
-    emit({"written": [output]}, f"wrote {output}", as_json)
+    written = writable((output, PAGES), (video, tuple(VIDEO)))
+    if not written:
+        raise InputError("animate writes a page, -o run.html, a video, --video run.mp4, or both")
+    sol, *others = map(Solution.load, solutions)
+    stems = [Path(name).stem for name in solutions[1:]]
+    names = stems if len(set(stems)) == len(stems) else solutions[1:]
+    chosen = [tuple(entry.split(",")) for entry in plots] or None
+    with bar("animate", 1.0) as tell:
+        for path in written:
+            ghosts = dict(zip(names, others, strict=True))
+            write(sol, path, plots=chosen, ghosts=ghosts, arrows=every or arrow, progress=tell, **options)
+    emit({"written": written}, "\n".join(f"wrote {path}" for path in written), as_json)
 
 
 for command in (order, drift, compare, report):

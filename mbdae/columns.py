@@ -17,6 +17,7 @@ PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # joint: names of
     "Spherical": (("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")),
     "FreeFlyer": (("x", "y", "z", "qx", "qy", "qz", "qw"), ("vx", "vy", "vz", "wx", "wy", "wz")),
     "Planar": (("x", "y", "cos", "sin"), ("vx", "vy", "wz")),
+    "Universal": (("1", "2"), ("1", "2")),
 }
 
 
@@ -52,7 +53,7 @@ def residuals(sol: "Solution") -> Residuals:
     return Residuals(g, Gv, *energies.T)
 
 
-def signals(sol: "Solution") -> dict[str, Array]:
+def signals(sol: "Solution", *, lam: bool = True) -> dict[str, Array]:
     """Return named columns of equal length: ``pandas.DataFrame(sol.signals())`` is a table.
 
     ``t`` in s; ``q.<joint>`` and ``v.<joint>`` (rad or m, per s), with a part behind the name where a joint has several
@@ -61,6 +62,10 @@ def signals(sol: "Solution") -> dict[str, Array]:
     from the hidden constraint); ``kinetic``, ``potential``, ``energy`` = kinetic + potential, and ``work`` of the
     non-conservative forces and drivers in J; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
 
+    Args:
+        sol: the solution.
+        lam: whether multipliers are among them; they cost more than all others.
+
     Raises:
         InputError: for a solution of a textbook problem.
     """
@@ -68,8 +73,8 @@ def signals(sol: "Solution") -> dict[str, Array]:
     out = {"t": np.asarray(sol.t)}
     out |= coordinates(sol)
     out |= {f"s.{name}": sol.y[:, mech.nq + mech.nv + i] for i, name in enumerate(mech.states)}
-    for i, name in enumerate(row_names(mech)):
-        out[name] = sol.lam[:, i]
+    if lam:
+        out |= {name: sol.lam[:, i] for i, name in enumerate(row_names(mech))}
     energy = r.kinetic + r.potential
     out |= {"kinetic": r.kinetic, "potential": r.potential, "energy": energy, "work": sol.work}
     for name, rows in (("g", r.g), ("Gv", r.Gv)):

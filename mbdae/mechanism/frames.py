@@ -48,6 +48,21 @@ def anchor(model: pin.Model, name: str) -> Anchor:
     )
 
 
+def paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
+    """Where the origins of frames are in the world in m, (n, m, 3), at configurations q (m, nq).
+
+    Raises:
+        UnknownNameError: lists the names that exist.
+    """
+    found = [anchor(model, name) for name in names]
+    data, out = model.createData(), np.empty((len(found), len(q), 3))
+    for k, row in enumerate(q):
+        pin.forwardKinematics(model, data, row)
+        for path, a in zip(out, found, strict=True):
+            path[k] = data.oMi[a.joint].act(a.p)
+    return out
+
+
 def joint_names(model: pin.Model) -> list[str]:
     """Names of the moving joints, in the order of q."""
     return [n for n in model.names if n != "universe"]

@@ -1,7 +1,7 @@
-"""The replay: one HTML file that shows a solution moving, offline and without a server.
+"""The replay: one HTML file that shows a solution moving beside its signals, offline and without a server.
 
-The page is ``replay.htm`` with two gzipped blocks filled in: meshcat's viewer, and the scene as meshcat's
-own commands. The browser unpacks both; the motion is a meshcat animation in real time.
+The page is ``replay.htm`` with ``replay.css`` and the scripts ``replay*.js``, and two gzipped blocks that the browser
+unpacks: meshcat's viewer, and the scene, the motion and the signals as numbers.
 """
 
 import base64
@@ -9,9 +9,9 @@ import gzip
 import html
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from importlib.resources import files
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,50 +20,95 @@ import umsgpack
 
 from ..errors import InputError
 from ..files import write_whole
-from .threejs import mesh_data, scene_object, typed
+from . import tracks
+from .figures_run import COLOURS
+from .panes import Pane, Plot, Signal, panes
+from .threejs import mesh_data, node, scene_object, typed
 
 with warnings.catch_warnings():  # meshcat imports its server, unused here, and that a deprecated module
     warnings.simplefilter("ignore", DeprecationWarning)
     import meshcat
-    import meshcat.animation
-    import meshcat.commands
-    from meshcat.path import Path as Node
-    from meshcat.transformations import quaternion_matrix
 
 if TYPE_CHECKING:
-    from ..mechanism.visuals import Mesh, Scene
+    from ..mechanism.visuals import Scene, Shape
     from ..solution import Solution
 
 MIN_FRAMES = 101  # what is short is often looked at slowly
+VIDEO = {".mp4": 30.0, ".gif": 20.0}  # frames per second
+SCRIPTS = ("replay_scene.js", "replay_plots.js", "replay.js")
+NOTEBOOK = 20e6  # characters: more makes a notebook slow to open and to save
 
 
-def animate(sol: "Solution", path: str | Path, *, fps: float = 60.0, speed: float = 1.0) -> Path:
-    """Writes a solution as a self-contained HTML page that plays in any browser.
+def animate(
+    sol: "Solution",
+    path: str | Path,
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+    plots: Sequence[Plot] | None = None,
+    signals: Mapping[str, Signal] | None = None,
+    traces: Sequence[str] = (),
+    ghosts: Mapping[str, "Solution"] | None = None,
+    arrows: bool | Sequence[str] = False,
+    progress: Callable[[float], None] | None = None,
+) -> Path:
+    """Writes a solution as a self-contained HTML page that plays in any browser, or as a video.
 
-    The page starts playing, and repeats. Its script offers ``window.mbdae`` with ``seek(t)``, ``play()``,
-    ``pause()``, ``t``, ``start``, ``duration`` and ``viewer``; ``page.html#t=1.5`` opens it at that time,
-    standing still.
+    The page starts playing, and repeats; space, arrows, Home, End, L, < and > are its keys. Its script offers
+    ``window.mbdae`` with ``seek(t)``, ``play()``, ``pause()``, ``t``, ``start``, ``duration``, ``speed``, ``loop`` and
+    ``viewer``; ``page.html#t=1.5`` opens it at that time, standing still.
 
     Args:
         sol: the solution; shown from its first to its last time.
-        path: where the page goes; an existing file is replaced, whole or not at all.
-        fps: frames stored per second of viewing.
+        path: where it goes; ``.html``, or ``.mp4`` or ``.gif`` for a video, which takes Chromium. An existing file is
+            replaced, whole or not at all.
+        fps: frames stored per second of viewing; 60, in videos 30 (.mp4) and 20 (.gif), when left out.
         speed: seconds of motion per second of viewing; below 1 is slow motion.
+        plots: what is plotted beside the scene, each a name of `Solution.signals` (``"q.crank"``), the beginning of
+            several (``"q"``, ``"lam.wrist pin"``), or a sequence of both for common axes. Joint coordinates, energies
+            and |g| when left out; () for none.
+        signals: more signals by name: functions of (t, q, v), or arrays over ``sol.t``.
+        traces: names of frames whose paths are drawn.
+        ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots.
+        arrows: names of closures, or True for all between frames, whose forces on the body of their second frame are
+            drawn as arrows; where rows depend on each other, those of minimum norm.
+        progress: called with the fraction of a video that is done.
 
     Returns:
         The path written.
 
     Raises:
-        InputError: the solution is empty or not finite, ``fps`` or ``speed`` is not a positive number, or
-            the file cannot be written.
+        UnknownNameError: for a signal, frame or closure that does not exist; lists those that do.
+        InputError: the solution is empty or not finite, ``fps`` or ``speed`` is not a positive number, a ghost is of
+            another mechanism, the file cannot be written, or what makes a video is missing.
     """
-    text = page(sol, fps=fps, speed=speed)
+    suffix = Path(path).suffix
+    shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
+    if suffix in VIDEO:
+        from .video import film
+
+        rate = VIDEO[suffix] if fps is None else fps
+        film(page(sol, fps=rate, speed=speed, **shown), Path(path), rate, abs(sol.t[-1] - sol.t[0]) / speed, progress)
+        return Path(path)
+    if suffix != ".html":
+        raise InputError(f"a replay is written as .html, .mp4 or .gif, got {str(path)!r}")
+    text = page(sol, fps=60.0 if fps is None else fps, speed=speed, **shown)
     with write_whole(path) as draft:
         draft.write_text(text, "utf-8")
     return Path(path)
 
 
-def page(sol: "Solution", *, fps: float = 60.0, speed: float = 1.0) -> str:
+def page(
+    sol: "Solution",
+    *,
+    fps: float = 60.0,
+    speed: float = 1.0,
+    plots: Sequence[Plot] | None = None,
+    signals: Mapping[str, Signal] | None = None,
+    traces: Sequence[str] = (),
+    ghosts: Mapping[str, "Solution"] | None = None,
+    arrows: bool | Sequence[str] = False,
+) -> str:
     """Returns the page that `animate` writes.
 
     Raises:
@@ -72,37 +117,51 @@ def page(sol: "Solution", *, fps: float = 60.0, speed: float = 1.0) -> str:
     for name, value in (("fps", fps), ("speed", speed)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} must be a positive number, not {value!r}")
-    mechanism = sol.mechanism
+    mechanism, ghosts = sol.mechanism, ghosts or {}
     times, q = _frames(sol, fps / speed)
     scene = mechanism.scene
     placements = scene.placements(q)
     meshes = list(dict.fromkeys(shape.mesh for shape in scene.shapes if shape.mesh is not None))
     payload = {
         "meshes": [mesh_data(mesh) for mesh in meshes],
-        "commands": list(_commands(scene, meshes, times, placements)),
+        "objects": [
+            {"type": "set_object", "path": node(shape), "object": scene_object(shape, meshes, layer)}
+            for shape, layer in _layers(scene)
+        ],
+        "poses": list(tracks.poses(scene, placements)),
+        "frames": len(times),
         "start": float(times[0]),
         "end": float(times[-1]),
         "speed": float(speed),
-        "bounds": _bounds(scene, placements),
+        "bounds": tracks.bounds(scene, placements),
+        "ghosts": tracks.ghosts(sol, ghosts, times),
+        "traces": tracks.traces(mechanism, traces, q),
+        "arrows": tracks.arrows(sol, arrows, times),
+        "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],
     }
-    viewer = Path(meshcat.viewer_assets_path(), "dist", "main.min.js").read_bytes()
     filling = {
         "title": html.escape(mechanism.title),
-        "viewer": _compressed(viewer),
+        "style": _asset("replay.css"),
+        "script": "\n".join(map(_asset, SCRIPTS)),
+        "viewer": _viewer(),
         "scene": _compressed(umsgpack.packb(payload)),
     }
-    return _page(filling)
+    return re.sub(r"{{(\w+)}}", lambda key: filling[key[1]], _asset("replay.htm"))
 
 
-def frame(text: str, height: int = 480) -> str:
+def frame(text: str, height: int = 520) -> str:
     """Returns a page as an inline frame for a notebook or for another page."""
     style = f"width: 100%; height: {height}px; border: 0"
     return f'<iframe srcdoc="{html.escape(text)}" title="replay" style="{style}"></iframe>'
 
 
 def notebook(sol: "Solution") -> str:
-    """Returns the replay of a solution as a notebook shows it."""
-    return frame(page(sol, fps=30.0))
+    """Returns the replay of a solution as a notebook shows it; a line in its place where it would be too large."""
+    text = page(sol, fps=30.0)
+    if len(text) > NOTEBOOK:
+        size = f"{len(text) / 1e6:.0f} MB"
+        return f"<p>{html.escape(repr(sol))}<br>The replay has {size}: mbdae.animate(sol, 'run.html') writes it.</p>"
+    return frame(text)
 
 
 def _frames(sol: "Solution", rate: float) -> tuple[np.ndarray, np.ndarray]:
@@ -121,63 +180,33 @@ def _frames(sol: "Solution", rate: float) -> tuple[np.ndarray, np.ndarray]:
     return times, q
 
 
-def _commands(
-    scene: "Scene", meshes: list["Mesh"], times: np.ndarray, placements: np.ndarray
-) -> Iterator[dict[str, Any]]:
-    """Yields meshcat's commands, lowered: the objects, where they start, and how they move."""
-    animation = meshcat.animation.Animation()
-    clock = np.abs(times - times[0])
-    for k, (shape, track) in enumerate(zip(scene.shapes, placements.swapaxes(0, 1), strict=True)):
-        # The node moves; its object keeps the scale, which an animation of the node would overwrite.
-        node = Node(("mechanism", shape.role, shape.name.replace("/", "|")))
-        layer = len(scene.shapes) - k if shape.role == "closure" else 0
-        yield {"type": "set_object", "path": node.lower(), "object": scene_object(shape, meshes, layer)}
-        x, y, z, w = track[0, 3:]
-        matrix = quaternion_matrix([w, x, y, z])
-        matrix[:3, 3] = track[0, :3]
-        yield meshcat.commands.SetTransform(matrix, node).lower()
-        if np.ptp(track, axis=0).any():
-            clip = meshcat.animation.AnimationClip(fps=1)
-            clip.tracks = {
-                "position": _Track("position", "vector3", clock, track[:, :3]),
-                "quaternion": _Track("quaternion", "quaternion", clock, _continuous(track[:, 3:])),
-            }
-            animation.clips[node] = clip
-    if animation.clips:
-        yield meshcat.commands.SetAnimation(animation, play=False, repetitions=float("inf")).lower()
+def _layers(scene: "Scene") -> Iterator[tuple["Shape", int]]:
+    """Shapes, and which of those that are seen through everything else cover which."""
+    for k, shape in enumerate(scene.shapes):
+        yield shape, len(scene.shapes) - k if shape.role == "closure" else 0
 
 
-class _Track(meshcat.animation.AnimationTrack):
-    """A track as two flat arrays, a fraction of the size of meshcat's list of keys."""
-
-    def lower(self) -> dict[str, Any]:
-        times, values = typed(self.frames, "float32"), typed(self.values, "float32")
-        return {"name": "." + self.name, "type": self.jstype, "times": times, "values": values}
-
-
-def _continuous(quaternions: np.ndarray) -> np.ndarray:
-    """Unit quaternions (m, 4) with signs such that neighbours are near each other."""
-    dots = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1])
-    signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0, -1.0, 1.0)]))
-    return quaternions * signs[:, None]
+def _pane(pane: Pane) -> dict[str, Any]:
+    curves = [
+        {
+            "name": {"g": "|g|", "Gv": "|G v|"}.get(c.name, c.name),
+            "ghost": c.ghost,
+            "t": typed(c.t, "float64"),
+            "y": typed(c.y, "float32"),
+        }
+        for c in pane.curves
+    ]
+    return {"title": pane.title, "logarithmic": pane.logarithmic, "colours": COLOURS, "curves": curves}
 
 
-def _bounds(scene: "Scene", placements: np.ndarray) -> list[list[float]]:
-    """Lower and upper corner [m] of the box that holds the whole motion."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for shape, track in zip(scene.shapes, placements.swapaxes(0, 1), strict=True):
-        corners = np.array(list(product(*shape.bounds.T)))
-        axis, w = track[:, None, 3:6], track[:, None, 6:]
-        twist = 2 * np.cross(axis, corners[None])
-        world = track[:, None, :3] + corners + w * twist + np.cross(axis, twist)
-        low, high = np.minimum(low, world.min((0, 1))), np.maximum(high, world.max((0, 1)))
-    return [low.tolist(), high.tolist()] if scene.shapes else [[-0.5] * 3, [0.5] * 3]
+@cache
+def _viewer() -> str:
+    return _compressed(Path(meshcat.viewer_assets_path(), "dist", "main.min.js").read_bytes())
 
 
 def _compressed(data: bytes) -> str:
-    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
 
 
-def _page(filling: dict[str, str]) -> str:
-    page = files(__package__).joinpath("replay.htm").read_text("utf-8")
-    return re.sub(r"{{(\w+)}}", lambda key: filling[key[1]], page)
+def _asset(name: str) -> str:
+    return files(__package__).joinpath(name).read_text("utf-8")

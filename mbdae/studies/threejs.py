@@ -13,12 +13,17 @@ if TYPE_CHECKING:
 Y_TO_Z = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # three.js turns about y
 MIME = {".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".gif": "image/gif"}  # all others: png
 WHITE = "data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs="  # for missing textures
-EXTENSION = {"uint8": 0x12, "uint32": 0x16, "float32": 0x17}  # msgpack types of JavaScript's arrays
+EXTENSION = {"uint8": 0x12, "uint32": 0x16, "float32": 0x17, "float64": 0x18}  # msgpack types of JavaScript's arrays
 
 
 def typed(values: Any, dtype: str) -> umsgpack.Ext:
     """A numpy array, flattened, as a typed array of JavaScript; dtype is a key of ``EXTENSION``."""
     return umsgpack.Ext(EXTENSION[dtype], np.ascontiguousarray(values, dtype=dtype).tobytes())
+
+
+def node(shape: "Shape") -> str:
+    """The path of a shape in the viewer's tree."""
+    return f"/mechanism/{shape.role}/{shape.name.replace('/', '|')}"
 
 
 def mesh_data(mesh: "Mesh") -> dict[str, Any]:

@@ -1,0 +1,96 @@
+"""Videos of a replay: a browser without a window draws the page's frames, and a library packs them."""
+
+import base64
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import InputError, MbdaeError
+from ..files import write_whole
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
+FLAGS = "--headless --use-gl=swiftshader --enable-unsafe-swiftshader --disable-background-networking --dump-dom"
+SIZES = {".mp4": (1280, 720), ".gif": (800, 450)}
+BATCH = 40  # frames that the browser holds at a time
+PATIENCE = 300.0  # s for a batch
+
+
+def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[float], None] | None = None) -> None:
+    """Writes a video of a page of `mbdae.studies.replay`, from the start of the motion to its end.
+
+    Args:
+        page: the page.
+        path: the ``.mp4`` (H.264) or ``.gif`` to write, whole or not at all.
+        fps: frames per second.
+        seconds: how long the video lasts.
+        progress: called with the fraction of the frames that are drawn.
+
+    Raises:
+        InputError: no browser is found, the library for the format is missing, or the path cannot be written.
+        MbdaeError: the browser draws nothing.
+    """
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        raise InputError(f"a video takes a browser that draws it, one of {', '.join(BROWSERS)}: none is found")
+    pack = {".mp4": _mp4, ".gif": _gif}[path.suffix]
+    count = round(seconds * fps) + 1
+
+    def drawn() -> Iterator["Image"]:
+        for k, frame in enumerate(_frames(browser, page, count, SIZES[path.suffix])):
+            yield frame
+            if progress:
+                progress((k + 1) / count)
+
+    with write_whole(path) as draft:
+        pack(draft, drawn(), fps)
+
+
+def _frames(browser: str, page: str, count: int, size: tuple[int, int]) -> Iterator["Image"]:
+    """Yields the pictures, in batches: each batch is one start of the browser, which leaves them in the page's text."""
+    from PIL import Image
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "page.html")
+        file.write_text(page, "utf-8")
+        command = [browser, *FLAGS.split(), f"--user-data-dir={folder}/profile"]
+        if hasattr(os, "geteuid") and os.geteuid() == 0:
+            command.append("--no-sandbox")  # root cannot have one
+        for first in range(0, count, BATCH):
+            last = min(count, first + BATCH)
+            address = f"{file.as_uri()}#film={first},{last},{count},{size[0]}x{size[1]}"
+            done = subprocess.run([*command, address], capture_output=True, timeout=PATIENCE, check=False)
+            pictures = re.findall(rb"data:image/png;base64,([\w+/=]+)\n", done.stdout)
+            if len(pictures) != last - first:
+                raise MbdaeError(f"{browser} drew {len(pictures)} of {last - first} frames")
+            for data in pictures:
+                yield Image.open(BytesIO(base64.b64decode(data))).convert("RGB")
+
+
+def _mp4(path: Path, frames: Iterator["Image"], fps: float) -> None:
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        raise InputError('a .mp4 takes imageio-ffmpeg: pip install "mbdae[video]"; a .gif needs nothing more') from None
+    first = next(frames)
+    writer = imageio_ffmpeg.write_frames(str(path), first.size, fps=fps, macro_block_size=2, quality=7)
+    writer.send(None)
+    writer.send(first.tobytes())
+    for frame in frames:
+        writer.send(frame.tobytes())
+    writer.close()
+
+
+def _gif(path: Path, frames: Iterator["Image"], fps: float) -> None:
+    """One palette for all frames, of the first: colours do not flicker."""
+    first = next(frames).quantize(255)
+    rest = [frame.quantize(palette=first) for frame in frames]
+    first.save(path, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0, optimize=True)
