@@ -49,7 +49,11 @@ def test_models_table():
 
 
 def test_closures_table():
-    assert list(table("closure")) == list(KINDS)
+    found = table("closure")
+    assert list(found) == list(KINDS)
+    for kind, (rows, what) in found.items():
+        assert int(rows) == mbdae.load(Path(__file__).parent / "data" / "closures" / f"{kind}.toml").ng
+        assert what in mbdae.Closure.__doc__.replace("``", "`"), f"README and docstring say different things of {kind}"
 
 
 def test_files_table():
