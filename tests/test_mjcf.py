@@ -3,8 +3,9 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from mujoco_models import FILES, compiled, load
+from mujoco_models import DATA, FILES, compiled, load
 
+import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism import from_mujoco, to_mujoco
 from mbdae.mechanism.constraints import anchors
@@ -75,6 +76,19 @@ def test_forces_are_those_of_mujoco(name):
         np.testing.assert_allclose(
             T.T @ (f - mass_matrix(mech, q) @ turning), theirs, rtol=0, atol=EXACT * max(1, np.abs(theirs).max())
         )
+
+
+def test_armature_of_a_free_joint_has_no_weight_on_the_moon_either(tmp_path):
+    gravity = [0.0, 0.1, -1.62]
+    path = tmp_path / "mechanism.toml"
+    path.write_text(f'gravity = {gravity}\n[[source]]\nfile = "{DATA / "heavy_rotor.xml"}"\nprefix = "a_"')
+    mech, (m, d) = mbdae.load(path), compiled("heavy_rotor")
+    m.opt.gravity[:] = gravity
+    q, v = mech.start[0], np.zeros(mech.nv)
+    T, _ = at(mech, m, d, q, v)
+    acceleration = mech.system().derivative(0.0, mech.point(q, v))[0][mech.nv : 2 * mech.nv]
+    np.testing.assert_allclose(acceleration, T @ d.qacc, atol=1e-9)
+    assert abs(acceleration[2]) < 0.99 * 1.62  # its inertia holds it back
 
 
 @pytest.mark.parametrize("name", FILES)

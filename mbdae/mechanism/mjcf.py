@@ -153,7 +153,7 @@ def read_mjcf(path: Path, key: str = "") -> Part:
     control = m.key_ctrl[frame] if frame is not None else np.zeros(m.nu)
     gravity = (0.0, 0.0, 0.0) if disabled(c, "GRAVITY") else tuple(m.opt.gravity.tolist())
     closures, drivers, unread = loops_of(c)
-    forces, (geometry, shapeless) = (*springs_of(c), *weightless(c, gravity)), visuals(c)
+    forces, masses, (geometry, shapeless) = springs_of(c), weightless(c), visuals(c)
     return Part(
         c.model,
         geometry,
@@ -161,7 +161,8 @@ def read_mjcf(path: Path, key: str = "") -> Part:
         gravity=gravity,
         closures=tuple(closures),
         drivers=tuple(drivers),
-        forces=forces,
+        forces=tuple(forces),
+        weightless=masses,
         start=start,
         motors=tuple(motors.values()),
         controls={motor.name: float(control[i]) for i, motor in motors.items() if control[i]},

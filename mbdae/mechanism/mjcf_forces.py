@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from .forces import Bushing, JointSpring, Wrench
+from .forces import Bushing, JointSpring
 from .mujoco_state import pose
 from .part import Motor
-from .signals import Constant
 
 if TYPE_CHECKING:
     from .mjcf import Compiled
@@ -79,16 +78,13 @@ def springs_of(c: "Compiled") -> list[JointSpring | Bushing]:
     return out
 
 
-def weightless(c: "Compiled", gravity: tuple[float, ...]) -> list[Wrench]:
-    """Forces that carry the weight of the masses which stand for armature of free joints."""
-    m, out = c.m, []
+def weightless(c: "Compiled") -> dict[str, float]:
+    """Frames with the masses that stand for armature of free joints: those have inertia and no weight."""
+    m, out = c.m, {}
     for j in range(m.njnt):
         mass = float(m.dof_armature[m.jnt_dofadr[j]])
-        if c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE and mass and any(gravity):
-            name = f"{c.joints[j]} armature"
-            frame = c.add_frame(c.unique(name), m.jnt_bodyid[j], np.zeros(3))
-            x, y, z = (Constant(value=-mass * g) for g in gravity)
-            out.append(Wrench(name=name, frame=frame, force=(x, y, z)))
+        if c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE and mass:
+            out[c.add_frame(c.unique(f"{c.joints[j]} armature"), m.jnt_bodyid[j], np.zeros(3))] = mass
     return out
 
 

@@ -48,6 +48,7 @@ class Part:
         drivers: its drivers.
         mimics: joints that follow others.
         forces: descriptions of its forces.
+        weightless: frames at the centres of masses in kg that have no weight, whatever gravity is.
         start: its start state.
         motors: its named inputs.
         controls: values of inputs that the file gives.
@@ -62,6 +63,7 @@ class Part:
     drivers: tuple[Driver, ...] = ()
     mimics: tuple[Mimic, ...] = ()
     forces: tuple[Any, ...] = ()
+    weightless: Mapping[str, float] = field(default_factory=dict)
     start: Start = field(default_factory=Start)
     motors: tuple[Motor, ...] = ()
     controls: Mapping[str, float] = field(default_factory=dict)
@@ -77,6 +79,7 @@ class Part:
             closures=tuple(prefixed(c, prefix) for c in self.closures),
             drivers=tuple(prefixed(d, prefix) for d in self.drivers),
             forces=tuple(prefixed(f, prefix) for f in self.forces),
+            weightless={prefix + n: mass for n, mass in self.weightless.items()},
             mimics=tuple(Mimic(prefix + m.joint, prefix + m.other, *m[2:]) for m in self.mimics),
             start=self.start.model_copy(update=names),
             motors=tuple(Motor(prefix + m.name, prefix + m.joint, m.gear) for m in self.motors),

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ..errors import InputError, UnknownNameError
 from ..files import text_of
-from .forces import JointTorque
+from .forces import JointTorque, Wrench
 from .frames import joint_names
 from .library import SOURCES, package_directories, resolve
 from .mjcf import read_mjcf
@@ -17,6 +17,7 @@ from .part import Motor, Part, follow
 from .robot_yaml import read_robot_yaml
 from .schema import MechanismFile, Source
 from .shapes import unpack
+from .signals import Constant
 from .urdf import read_urdf
 
 
@@ -64,7 +65,8 @@ def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, t
     named = [p.prefixed(s.prefix) for s, p in zip(file.source, parts, strict=True)]
     joints = [s.prefix + n for s, p in zip(file.source, parts, strict=True) for n in joint_names(p.model)]
     couplings, lock = follow(tuple(m for p in named for m in p.mimics), file.lock, joints)
-    gravity = next((p.gravity for p in named if p.gravity), None)
+    said = next((p.gravity for p in named if p.gravity), None)
+    gravity = file.gravity if said is None or "gravity" in file.model_fields_set else said
     motors = {m.name: m for p in named for m in p.motors}
     controls = {**{n: u for p in named for n, u in p.controls.items()}, **file.motor}
     changed = {*lock, *file.joint_type}
@@ -76,12 +78,15 @@ def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, t
         "lock": lock,
         "closure": (*(c for p in named for c in p.closures), *couplings, *file.closure),
         "driver": (*(d for p in named for d in p.drivers), *file.driver),
-        "force": (*(f for p in named for f in p.forces), *_driven(motors, controls), *file.force),
+        "force": (
+            *(f for p in named for f in (*p.forces, *_carried(p.weightless, gravity))),
+            *_driven(motors, controls),
+            *file.force,
+        ),
+        "gravity": gravity,
         "start": file.start.model_copy(update=tables),
         "motor": {},
     }
-    if gravity and "gravity" not in file.model_fields_set:
-        update["gravity"] = gravity
     left_out = tuple(text for p in named for text in p.left_out)
     return file.model_copy(update=update), tuple(motors.values()), left_out
 
@@ -90,9 +95,13 @@ def _driven(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[Jo
     for name in controls:
         if name not in motors:
             raise UnknownNameError("motor", name, motors)
-    return [
-        JointTorque(name=n, joint=motors[n].joint, torque=u, gear=motors[n].gear) for n, u in controls.items()
-    ]
+    return [JointTorque(name=n, joint=motors[n].joint, torque=u, gear=motors[n].gear) for n, u in controls.items()]
+
+
+def _carried(weightless: Mapping[str, float], gravity: Sequence[float]) -> list[Wrench]:
+    """Forces that carry the weight of masses which have none."""
+    forces = {n: tuple(Constant(value=-mass * g) for g in gravity) for n, mass in weightless.items()}
+    return [Wrench(name=n, frame=n, force=force) for n, force in forces.items() if any(gravity)]
 
 
 def _is_urdf(path: Path) -> bool:
