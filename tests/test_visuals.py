@@ -27,9 +27,7 @@ def fourbar():
 
 def test_visuals_are_where_pinocchio_puts_them(panda):
     pin.seed(0)
-    many = np.array(
-        [pin.randomConfiguration(panda.model, -np.ones(panda.nq), np.ones(panda.nq)) for _ in "abc"]
-    )
+    many = np.array([pin.randomConfiguration(panda.model, -np.ones(panda.nq), np.ones(panda.nq)) for _ in "abc"])
     data, geometry = panda.model.createData(), panda.visuals.createData()
     together = panda.scene.placements(many)
     assert together.shape == (3, len(panda.scene.shapes), 7)
@@ -99,6 +97,28 @@ def test_a_rod_keeps_its_length_between_its_anchors():
     np.testing.assert_allclose(place.translation, [0, 0.6, -0.8])
     np.testing.assert_allclose(place.rotation[:, 2], [0, 0.6, -0.8], atol=1e-12)
     assert is_rotation(scene.placements(np.zeros(3))[k, 3:])
+
+
+def test_a_spring_is_two_tubes_from_point_to_point():
+    model, identity = pin.Model(), pin.SE3.Identity()
+    model.addJoint(0, pin.JointModelTranslation(), identity, "ball")
+    scene = make_scene(model, springs=[Mark("coil", (0, identity), (1, identity), rod=2.0)])
+    assert [(s.role, s.size[1]) for s in scene.shapes[-2:]] == [("force", 1.1)] * 2
+    places = scene.placements(np.array([0.0, 1.2, -1.6]))[-2:]
+    for place, start, way in zip(places, ([0, 0, 0], [0, 1.2, -1.6]), (1, -1), strict=True):
+        axis = pin.XYZQUATToSE3(place).rotation[:, 2]
+        np.testing.assert_allclose(axis, way * np.array([0, 0.6, -0.8]), atol=1e-12)
+        np.testing.assert_allclose(place[:3] - 0.55 * axis, start, atol=1e-12)
+    assert not [s for s in mbdae.load("slider_crank").scene.shapes if s.role == "force"]
+    assert len([s for s in mbdae.load("andrews_squeezer").scene.shapes if s.role == "force"]) == 2
+
+
+def test_an_unlimited_slide_on_a_body_has_a_rail_as_long_as_the_body():
+    scene = mbdae.load("flyball_governor").scene
+    (rail,) = [s for s in scene.shapes if s.name == "slider rail"]
+    assert rail.size[1] == pytest.approx(1.0)
+    (rail,) = [s for s in mbdae.load("stewart_platform").scene.shapes if s.name == "piston_1 rail"]
+    assert rail.size[1] == pytest.approx(0.5)
 
 
 def test_bodies_without_visuals_join_those_that_have_them(panda):

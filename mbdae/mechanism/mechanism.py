@@ -1,6 +1,6 @@
 """A mechanism: a Pinocchio model, closures, forces and a start state; immutable after it is made."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -13,8 +13,8 @@ from .closures import Closure
 from .constraints import Constraints, anchors
 from .descriptor import Descriptor
 from .drivers import Driver
-from .forces import Laws, bind_forces, named_force
-from .frames import Anchor, find_joint, joint_names
+from .forces import Laws, SpringDamper, bind_forces, named_force
+from .frames import Anchor, anchor, find_joint, joint_names
 from .gaps import Gap, widest
 from .ggl import GGL
 from .index1 import Index1
@@ -124,9 +124,7 @@ class Mechanism:
     def coordinate_joint(self, i: int) -> str:
         """Name of the joint that velocity component i belongs to."""
         return next(
-            n
-            for n in self.joint_names
-            if 0 <= i - find_joint(self.model, n).idx_v < find_joint(self.model, n).nv
+            n for n in self.joint_names if 0 <= i - find_joint(self.model, n).idx_v < find_joint(self.model, n).nv
         )
 
     def joint_kind(self, name: str) -> str:
@@ -145,11 +143,8 @@ class Mechanism:
     @cached_property
     def scene(self) -> Scene:
         """Shapes and their placements for the replay."""
-        marks = [
-            Mark(c.name, (a.joint, pin.SE3(a.R, a.p)), (b.joint, pin.SE3(b.R, b.p)), rod=c.length or 0.0)
-            for c, (a, b) in self.closure_anchors
-        ]
-        return make_scene(self.model, self.visuals, marks)
+        springs = [(f, [anchor(self.model, n) for n in f.frames]) for f in self.forces if isinstance(f, SpringDamper)]
+        return make_scene(self.model, self.visuals, _marks(self.closure_anchors), _marks(springs))
 
     # -- forces and energy ---------------------------------------------------------------------------------------
 
@@ -255,9 +250,7 @@ class Mechanism:
         """The closure that the start values leave open the most, before assembly; None without closures."""
         return widest(self, self.residual(*self.given)[0]) if self.ng else None
 
-    def point(
-        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None
-    ) -> Array:
+    def point(self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None) -> Array:
         """Return y = (q, v, s, w = 0) at time t; the start state where q or v is left out, start values for s.
 
         Raises:
@@ -289,3 +282,8 @@ class Mechanism:
         if not np.isfinite(x).all():
             raise InputError(f"{name} is not finite: {x}")
         return x
+
+
+def _marks(found: Iterable[tuple[Any, Sequence[Anchor]]]) -> list[Mark]:
+    placed = ((x, [(e.joint, pin.SE3(e.R, e.p)) for e in ends]) for x, ends in found)
+    return [Mark(x.name, a, b, rod=x.length or 0.0) for x, (a, b) in placed]

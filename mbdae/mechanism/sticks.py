@@ -101,6 +101,13 @@ def rod(name: str, length: float, width: float) -> pin.GeometryObject:
     return _part("closure", f"{name} rod", 0, pin.SE3.Identity(), shape, CLOSURE_COLOURS[0])[1]
 
 
+def tubes(name: str, length: float, width: float) -> list[pin.GeometryObject]:
+    """The two tubes of a spring of some rest length, each in its own frame along z; none for a length of 0."""
+    part, still = 0.55 * length, pin.SE3.Identity()
+    sizes = ((0.8 * width, JOINT_COLOUR), (0.45 * width, GROUND_COLOUR)) if length > 0 else ()
+    return [_part("force", name, 0, still, coal.Cylinder(radius, part), colour)[1] for radius, colour in sizes]
+
+
 def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) -> Iterator[Part]:
     name, colour, width = model.names[i], LINK_COLOURS[i % len(LINK_COLOURS)], size.width
     inertia = model.inertias[i]

@@ -22,13 +22,13 @@ Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
 
 
 class Mark(NamedTuple):
-    """A closure to be shown: its two anchors, which coincide while the loop is closed.
+    """A closure to be shown: its two anchors, which coincide while the loop is closed; or a spring between two points.
 
     Attributes:
-        name: the closure's name.
+        name: the closure's or spring's name.
         first: joint and placement of the first anchor.
         second: joint and placement of the second anchor.
-        rod: length of the massless rod of a distance closure [m]; 0 for none.
+        rod: length of the massless rod of a distance closure [m], 0 for none; rest length of a spring.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Shape:
 
     Attributes:
         name: unique within a scene.
-        role: ``"visual"``, ``"link"``, ``"joint"``, ``"ground"`` or ``"closure"``.
+        role: ``"visual"``, ``"link"``, ``"joint"``, ``"ground"``, ``"closure"`` or ``"force"``.
         kind: ``"box"``, ``"sphere"``, ``"ellipsoid"``, ``"cylinder"``, ``"cone"``, ``"capsule"`` or
             ``"mesh"``.
         size: [m] box: three edges; sphere: radius; ellipsoid: three radii; cylinder, cone: radius and
@@ -74,7 +74,7 @@ class Scene:
 
     shapes: tuple[Shape, ...]
     _model: pin.Model
-    _anchors: tuple[tuple[Anchor, ...], ...]  # one: fixed to a joint; two: a rod between them
+    _anchors: tuple[tuple[Anchor, ...], ...]  # one: fixed to a joint; two: from the first towards the second
 
     def placements(self, q: np.ndarray) -> np.ndarray:
         """Where the shapes are in the world.
@@ -97,19 +97,24 @@ class Scene:
             pin.forwardKinematics(self._model, data, row)
             for k, anchors in enumerate(self._anchors):
                 ends = [data.oMi[joint] * placement for joint, placement in anchors]
-                place[k] = pin.SE3ToXYZQUAT(ends[0] if len(ends) == 1 else _between(*ends))
+                here = ends[0] if len(ends) == 1 else _towards(ends[0], ends[1], self.shapes[k].size[1])
+                place[k] = pin.SE3ToXYZQUAT(here)
         return out
 
 
 def make_scene(
-    model: pin.Model, visual_model: pin.GeometryModel | None = None, closures: Iterable[Mark] = ()
+    model: pin.Model,
+    visual_model: pin.GeometryModel | None = None,
+    closures: Iterable[Mark] = (),
+    springs: Iterable[Mark] = (),
 ) -> Scene:
-    """Builds the scene: the model's visuals, generated sticks for massive bodies without any, closures.
+    """Builds the scene: the model's visuals, generated sticks for massive bodies without any, closures, springs.
 
     Args:
         model: the mechanism's tree.
         visual_model: its visual geometry, or None.
         closures: what to mark, and between which anchors.
+        springs: from point to point; each is drawn as two tubes that slide in each other, unless its rest length is 0.
 
     Returns:
         The scene.
@@ -139,14 +144,19 @@ def make_scene(
         if mark.rod > 0:
             shapes.append(_shape("closure", sticks.rod(mark.name, mark.rod, size.width), meshes))
             anchors.append((mark.first, mark.second))
+    for mark in springs:
+        both = (mark.first, mark.second), (mark.second, mark.first)
+        for tube, ends in zip(sticks.tubes(mark.name, mark.rod, size.width), both, strict=False):
+            shapes.append(_shape("force", tube, meshes))
+            anchors.append(ends)
     return Scene(tuple(_uniquely_named(shapes)), model, tuple(anchors))
 
 
-def _between(first: pin.SE3, second: pin.SE3) -> pin.SE3:
-    """The frame halfway between two points with z from the first to the second."""
+def _towards(first: pin.SE3, second: pin.SE3, length: float) -> pin.SE3:
+    """The middle of a rod of some length that begins at a point and leads towards another, with z along it."""
     d = second.translation - first.translation
     turn = pin.Quaternion.FromTwoVectors(pin.ZAxis, d) if d.any() else pin.Quaternion.Identity()
-    return pin.SE3(turn, (first.translation + second.translation) / 2)
+    return pin.SE3(turn, first.translation + turn * np.array([0.0, 0.0, length / 2]))
 
 
 def _uniquely_named(shapes: Iterable[Shape]) -> Iterable[Shape]:
