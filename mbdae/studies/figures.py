@@ -44,6 +44,7 @@ STYLE: Any = {  # of matplotlib's keys
     "lines.linewidth": 1.2,
     "lines.markersize": 4.5,
     "lines.markeredgewidth": 0.9,
+    "figure.dpi": 200,  # the width of letters depends on it a little
     "savefig.dpi": 200,
     "svg.hashsalt": "mbdae",
     "pdf.fonttype": 42,
@@ -103,8 +104,9 @@ def settled(draw: Callable[P, "Figure"]) -> Callable[P, "Figure"]:
 def sheet(width: float, height: float) -> "Figure":
     """An empty figure, in inches, that finds room for legends outside its axes."""
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.06))
 
 
 def logarithmic(axis: "Axis", labels: int = 9) -> None:

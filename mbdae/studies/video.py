@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 FLAGS = "--headless --use-gl=swiftshader --enable-unsafe-swiftshader --disable-background-networking --dump-dom"
 SIZES = {".mp4": (1280, 720), ".gif": (800, 450)}
-BATCH = 40  # frames that the browser holds at a time
+BATCH = 40  # frames of one start of the browser, which holds them
 PATIENCE = 300.0  # s for a batch
 
 
@@ -38,41 +38,56 @@ def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[
         InputError: no browser is found, the library for the format is missing, or the path cannot be written.
         MbdaeError: the browser draws nothing.
     """
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None:
-        raise InputError(f"a video takes a browser that draws it, one of {', '.join(BROWSERS)}: none is found")
+    browser = _browser()
     pack = {".mp4": _mp4, ".gif": _gif}[path.suffix]
     count = round(seconds * fps) + 1
 
     def drawn() -> Iterator["Image"]:
-        for k, frame in enumerate(_frames(browser, page, count, SIZES[path.suffix])):
-            yield frame
-            if progress:
-                progress((k + 1) / count)
+        for first in range(0, count, BATCH):
+            last = min(count, first + BATCH)
+            for k, frame in enumerate(_frames(browser, page, first, last, count, SIZES[path.suffix]), first + 1):
+                yield frame
+                if progress:
+                    progress(k / count)
 
     with write_whole(path) as draft:
         pack(draft, drawn(), fps)
 
 
-def _frames(browser: str, page: str, count: int, size: tuple[int, int]) -> Iterator["Image"]:
-    """Yields the pictures, in batches: each batch is one start of the browser, which leaves them in the page's text."""
+def still(page: str, share: float, size: tuple[int, int]) -> "Image":
+    """Returns a picture of a page, (width, height) pixels, after a share of the motion from 0 to 1.
+
+    Raises:
+        InputError: no browser is found.
+        MbdaeError: the browser draws nothing.
+    """
+    k = round(1000 * share)
+    return _frames(_browser(), page, k, k + 1, 1001, size)[0]
+
+
+def _browser() -> str:
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        raise InputError(f"a video takes a browser that draws it, one of {', '.join(BROWSERS)}: none is found")
+    return found
+
+
+def _frames(browser: str, page: str, first: int, last: int, count: int, size: tuple[int, int]) -> list["Image"]:
+    """Frames first to last - 1 of count: the browser leaves them in the page's text."""
     from PIL import Image
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "page.html")
         file.write_text(page, "utf-8")
+        address = f"{file.as_uri()}#film={first},{last},{count},{size[0]}x{size[1]}"
         command = [browser, *FLAGS.split(), f"--user-data-dir={folder}/profile"]
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             command.append("--no-sandbox")  # root cannot have one
-        for first in range(0, count, BATCH):
-            last = min(count, first + BATCH)
-            address = f"{file.as_uri()}#film={first},{last},{count},{size[0]}x{size[1]}"
-            done = subprocess.run([*command, address], capture_output=True, timeout=PATIENCE, check=False)
-            pictures = re.findall(rb"data:image/png;base64,([\w+/=]+)\n", done.stdout)
-            if len(pictures) != last - first:
-                raise MbdaeError(f"{browser} drew {len(pictures)} of {last - first} frames")
-            for data in pictures:
-                yield Image.open(BytesIO(base64.b64decode(data))).convert("RGB")
+        done = subprocess.run([*command, address], capture_output=True, timeout=PATIENCE, check=False)
+    pictures = re.findall(rb"data:image/png;base64,([\w+/=]+)\n", done.stdout)
+    if len(pictures) != last - first:
+        raise MbdaeError(f"{browser} drew {len(pictures)} of {last - first} frames")
+    return [Image.open(BytesIO(base64.b64decode(data))).convert("RGB") for data in pictures]
 
 
 def _mp4(path: Path, frames: Iterator["Image"], fps: float) -> None:
@@ -91,6 +106,6 @@ def _mp4(path: Path, frames: Iterator["Image"], fps: float) -> None:
 
 def _gif(path: Path, frames: Iterator["Image"], fps: float) -> None:
     """One palette for all frames, of the first: colours do not flicker."""
-    first = next(frames).quantize(255)
+    first = next(frames).quantize(255, kmeans=2)
     rest = [frame.quantize(palette=first) for frame in frames]
     first.save(path, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0, optimize=True)
