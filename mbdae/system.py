@@ -102,8 +102,8 @@ class Chart(Protocol):
     def linearize(self, x: Array, dx: Array, z: Array) -> Linearization:
         """Take the slopes at (x, x', z)."""
 
-    def end(self, t: float, x: Array, z: Array) -> tuple[Array, Array]:
-        """Return y_n (+) x, where a step ends, and z there in full, (nz,)."""
+    def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
+        """Return y_n (+) x, where a step ends, and z there in full, (nz,), made to fit x' = f(t, x, z)."""
 
 
 class System(Protocol):

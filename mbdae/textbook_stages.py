@@ -30,8 +30,10 @@ class ImplicitStages:
         s, y = self.system, self.y + x
         return Linearized(s.f_y(self.t, y, z), s.f_z(self.t, y, z), s.g_y(self.t, y), s.counts, self.t)
 
-    def end(self, t: float, x: Array, z: Array) -> tuple[Array, Array]:  # noqa: D102
-        y = self.y + x
+    def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
+        """Return y, and z after one iteration more, of x' = f(t, y, z) alone with f_z of the end."""
+        s, y = self.system, self.y + x
+        z = z + np.linalg.lstsq(s.f_z(t, y, z), dx - s.f(t, y, z))[0]
         self.system.remember(y, z)
         return y, z
 

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+import mbdae
+
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
@@ -45,3 +47,67 @@ def test_stiff(capsys):
     assert result["radau5"]["steps"] < 0.25 * result["herk5"]["steps"]
     assert abs(result["radau5"]["crank"] - result["pherk5"]["crank"]) < 1e-5
     assert "radau5" in capsys.readouterr().out
+
+
+def test_first_steps(tmp_path, capsys):
+    sol = example("first_steps").main(tmp_path, end=1.0)
+    assert sol.success
+    assert (tmp_path / "run.npz").exists()
+    assert "<html" in (tmp_path / "run.html").read_text()[:200].lower()
+    assert "wrist pin carries" in capsys.readouterr().out
+
+
+def test_own_mechanism(capsys):
+    sol = example("own_mechanism").main(end=1.0)
+    values = sol.signals()
+    np.testing.assert_allclose(values["q.left"], values["q.right"], rtol=0, atol=1e-9)  # a parallelogram
+    assert np.ptp(values["q.left"]) > 0.1
+    assert "tilts" in capsys.readouterr().out
+
+
+def test_driven_crank(capsys):
+    result = example("driven_crank").main(end=0.5)
+    assert abs(result["work"] - result["integrated"]) < 1e-3 * abs(result["integrated"])
+    assert "torque of the motor" in capsys.readouterr().out
+
+
+def test_arm_controller(capsys):
+    module = example("arm_controller")
+    sol = module.main(end=1.0)
+    wheel = sol.signals()["q.handle"]
+    wanted = np.array([module.reference(t)[0] for t in sol.t])
+    assert np.abs(wheel - wanted).max() < 0.03
+    assert "wanted" in capsys.readouterr().out
+
+
+def test_compare_integrators(tmp_path, capsys):
+    study = example("compare_integrators").main(tmp_path, end=0.3, repeats=1)
+    assert len(study.points) == 3 * len(example("compare_integrators").METHODS)
+    assert (tmp_path / "compare.csv").exists()
+    assert (tmp_path / "compare.png").stat().st_size > 10_000
+    assert "pherk6" in capsys.readouterr().out
+
+
+def test_events(capsys):
+    sol = example("events").main()
+    assert sol.status == "event"
+    assert abs(sol.t[-1] - 1.0190940393) < 1e-8
+    assert "falls through" in capsys.readouterr().out
+
+
+def test_energy_and_drift(tmp_path, capsys):
+    result = example("energy_and_drift").main(end=2.0, plot=tmp_path / "drift.png")
+    assert result["GGL"].g_max < 1e-11
+    assert result["index 2, projected"].g_max < 1e-11
+    assert result["index 2"].Gv_max < 1e-11 < result["index 1"].Gv_max
+    assert (tmp_path / "drift.png").exists()
+    assert "formulation" in capsys.readouterr().out
+
+
+def test_own_method(capsys):
+    try:
+        study = example("own_method").main()
+    finally:
+        mbdae.METHODS.pop("ralston3", None)
+    assert study.holds
+    assert "claimed 2, found 2" in capsys.readouterr().out

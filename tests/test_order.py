@@ -13,16 +13,13 @@ from mbdae.textbook import hessenberg_a
 
 REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")
 
-IRREGULAR = {("heavy_top", "radau5", "own lam")}  # its error changes sign there: slopes between 2.5 and 4.6, claim 3
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["pendulum", "four_bar", "heavy_top"])
 @pytest.mark.parametrize("method", list(mbdae.METHODS))
 def test_orders(model, method):
     study = mbdae.check_order(mbdae.load(model), [method])
-    slopes = [s for s in study.slopes[method] if (model, method, s.quantity) not in IRREGULAR]
-    assert [s.verdict for s in slopes] == ["holds"] * len(slopes), str(study)
+    assert study.holds, str(study)
 
 
 @pytest.mark.parametrize("method", REGULAR_ON_A)

@@ -115,10 +115,10 @@ class GGLChart(DescriptorChart):
         """Take the slopes at (x, x', z)."""
         return LinearizedGGL(*super().linearize(x, dx, z[: len(self.rows)]))
 
-    def end(self, t: float, x: Array, z: Array) -> tuple[Array, Array]:
+    def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
         """Return y, and (lam, mu) of all rows, (2 ng,)."""
         s, r = self.system, len(self.rows)
-        y, lam = super().end(t, x, z[:r])
+        y, lam = super().end(t, x, dx, z[:r])
         g, G = s.closures(None, t)
         self._watch(t, g)
         return y, np.concatenate([lam, s.own(G, self.rows, z[r:])])

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg.lapack import dpotrs
 
 from ..linear import factorized
 from ..system import Array, Counts, Solver
@@ -79,13 +80,20 @@ class ImplicitStages:
         local = slopes(s, self.t, q, u, dx[nv : 2 * nv], z, self.rows)
         return Linearized(local, _turning(s.manifold, x[:nv], u[:nv]), s.counts, self.t)
 
-    def end(self, t: float, x: Array, z: Array) -> tuple[Array, Array]:
-        """Return y and the multipliers of all rows, (ng,); mass matrix and G serve the next step's start."""
-        s, y = self.system, self.system.add(self.y, x)
+    def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
+        """Return y and the multipliers of all rows, (ng,); mass matrix and G serve the next step's start.
+
+        The iteration leaves z with |G - G_0| times its last change, far behind x and x'. One linear solve ends it:
+        M^-1/2 (f + G^T z - M v') is made least.
+        """
+        s, nv, y = self.system, self.system.nv, self.system.add(self.y, x)
         q, _ = s.split(y)
         U, G = s.inertia(t, q), s.closures()[1]
         s._last_q, s._last = q, (U, G)
-        return y, s.own(G, self.rows, z)
+        left = ImplicitStages.residual(self, t, x, dx, z)[0][nv : 2 * nv]
+        used = G[self.rows]
+        X = dpotrs(U, np.column_stack([used.T, left]))[0]
+        return y, s.own(G, self.rows, z - np.linalg.solve(used @ X[:, :-1], used @ X[:, -1]))
 
 
 def _turning(manifold: Manifold, x: Array, v: Array) -> tuple[Array, Array]:

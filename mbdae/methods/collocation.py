@@ -85,7 +85,7 @@ def collocation_step(
         slopes = chart.linearize(middle, K[a.middle], Z[a.middle])
         found = stages.solve(K, Z, slopes, _factorize(slopes, a, h))
     x = h * (a.A[-1] @ found.K) + (0.0 if state.low is None else state.low)
-    y, own = chart.end(t + h, x, found.Z[-1])
+    y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
     return Step(State(y, found, system.lost(state.y, x, y)), own, errors)
 
