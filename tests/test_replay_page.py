@@ -209,6 +209,7 @@ def test_ghosts_traces_and_arrows_are_seen(crank, chromium, tmp_path):
     assert changed(plain[100:400, :500], full[100:400, :500]) > 0.01
     arrow = np.array([194, 24, 91])
     near = [(np.abs(x[100:, :500] - arrow).max(axis=2) < 12).sum() for x in (plain, full)]
+    assert all((x[50:400, 620:].min(axis=2) < 200).mean() > 0.01 for x in (plain, full)), "plots"
     assert near[0] == 0
     assert near[1] > 100
 

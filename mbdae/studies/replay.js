@@ -9,7 +9,7 @@ function player(viewer, scene) {
   const place = stage(viewer, scene), plots = plot(scene, t => { page.seek(t); });
   let offset = 0, shown = NaN, playing = false, before = null;
   const page = {
-    viewer, start, duration, plots, speed: scene.speed, loop: true,
+    viewer, start, duration, plots, show, speed: scene.speed, loop: true,
     get t() { return start + direction * offset; },
     get playing() { return playing; },
     play() {
@@ -177,6 +177,8 @@ async function main() {
     viewer.set_3d_pane_size();
     page.plots.resize();
     if (!moved) fit();
+    page.show();
+    viewer.render();  // at once: what was drawn is gone with the old size
   };
   arrange();
   viewer.controls.addEventListener("start", () => { moved = true; });
