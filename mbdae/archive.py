@@ -82,7 +82,8 @@ def read(path: str | Path) -> dict[str, Any]:
         steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
         arrays = {name: data[name] for name in ("t", "y", "z_own")}
         rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
-        passed = [Singular(**{**x, **{key: tuple(x[key]) for key in ("q", "v", "closures")}}) for x in meta["singular"]]
+        listed = [{**x, **{key: tuple(x[key]) for key in ("q", "v", "closures")}} for x in meta.get("singular", ())]
+        passed = [Singular(**x) for x in listed]
         return {"problem": mechanism, **arrays, **rest, "steps": steps, "singular": passed}
     except InputError:
         raise

@@ -127,6 +127,8 @@ def make_scene(
     visuals = list(visual_model.geometryObjects) if visual_model is not None else []
     shapes = [_shape("visual", g, meshes) for g in visuals]
     points = [(int(j), p.translation) for mark in closures for j, p in (mark.first, mark.second)]
+    named = [f for f in model.frames if f.type == pin.FrameType.OP_FRAME and f.parentJoint]  # feet, tools, tips
+    points += [(int(f.parentJoint), f.placement.translation) for f in named]
     corners = [
         (int(g.parentJoint), g.placement.act(np.array(corner)))
         for g, shape in zip(visuals, shapes, strict=True)

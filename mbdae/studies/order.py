@@ -240,6 +240,7 @@ class _Measure:
         reference, uncertainty = self.reference(name)
         order = tableau.order_linear if self.mechanical else tableau.order
         claims = [order] * (len(self.names) - 2) + [tableau.order_own, order]
+        judged = self.names if self.system.nz else self.names[:-2]  # without closures there is no lam
         ns: list[int] = []
         errors: list[Array] = []
         floors: list[Array] = []
@@ -250,12 +251,12 @@ class _Measure:
                 ns.append(n)
                 errors.append(self.difference(self.sample(sol), reference))
                 floors.append(self.floors(name, n, reference, uncertainty))
-                if all(_done(e, f) for e, f in zip(np.array(errors).T, np.array(floors).T, strict=True)):
+                quantities = list(zip(np.array(errors).T, np.array(floors).T, strict=True))[: len(judged)]
+                if all(_done(e, f) for e, f in quantities):
                     break
             n *= 2
         return tuple(
-            self._fit(q, claims[i], ns, [e[i] for e in errors], [f[i] for f in floors])
-            for i, q in enumerate(self.names)
+            self._fit(q, claims[i], ns, [e[i] for e in errors], [f[i] for f in floors]) for i, q in enumerate(judged)
         )
 
     def _fit(self, quantity: str, claimed: int, ns: list[int], errors: list[float], floors: list[float]) -> Slope:

@@ -19,7 +19,7 @@ def mechanism(N: Annotated[int, Field(ge=1, le=1000)] = 2) -> dict:
         "title": "Row of four-bars",
         "gravity": [0.0, 0.0, -9.81],
         "duration": 10.0,
-        "order": {"T": 0.4, "steps": 20},
+        "order": {"T": 0.6, "steps": 10},
         "body": [{**bar, **HINGE, **BAR} for bar in (*cranks, *couplers)],
         "frame": [{"name": f"{bar}_tip", "parent": bar, "xyz": [1.0, 0.0, 0.0]} for bar in tips],
         "closure": [
