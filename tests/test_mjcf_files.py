@@ -198,6 +198,20 @@ def test_sources_of_mjcf_share_a_mechanism(tmp_path):
     assert np.abs(mech.residual(q, v)[0]).max() < 1e-10
 
 
+def test_sources_that_disagree_about_gravity_are_refused(tmp_path):
+    body = '<worldbody><body><joint/><geom size="0.1"/></body></worldbody>'
+    text = ""
+    for name, g in (("a", "0 0 -9.81"), ("b", "0 0 -1.62")):
+        (tmp_path / f"{name}.xml").write_text(f'<mujoco><option gravity="{g}"/>{body}</mujoco>')
+        text += f'[[source]]\nfile = "{name}.xml"\nprefix = "{name}_"\n'
+    path = tmp_path / "mechanism.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"sources say gravity \[0.0, 0.0, -9.81\] and \[0.0, 0.0, -1.62\]"):
+        mbdae.load(path)
+    path.write_text("gravity = [0.0, 0.0, -1.62]\n" + text)
+    assert mbdae.load(path).gravity.tolist() == [0, 0, -1.62]
+
+
 def test_a_loop_that_is_open_at_the_start_is_reported_and_closed_or_refused():
     path = DATA / "open_four_bar.xml"
     with pytest.warns(UserWarning, match=r"closure 'pin' is open by 2\.59 m as given: assembly closes it"):

@@ -60,13 +60,12 @@ def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, t
 
     Raises:
         UnknownNameError: for a motor that does not exist.
-        InputError: for a joint that is locked while the one that it follows is not.
+        InputError: for a joint that is locked while the one that it follows is not, or gravities that differ.
     """
     named = [p.prefixed(s.prefix) for s, p in zip(file.source, parts, strict=True)]
     joints = [s.prefix + n for s, p in zip(file.source, parts, strict=True) for n in joint_names(p.model)]
     couplings, lock = follow(tuple(m for p in named for m in p.mimics), file.lock, joints)
-    said = next((p.gravity for p in named if p.gravity), None)
-    gravity = file.gravity if said is None or "gravity" in file.model_fields_set else said
+    gravity = _gravity(file, named)
     motors = {m.name: m for p in named for m in p.motors}
     controls = {**{n: u for p in named for n, u in p.controls.items()}, **file.motor}
     changed = {*lock, *file.joint_type}
@@ -96,6 +95,16 @@ def _driven(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[Jo
         if name not in motors:
             raise UnknownNameError("motor", name, motors)
     return [JointTorque(name=n, joint=motors[n].joint, torque=u, gear=motors[n].gear) for n, u in controls.items()]
+
+
+def _gravity(file: MechanismFile, parts: Sequence[Part]) -> tuple[float, ...]:
+    said = list(dict.fromkeys(p.gravity for p in parts if p.gravity))
+    if "gravity" in file.model_fields_set or not said:
+        return file.gravity
+    if len(said) > 1:
+        differing = " and ".join(str(list(g)) for g in said)
+        raise InputError(f"sources say gravity {differing}: the mechanism file must say it")
+    return said[0]
 
 
 def _carried(weightless: Mapping[str, float], gravity: Sequence[float]) -> list[Wrench]:
