@@ -74,6 +74,8 @@ def test_slow_motion_stores_more_frames_and_what_rests_one(fourbar, tmp_path):
     counts = {p["path"]: len(floats(p["values"], 7)) for p in data["poses"]}
     assert set(counts.values()) == {1, data["frames"]} == {1, 2 * 30 * 4 + 1}
     assert all(n == 1 for path, n in counts.items() if "ground" in path)
+    long = motion(fourbar.scene, fourbar.q, end=1000.0)
+    assert payload(animate(long, tmp_path / "run.html", **PLAIN))["frames"] == replay.MAX_FRAMES
 
 
 def test_a_mesh_is_stored_once(tmp_path):
@@ -231,7 +233,8 @@ def test_arrows_are_forces_in_newton(tmp_path):
     model.appendBodyToJoint(joint, pin.Inertia.FromSphere(2.0, 0.1), pin.SE3.Identity())
     top = pin.SE3(np.eye(3), np.array([0, 0, 0.1]))
     model.addFrame(pin.Frame("hook", joint, top, pin.FrameType.OP_FRAME))
-    model.addFrame(pin.Frame("ceiling", 0, top, pin.FrameType.OP_FRAME))
+    turned = pin.SE3(pin.utils.rotate("y", 0.7), top.translation)
+    model.addFrame(pin.Frame("ceiling", 0, turned, pin.FrameType.OP_FRAME))
     mech = mbdae.Mechanism(model, closures=[mbdae.Closure.point("ceiling", "hook", name="rope")])
     arrows = shown(mbdae.solve(mech, (0, 0.1), method="herk1", step=0.05), tmp_path, arrows=True)["arrows"]
     (rope,) = arrows["forces"]

@@ -17,6 +17,7 @@ from scenes import motion
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError
+from mbdae.studies import panes
 from mbdae.studies.replay import animate
 
 ORANGE = np.array([242, 142, 43])
@@ -101,11 +102,13 @@ LOOK = """
 
 
 @pytest.mark.parametrize("name", mbdae.model_names())
-def test_cursor_time_is_scene_time(name, chromium, tmp_path):
+def test_cursor_time_is_scene_time(name, chromium, tmp_path, monkeypatch):
+    monkeypatch.setattr(panes, "POINTS", 100)
     mech = mbdae.load(name)
     end = min(0.5, mech.duration)
     sol = mbdae.solve(mech, (0, end), rtol=1e-4)
     page = animate(sol, tmp_path / "run.html", traces=[mech.model.frames[-1].name])
+    assert page.stat().st_size < 7e6
     times = [0.0, 0.4 * end, end]
     paths = [f"/mechanism/{s.role}/{s.name.replace('/', '|')}" for s in mech.scene.shapes]
     log = chromium.ask(page, LOOK % (times, paths), size=(560, 320))

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from ..solution import Solution
 
 MIN_FRAMES = 101  # what is short is often looked at slowly
+MAX_FRAMES = 6001  # unless asked for: 100 s of viewing; between frames the page interpolates
 VIDEO = {".mp4": 30.0, ".gif": 20.0}  # frames per second
 SCRIPTS = ("replay_scene.js", "replay_plots.js", "replay.js")
 NOTEBOOK = 20e6  # characters: more makes a notebook slow to open and to save
@@ -62,7 +63,8 @@ def animate(
         sol: the solution; shown from its first to its last time.
         path: where it goes; ``.html``, or ``.mp4`` or ``.gif`` for a video, which takes Chromium. An existing file is
             replaced, whole or not at all.
-        fps: frames stored per second of viewing; 60, in videos 30 (.mp4) and 20 (.gif), when left out.
+        fps: frames stored per second of viewing; 60, fewer beyond 100 s, in videos 30 (.mp4) and 20 (.gif), when
+            left out.
         speed: seconds of motion per second of viewing; below 1 is slow motion.
         plots: what is plotted beside the scene, each a name of `Solution.signals` (``"q.crank"``), the beginning of
             several (``"q"``, ``"lam.wrist pin"``), or a sequence of both for common axes. Joint coordinates, energies
@@ -92,7 +94,7 @@ def animate(
         return Path(path)
     if suffix != ".html":
         raise InputError(f"a replay is written as .html, .mp4 or .gif, got {str(path)!r}")
-    text = page(sol, fps=60.0 if fps is None else fps, speed=speed, **shown)
+    text = page(sol, fps=fps, speed=speed, **shown)
     with write_whole(path) as draft:
         draft.write_text(text, "utf-8")
     return Path(path)
@@ -101,7 +103,7 @@ def animate(
 def page(
     sol: "Solution",
     *,
-    fps: float = 60.0,
+    fps: float | None = None,
     speed: float = 1.0,
     plots: Sequence[Plot] | None = None,
     signals: Mapping[str, Signal] | None = None,
@@ -115,10 +117,10 @@ def page(
         InputError: as `animate`.
     """
     for name, value in (("fps", fps), ("speed", speed)):
-        if not (np.isfinite(value) and value > 0):
+        if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} must be a positive number, not {value!r}")
     mechanism, ghosts = sol.mechanism, ghosts or {}
-    times, q = _frames(sol, fps / speed)
+    times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
     scene = mechanism.scene
     placements = scene.placements(q)
     meshes = list(dict.fromkeys(shape.mesh for shape in scene.shapes if shape.mesh is not None))
@@ -164,15 +166,16 @@ def notebook(sol: "Solution") -> str:
     return frame(text)
 
 
-def _frames(sol: "Solution", rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Uniform times (m,) and the configurations (m, nq) there."""
+def _frames(sol: "Solution", rate: float, most: int | None) -> tuple[np.ndarray, np.ndarray]:
+    """Uniform times (m,), at most so many, and the configurations (m, nq) there."""
     if len(sol.t) == 0:
         raise InputError("the solution is empty: there is no motion to show")
     if len(sol.t) == 1:
         times, q = np.asarray(sol.t, dtype=float), np.asarray(sol.q, dtype=float)
     else:
         start, end = float(sol.t[0]), float(sol.t[-1])
-        times = np.linspace(start, end, max(MIN_FRAMES, int(np.ceil(abs(end - start) * rate)) + 1))
+        count = max(MIN_FRAMES, int(np.ceil(abs(end - start) * rate)) + 1)
+        times = np.linspace(start, end, min(count, most or count))
         q = np.array([sol(t)[0] for t in times])
     bad = ~np.isfinite(q).all(axis=1)
     if bad.any():
