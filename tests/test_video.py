@@ -32,7 +32,7 @@ def test_a_video(crank, tmp_path, suffix):
         assert (frames, seconds) == (3, pytest.approx(1.5, abs=0.1))
         return
     with Image.open(path) as image:
-        assert (image.n_frames, image.info["duration"], image.size) == (3, 500, (800, 450))
+        assert (image.n_frames, image.info["duration"], image.size) == (3, 500, (960, 540))
         pictures = []
         for k in range(3):
             image.seek(k)

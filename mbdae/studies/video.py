@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 FLAGS = "--headless --use-gl=swiftshader --enable-unsafe-swiftshader --disable-background-networking --dump-dom"
-SIZES = {".mp4": (1280, 720), ".gif": (800, 450)}
+SIZES = {".mp4": (1280, 720), ".gif": (960, 540)}
 BATCH = 40  # frames of one start of the browser, which holds them
 PATIENCE = 300.0  # s for a batch
 
