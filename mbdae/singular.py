@@ -16,6 +16,7 @@ from .system import Array
 SUSPECT = 0.6  # of the largest ratio so far: minima above are no singular configurations, stages come near enough
 LOW = 0.02  # likewise: steps below are near a singular configuration
 JUMP, STEEPEST = 0.1, 3.0  # of |v|, and of |v'| at both ends: what v may change by there
+OVERDUE = 3.0  # times the way in: who is not out by then has turned
 CLOSED = 1e-12  # m or rad: loops open by less, and branches apart by its root, are as good as kept closed
 SAMPLES = 5  # of each step
 SHARP = 1e-10  # of a step: how sharply a minimum is found
@@ -76,24 +77,32 @@ class SingularWatch:
         if last:
             self.ratios.append(np.inf)
             self._look(run, len(self.ratios) - 2)
-        if self.ratios[-1] < LOW * self.largest:
-            self.entered = len(run.ts) - 2 if self.entered is None else self.entered
+        near = self.ratios[-1] < LOW * self.largest
+        if near and self.entered is None:
+            self.entered = len(run.ts) - 2
         elif self.entered is not None:
-            if self.found and (self.found[-1].t - run.ts[self.entered]) * (run.ts[-1] - run.ts[-2]) >= 0:
-                self._compare(run, self.entered, len(run.ts) - 2)
+            self._leave(run, self.entered, near)
+
+    def _leave(self, run: Run, a: int, near: bool) -> None:
+        """Compare velocities when steps lead away from a singular configuration, or stay near it for too long."""
+        b = len(run.ts) - (1 if near else 2)
+        start, way = run.ts[a], run.ts[b] - run.ts[a]
+        passed = next((x for x in self.found if (x.t - start) * way > 0), None)
+        if passed and not (near and abs(way) <= (1 + OVERDUE) * abs(passed.t - start)):
+            self._compare(run, passed, a, b, near)
+            self.entered = None
+        elif not near:
             self.entered = None
 
-    def _compare(self, run: Run, a: int, b: int) -> None:
-        """Compare velocities at nodes a and b, before and after a singular configuration."""
-        v, slopes = ([f(run.ts[i], run.ys[i]) for i in (a, b)] for f in (self._velocity, self._acceleration))
+    def _compare(self, run: Run, passed: Singular, a: int, b: int, near: bool) -> None:
+        """Compare velocities at nodes a and b, before and after a singular configuration; near: b is so, too."""
+        v = [self.own.split(run.ys[i])[1] for i in (a, b)]
+        slopes = [self._acceleration(run.ts[i], run.ys[i]) for i in ((a,) if near else (a, b))]
         steepest = STEEPEST * max(np.linalg.norm(x) for x in slopes) * abs(run.ts[b] - run.ts[a])
         jump, size = np.linalg.norm(v[1] - v[0]), max(np.linalg.norm(x) for x in v)
         if jump > JUMP * size + steepest:
-            text = f"{self.found[-1]}: there the run went over to another branch, its velocity changed by {jump:.2g}"
+            text = f"{passed}: there the run went over to another branch, its velocity changed by {jump:.2g}"
             self._end(run, a, f"{text}; take a larger rtol, or an explicit method")
-
-    def _velocity(self, t: float, y: Array) -> Array:
-        return self.own.split(y)[1]
 
     def _acceleration(self, t: float, y: Array) -> Array:
         return self.own.derivative(t, y)[0][self.own.nv : 2 * self.own.nv]

@@ -62,6 +62,14 @@ def test_tiny_implicit_steps_do_not_go_astray_in_silence(rtol):
     assert np.ptp(cranks(sol), axis=1).max() < 1e-6
 
 
+def test_nor_do_runs_that_stay_near_singular_configurations():
+    """Such a run folds the row and goes on with one crank at rest, where every configuration is singular."""
+    sol = mbdae.solve(mbdae.load("n_four_bar", N=3), (0, 2), rtol=1e-7, method="radau9")
+    assert sol.status == "rank"
+    assert "another branch" in sol.message
+    assert np.ptp(cranks(sol), axis=1).max() < 1e-6
+
+
 def later():
     sol = mbdae.solve(mbdae.load("n_four_bar"), (0, 4), rtol=1e-9, project=True)
     return sol.q[-1], sol.v[-1]

@@ -21,7 +21,7 @@ def mechanism(legs: Annotated[int, Field(ge=1, le=8)] = 8) -> dict:
     shaft = {"name": "crank", "parent": "world", "mass": 2.0, "inertia": [0.02, 0.01, 0.02, 0.0, 0.0, 0.0]}
     parts = [leg(i, 2 * pi * (i // 2) / ((legs + 1) // 2)) for i in range(legs)]
     return {
-        "title": "Theo Jansen's walker",
+        "title": f"Theo Jansen's walker, {legs} legs",
         "gravity": [0.0, 0.0, -9.81],
         "duration": 10.0,
         "order": {"T": 2.0, "steps": 10},

@@ -16,7 +16,7 @@ def mechanism(N: Annotated[int, Field(ge=1, le=1000)] = 2) -> dict:
     tips = [f"crank_{i}" for i in range(1, N + 1)] + [f"coupler_{i}" for i in range(1, N + 1)]
     others = {f"crank_{i}": pi / 2 for i in range(1, N + 1)} | {f"coupler_{i}": -pi / 2 for i in range(1, N + 1)}
     return {
-        "title": "Row of four-bars",
+        "title": f"Row of four-bars, N = {N}",
         "gravity": [0.0, 0.0, -9.81],
         "duration": 10.0,
         "order": {"T": 0.6, "steps": 10},
