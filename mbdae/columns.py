@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from .errors import InputError
 from .mechanism.frames import find_joint
 
 if TYPE_CHECKING:
@@ -41,11 +42,13 @@ def residuals(sol: "Solution") -> Residuals:
     """Evaluate the closures and the energies of a mechanism's solution at its times.
 
     Raises:
-        InputError: for a solution of a textbook problem.
+        InputError: for a solution of a textbook problem, or one without times.
     """
     mech = sol.mechanism
     system = mech.system()
     n = len(sol.t)
+    if not n:
+        raise InputError(f"the solution of {mech.title!r} has no times: the run ended before the first of t_eval")
     g, Gv, energies = np.empty((n, mech.ng)), np.empty((n, mech.ng)), np.empty((n, 2))
     for i, (t, q, v) in enumerate(zip(sol.t, sol.q, sol.v, strict=True)):
         g[i], Gv[i] = system.residual(t, q, v)

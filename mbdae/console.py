@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,10 +19,11 @@ from .mechanism import Mechanism
 from .solution import Solution
 from .solve import solve
 
+RTOL = 1e-8  # of a run on the command line
 HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3
 as_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 method_option = click.option("-m", "--method", default="pherk5", show_default=True, help="A name of `mbdae methods`.")
-rtol_option = click.option("--rtol", type=float, default=1e-8, show_default=True, help="Relative tolerance.")
+rtol_option = click.option("--rtol", type=float, help="Relative tolerance.  [default: 1e-8]")
 atol_option = click.option("--atol", type=float, help="Absolute tolerance; 0.01 rtol when left out.")
 step_option = click.option("--step", type=float, help="Fixed step in s, instead of tolerances.")
 formulation_option = click.option(
@@ -31,7 +33,8 @@ formulation_option = click.option(
     help="index2; ggl: positions of closures kept too; index1: accelerations, -m RK45, DOP853, Radau or LSODA.",
 )
 project_option = click.option("--project", is_flag=True, help="Bring the state back to the closures after each step.")
-speed_option = click.option("--speed", type=float, default=1.0, show_default=True, help="Replay at this speed.")
+SPEEDS = click.FloatRange(min=0, min_open=True)
+speed_option = click.option("--speed", type=SPEEDS, default=1.0, show_default=True, help="Replay at this speed.")
 time_option = click.option("-t", "--time", "end", type=float, help="End time in s; the model's own when left out.")
 PICTURES, PAGES = (".png", ".svg", ".pdf"), (".html",)
 
@@ -45,8 +48,11 @@ def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
     for path, suffixes in paths:
         if path and Path(path).suffix not in suffixes:
             raise InputError(f"{path!r} must end in {' or '.join(suffixes)}")
-        if path and not Path(path).resolve().parent.is_dir():
+        folder = Path(path).resolve().parent if path else Path()
+        if not folder.is_dir():
             raise InputError(f"cannot write {path}: no such folder")
+        if not os.access(folder, os.W_OK):
+            raise InputError(f"cannot write {path}: the folder is read-only")
     return [path for path, _ in paths if path]
 
 
@@ -62,10 +68,19 @@ def span(mech: Mechanism, end: float | None) -> tuple[float, float]:
     return 0.0, end
 
 
-def simulate(mech: Mechanism, *, method: str, end: float | None, **options: Any) -> Solution:
-    """Run a model from its start with a progress bar."""
+def simulate(
+    mech: Mechanism, *, method: str, end: float | None, rtol: float | None, step: float | None, **options: Any
+) -> Solution:
+    """Run a model from its start with a progress bar.
+
+    Raises:
+        InputError: for tolerances beside a fixed step, and as `mbdae.solve`.
+    """
+    if step is not None and (rtol is not None or options.get("atol") is not None):
+        raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
     with bar(method, 1.0) as tell:
-        return solve(mech, span(mech, end), method=method, progress=tell, **options)
+        rtol = RTOL if rtol is None else rtol
+        return solve(mech, span(mech, end), method=method, progress=tell, rtol=rtol, step=step, **options)
 
 
 def finish(sol: Solution) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from types import UnionType
 
 
 class MbdaeError(Exception):
@@ -10,9 +11,28 @@ class MbdaeError(Exception):
     def __init__(self, message: str = "") -> None:
         super().__init__(" ".join(message.splitlines()))  # names may hold anything
 
+    def __reduce__(self) -> tuple:  # an error of a worker process comes home as it is
+        return _again, (type(self), self.args, self.__dict__)
+
+
+def _again(kind: type[MbdaeError], args: tuple, data: dict) -> MbdaeError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(data)
+    return error
+
 
 class InputError(MbdaeError, ValueError):
     """The user's input is wrong: the message says what was expected and what came."""
+
+
+def require(value: object, kind: type | UnionType, what: str) -> None:
+    """Refuse an argument of another kind.
+
+    Raises:
+        InputError: ``what``, and what came.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{what}, got {value!r:.60}")
 
 
 class UnknownNameError(InputError):

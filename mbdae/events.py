@@ -17,17 +17,26 @@ Evaluate = Callable[[float, Array], float]
 
 @dataclass(frozen=True)
 class Event:
-    """A function whose zeros are looked for.
+    """A function whose zeros are looked for: between changes of its sign, seen at four points of each step.
+
+    Zeros that come and go between two of these points are not seen: choose ``max_step`` for a fast function.
 
     Attributes:
         function: event(t, q, v) -> float for mechanisms, event(t, y) for textbook problems.
         terminal: stop there.
         direction: +1 for zeros where the function rises, -1 where it falls, 0 for both.
+
+    Raises:
+        InputError: for another direction.
     """
 
     function: Callable[..., float]
     terminal: bool = False
     direction: int = 0
+
+    def __post_init__(self) -> None:
+        if self.direction not in (-1, 0, 1):
+            raise InputError(f"an event's direction is -1, 0 or 1, got {self.direction!r}")
 
 
 def as_events(events: Any) -> tuple[Event, ...]:

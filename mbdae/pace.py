@@ -1,5 +1,6 @@
 """Step sizes of a run: fixed, or under error control."""
 
+from numbers import Real
 from typing import Any, Protocol
 
 import numpy as np
@@ -33,6 +34,21 @@ class Run(Protocol):
         """Time left to the end of the leg, positive."""
 
 
+def _smallest(t: float, t1: float) -> float:
+    """A step that is well above the rounding of times from t to t1."""
+    return 16 * float(np.spacing(max(abs(t), abs(t1))))
+
+
+def _not_negative(name: str, value: Any) -> Array:
+    try:
+        out = np.asarray(value, float)
+    except (TypeError, ValueError):
+        out = np.full(1, np.nan)
+    if not (np.isfinite(out).all() and (out >= 0).all()):
+        raise InputError(f"{name} must be finite and not negative, one number or several, got {value!r}")
+    return out
+
+
 class Pace(Protocol):
     """How long the steps are, and which of them are accepted."""
 
@@ -64,8 +80,10 @@ class Pace(Protocol):
 class Fixed:
     """Steps of equal size on a grid; those before and after jumps and at the end of the span may be shorter."""
 
-    def __init__(self, step: float, t0: float, length: float) -> None:
-        self.step, self.t0 = step, t0
+    def __init__(self, step: float, t0: float, t1: float) -> None:
+        if abs(t1 - t0) > 0 and step < _smallest(t0, t1):
+            raise InputError(f"step = {step} s is below {_smallest(t0, t1):.1e} s, where t + h rounds to t")
+        self.step, self.t0, length = step, t0, abs(t1 - t0)
         self.n = max(1, int(np.ceil(length / step * (1 - 1e-12))))
         self.i, self.on_grid = 0, True  # the last point of the grid, and whether the run stands there
 
@@ -115,24 +133,27 @@ class Adaptive:
     """Steps under control: the error of q and v per step stays below atol + rtol max(|y_n|, |y_n+1|)."""
 
     def __init__(
-        self, power: int, rtol: float, atol: float | Array | None, first: float | None, largest: float
+        self, power: int, rtol: Any, atol: float | Array | None, first: float | None, largest: float
     ) -> None:
-        if not SMALLEST_RTOL <= rtol < np.inf:
-            raise InputError(f"rtol = {rtol} cannot be met: it must be finite and at least {SMALLEST_RTOL:.2g}")
-        self.rtol, self.atol = rtol, np.asarray(0.01 * rtol if atol is None else atol, float)
-        if not (np.isfinite(self.atol).all() and (self.atol >= 0).all()):
-            raise InputError(f"atol must be finite and not negative, got {atol}")
+        if not (isinstance(rtol, Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
+            raise InputError(f"rtol = {rtol!r} cannot be met: it must be a finite number, at least {SMALLEST_RTOL:.2g}")
+        self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
         self.controller, self.h, self.largest = Controller(power), first, largest
         self._cut = 0.0  # the step that would have been taken, had there not been the end of a leg
 
     def propose(self, run: Run) -> tuple[float, float]:
         """Return the size of the next step and the time where it ends."""
         if self.h is None:
-            self.h = self._first(run)
+            self.h = max(self._first(run), _smallest(run.t, run.t1))
         h, left = min(self.h, self.largest), run.left()
         self._cut = self.h if h > left else 0.0
         if h >= left * (1 - 1e-10):
             return left, run.leg.end
+        if h < _smallest(run.t, run.t1):
+            limit = f"{_smallest(run.t, run.t1):.1e} s, where t + h rounds to t"
+            raise StepError(
+                "step_size", f"the step size fell to {h:.1e} s at t = {run.t:.17g}, below {limit}: rtol cannot be met"
+            )
         return h, run.t + run.sign * h
 
     def take(self, run: Run, h: float) -> Step:
@@ -146,18 +167,13 @@ class Adaptive:
     def may_retry(self, run: Run, h: float) -> bool:
         """Say whether a smaller step is worth a try after one that could not be taken."""
         self.h = self.controller.next_step(h, np.inf)
-        return self.h > self._smallest(run)
+        return self.h > _smallest(run.t, run.t1)
 
     def judge(self, run: Run, h: float, error: float) -> bool:
         """Say whether a step is accepted, and choose the next one."""
         self.h = self.controller.next_step(h, error)
         if error <= 1:
             self.h = max(self.h, self._cut)
-        if not error <= 1 and self.h < self._smallest(run):
-            raise StepError(
-                "step_size",
-                f"the step size fell below {self._smallest(run):.1e} s at t = {run.t:.17g}: rtol cannot be met",
-            )
         return error <= 1
 
     def restart(self) -> None:
@@ -170,9 +186,6 @@ class Adaptive:
     def settings(self) -> dict[str, Any]:
         """What is recorded with the solution."""
         return {"rtol": float(self.rtol), "atol": self.atol.tolist()}
-
-    def _smallest(self, run: Run) -> float:
-        return 16 * float(np.spacing(max(abs(run.t), abs(run.t1))))
 
     def _scale(self, run: Run, y: Array) -> Array:
         m = run.system.measured

@@ -14,6 +14,7 @@ from .columns import signals
 from .errors import InputError, StepError
 from .events import Event
 from .mechanism import Effort, Mechanism, Reaction, Singular, effort, reaction, redundant
+from .mechanism.user import called, checked, function_name
 from .textbook import Hessenberg
 
 Array = np.ndarray
@@ -28,13 +29,13 @@ STATUS = {
     "singular": "a linear system was singular",
     "rank": "the rank of the closures changed",
     "driver": "a driver is not defined there",
-    "force": "a force law failed",
+    "force": "a force law or an event function failed",
     "chart": "a joint turned too far within one step",
 }
 
 
 class Sample(NamedTuple):
-    """The state of a mechanism between steps: q (nq,) and v (nv,)."""
+    """The state of a mechanism between steps: q (nq,) and v (nv,), or a row for each time."""
 
     q: Array
     v: Array
@@ -209,10 +210,17 @@ class Solution:
         near = zs[int(np.argmin(np.abs(np.asarray(ts) - t)))]
         return self.system.derivative(t, self.point(t), near)[1]
 
-    def __call__(self, t: float) -> Sample:
-        """Return q and v at time t, continuous in between (one order below the method's)."""
-        m, y = self.mechanism, self.point(float(t))
-        return Sample(y[: m.nq], y[m.nq : m.nq + m.nv])
+    def __call__(self, t: float | Array) -> Sample:
+        """Return q and v at a time, (nq,) and (nv,), or at several, (n, nq) and (n, nv).
+
+        They are continuous between steps, and of one order below the method's.
+
+        Raises:
+            InputError: for a time outside, or a textbook problem, which has `point`.
+        """
+        m, times = self.mechanism, np.asarray(t, float)
+        y = np.array([self.point(float(x)) for x in times.flat]).reshape(*times.shape, self.y.shape[1])
+        return Sample(y[..., : m.nq], y[..., m.nq : m.nq + m.nv])
 
     def signals(self) -> dict[str, Array]:
         """Named columns of equal length for a table, see `mbdae.columns.signals`: ``pandas.DataFrame(sol.signals())``.
@@ -257,14 +265,9 @@ def event_value(problem: Problem, event: Event, t: float, y: Array) -> float:
     """Evaluate an event function.
 
     Raises:
-        InputError: if it does not return a number.
+        StepError: if it fails or does not return a finite number.
     """
+    what, parts = f"event {function_name(event.function)!r}", [y]
     if isinstance(problem, Mechanism):
-        value = event.function(t, y[: problem.nq], y[problem.nq : problem.nq + problem.nv])
-    else:
-        value = event.function(t, y)
-    if np.ndim(value) or not np.isfinite(value):
-        raise InputError(
-            f"event {getattr(event.function, '__name__', '?')!r} returned {value!r} at t = {t:.17g}, expected a number"
-        )
-    return float(value)
+        parts = [y[: problem.nq], y[problem.nq : problem.nq + problem.nv]]
+    return float(checked(called(what, event.function, t, *parts), (), t, what))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .baseline import Scipy, find
-from .errors import InputError, StepError
+from .errors import InputError, StepError, require
 from .events import Watch, as_events
 from .jumps import Jumps
 from .mechanism.descriptor import Descriptor
@@ -76,16 +76,16 @@ def solve(
         InputError: for wrong arguments, or an inconsistent start.
         UnknownNameError: for a method that does not exist.
     """
-    if not isinstance(problem, Problem):
-        came = type(problem).__name__
-        raise InputError(f"solve takes a Mechanism (see mbdae.load) or a Hessenberg problem, got {came}")
+    require(problem, Problem, "solve takes a Mechanism (see mbdae.load) or a Hessenberg problem")
     tableau = find(formulation, method)
     if project and formulation != "index2":
         raise InputError(f"project=True belongs to formulation 'index2', got {formulation!r}")
     t0, t1 = _span(t_span)
-    for name, value in (("step", step), ("first_step", first_step), ("max_step", max_step)):
-        if value is not None and not (isinstance(value, Real) and value > 0):
-            raise InputError(f"{name} must be positive, got {value}")
+    for name, value in {"step": step, "first_step": first_step, "max_step": max_step, "max_steps": max_steps}.items():
+        if value is None and name != "max_step":
+            continue
+        if isinstance(value, bool) or not isinstance(value, Real) or not value > 0:
+            raise InputError(f"{name} must be a positive number, got {value!r}")
     times = None if t_eval is None else _times(t_eval, t0, t1)
     system = problem.system(formulation, baumgarte)
     ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
@@ -96,7 +96,7 @@ def solve(
     if formulation == "index1":
         pace = Scipy(tableau, run.system, step, rtol, atol, first_step, max_step)
     elif step:
-        pace = Fixed(step, t0, abs(t1 - t0))
+        pace = Fixed(step, t0, t1)
     else:
         pace = Adaptive(tableau.error_power, rtol, atol, first_step, max_step)
     watch = Watch(as_events(events), lambda e, t, y: event_value(problem, e, t, y))

@@ -13,6 +13,7 @@ from .console import (
     HOLDS,
     PAGES,
     PICTURES,
+    RTOL,
     UNJUDGED,
     as_json,
     atol_option,
@@ -104,6 +105,8 @@ def drift(
     Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m index1:DOP853.
     """
     writable((plot, PICTURES))
+    if limit is not None and not limit > 0:
+        raise InputError(f"--max must be positive, got {limit}")
     sols = []
     chosen = variants(listed(names) or ["pherk5"], ["project" if project else formulation])
     for target in targets:
@@ -203,6 +206,7 @@ def report(model: str, output: str, names: tuple[str, ...], end: float | None, a
     written = writable((output, PAGES))
     mech = load(model)
     with bar("report", 1.0) as tell:
+        options["rtol"] = RTOL if options["rtol"] is None else options["rtol"]
         result = study(mech, span(mech, end)[1], methods=listed(names) or None, progress=tell, **options)
     result.save(output)
     emit({**result.to_dict(), "written": written}, f"{result}\n\nwrote {output}", as_json)

@@ -27,7 +27,7 @@ def call(*arguments, cwd=None):
     [
         (["run", "nosuch"], 2, ["unknown model 'nosuch'", "four_bar", "slider_crank"]),
         (["run", "four_bar", "-m", "herk9"], 2, ["unknown method 'herk9'", "pherk5"]),
-        (["run", "four_bar", "--step", "-1"], 2, ["step must be positive, got -1.0"]),
+        (["run", "four_bar", "--step", "-1"], 2, ["step must be a positive number, got -1.0"]),
         (["run", "four_bar", "--rtol", "0"], 2, ["rtol = 0.0 cannot be met"]),
         (["run", "four_bar", "--rtol", "nan"], 2, ["rtol = nan"]),
         (["run", "four_bar", "-t", "-1"], 2, ["end time must be positive"]),

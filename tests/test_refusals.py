@@ -28,12 +28,22 @@ def refused(kind, call, *words):
 SOLVE = [
     ({"method": "pherk7"}, ["unknown method 'pherk7'", "did you mean", "herk1, herk2", "pherk6"]),
     ({"method": None}, ["unknown method None"]),
-    ({"step": -1e-3}, ["step must be positive", "-0.001"]),
-    ({"step": 0}, ["step must be positive"]),
-    ({"step": np.nan}, ["step must be positive"]),
-    ({"step": np.array([0.1])}, ["step must be positive"]),
-    ({"first_step": -1}, ["first_step must be positive"]),
-    ({"max_step": 0}, ["max_step must be positive"]),
+    ({"step": -1e-3}, ["step must be a positive number", "-0.001"]),
+    ({"step": 0}, ["step must be a positive number"]),
+    ({"step": np.nan}, ["step must be a positive number"]),
+    ({"step": np.array([0.1])}, ["step must be a positive number"]),
+    ({"first_step": -1}, ["first_step must be a positive number"]),
+    ({"max_step": 0}, ["max_step must be a positive number"]),
+    ({"step": True}, ["step must be a positive number", "True"]),
+    ({"step": 1e-300}, ["step = 1e-300", "rounds to t"]),
+    ({"max_step": None}, ["max_step must be a positive number"]),
+    ({"max_steps": "a"}, ["max_steps must be a positive number", "'a'"]),
+    ({"max_steps": np.nan}, ["max_steps must be a positive number"]),
+    ({"rtol": "x"}, ["rtol = 'x'"]),
+    ({"rtol": None}, ["rtol = None"]),
+    ({"rtol": np.ones(2)}, ["rtol = array"]),
+    ({"atol": "x"}, ["atol", "'x'"]),
+    ({"formulation": "index1", "method": "RK45", "baumgarte": "ab"}, ["baumgarte is a pair", "'ab'"]),
     ({"rtol": 0}, ["rtol = 0", "at least 2.2e-14"]),
     ({"rtol": -1e-6}, ["rtol = -1e-06"]),
     ({"rtol": np.nan}, ["rtol = nan"]),
@@ -75,8 +85,8 @@ def test_numbers_of_numpy_are_numbers(four_bar, tmp_path):
 
 
 def test_what_is_not_a_problem():
-    refused(InputError, lambda: mbdae.solve("four_bar", (0, 1)), "Mechanism", "mbdae.load", "got str")
-    refused(InputError, lambda: mbdae.solve(None, (0, 1)), "got NoneType")
+    refused(InputError, lambda: mbdae.solve("four_bar", (0, 1)), "Mechanism", "mbdae.load", "got 'four_bar'")
+    refused(InputError, lambda: mbdae.solve(None, (0, 1)), "got None")
 
 
 def test_a_start_that_leaves_closures_open(four_bar):
@@ -182,3 +192,19 @@ def test_a_massless_chain_is_assembled_but_does_not_move():
     sol = mbdae.solve(mech, (0, 1), q, v)
     assert sol.status == "singular"
     assert "joint 'a'" in sol.message
+
+
+@pytest.mark.parametrize("call", [mbdae.drift, mbdae.check_order, mbdae.compare, mbdae.card, mbdae.report])
+def test_studies_say_what_they_take(call):
+    refused(InputError, lambda: call("four_bar"), "takes a", "'four_bar'")
+
+
+def test_a_replay_says_what_it_takes(tmp_path):
+    refused(InputError, lambda: mbdae.animate("run", tmp_path / "run.html"), "takes a Solution", "'run'")
+
+
+def test_small_gaps_and_words_for_numbers(four_bar):
+    refused(InputError, lambda: four_bar.assemble(q={"crank": "a"}), "crank", "'a'")
+    refused(InputError, lambda: mbdae.Event(lambda t, q, v: 1.0, direction="up"), "direction", "'up'")  # type: ignore[arg-type]
+    complex_force = mbdae.load("four_bar", forces=[lambda t, q, v: 1j * v])
+    refused(InputError, lambda: mbdae.solve(complex_force, (0, 1)), "expected shape (3,)")

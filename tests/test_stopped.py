@@ -160,3 +160,34 @@ def test_progress_rises_to_one(four_bar):
         assert seen == sorted(seen)
         assert seen[-1] == 1
         assert 0 < seen[0] < 1
+
+
+@pytest.mark.parametrize("method", ["herk3", "herk5", "pherk5", "radau5"])
+def test_steps_never_fall_below_the_rounding_of_time(method):
+    """The speed grows without bound at a finite time: steps shrink towards it, each accepted."""
+    plain = mbdae.load("four_bar")
+    _, v = plain.assemble(v={"crank": 3.0})
+    mech = mbdae.load("four_bar", forces=[lambda t, q, v: 1e3 * v**3])
+    sol = mbdae.solve(mech, (0, 10), v=v, method=method)
+    assert sol.status == "step_size"
+    assert "rounds to t" in sol.message
+    assert (np.diff(sol.t) > 0).all()
+    with pytest.raises(mbdae.MbdaeError, match="no times"):
+        mbdae.drift(mbdae.solve(mech, (0, 10), v=v, method=method, t_eval=[5.0, 6.0]))
+    assert mbdae.solve(plain, (1, 2), max_step=1e-18).status == "step_size"
+
+
+@pytest.mark.parametrize(
+    ("event", "status", "said"),
+    [
+        (lambda t, q, v: np.nan if t > 0.05 else 1.0, "nonfinite", "returned nan"),
+        (lambda t, q, v: 1 / 0 if t > 0.05 else 1.0, "force", "ZeroDivisionError"),
+        (lambda t, q, v: "a" if t > 0.05 else 1.0, "force", "expected a number"),
+    ],
+)
+def test_an_event_that_fails_loses_nothing(event, status, said):
+    sol = mbdae.solve(mbdae.load("four_bar"), (0, 1), events=event)
+    assert sol.status == status
+    assert "event" in sol.message
+    assert said in sol.message
+    assert 0.04 < sol.t[-1] < 0.2

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .mechanism import Mechanism
 
 TOLERANCE = 1e-12
+NEARLY = 1e-3  # m or rad: a gap that numbers with few digits leave
 ACCEPT = 1e-10
 START = 1e-6  # what a start given by the user may leave open; more would show in the result
 TRUNCATION = 1e-7
@@ -217,6 +218,8 @@ def open_closure(mech: "Mechanism", gap: Gap, held: Array, what: str) -> Assembl
     """The error that says which closure stays open the most, by how much, and what was held."""
     joints = ", ".join(dict.fromkeys(mech.coordinate_joint(int(i)) for i in held)) or "nothing"
     text = f"no consistent {what}: closure {gap.name!r} stays open by {gap.text} (held: {joints})"
+    if gap.size < NEARLY:
+        text += "; a gap as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
     return AssemblyError(text, gap.name, gap.size)
 
 

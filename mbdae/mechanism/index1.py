@@ -33,7 +33,10 @@ class Index1(Descriptor):
 
     def __init__(self, mechanism: "Mechanism", baumgarte: tuple[float, float] = (0.0, 0.0)) -> None:
         super().__init__(mechanism)
-        pair = np.asarray(baumgarte, float)
+        try:
+            pair = np.asarray(baumgarte, float)
+        except (TypeError, ValueError):
+            pair = np.empty(0)
         if pair.shape != (2,) or not (np.isfinite(pair).all() and (pair >= 0).all()):
             raise InputError(f"baumgarte is a pair (alpha, beta) in 1/s, not negative, got {baumgarte!r}")
         self.alpha, self.beta = float(pair[0]), float(pair[1])

@@ -199,12 +199,15 @@ def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = Fals
     for name, value in table.items():
         j = find_joint(model, name)
         n, at = (j.nv, j.idx_v) if of_v else (j.nq, j.idx_q)
-        values = np.atleast_1d(np.asarray(value, float))
+        try:
+            values = np.atleast_1d(np.asarray(value, float))
+        except (TypeError, ValueError):
+            values = np.empty(0)
         if not of_v and (j.nq, j.nv) == (2, 1) and len(values) == 1:
             values = np.array([np.cos(values[0]), np.sin(values[0])])
         if values.shape != (n,) or not np.isfinite(values).all():
             raise InputError(
-                f"joint {name!r} takes {n} finite {'velocity' if of_v else 'configuration'} values, got {value}"
+                f"joint {name!r} takes {n} finite {'velocity' if of_v else 'configuration'} values, got {value!r}"
             )
         out[at : at + n] = values
         index += range(j.idx_v, j.idx_v + j.nv)

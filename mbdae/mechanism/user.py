@@ -39,6 +39,8 @@ def checked(value: Any, shape: tuple[int, ...], t: float, what: str) -> Array:
         StepError: for another shape, or values that are not finite.
     """
     try:
+        if np.iscomplexobj(value):
+            raise TypeError
         out = np.asarray(value, float)
     except (TypeError, ValueError):
         raise StepError("force", f"{what} returned {value!r:.80}, expected {_words(shape)}, at t = {t:.17g}") from None

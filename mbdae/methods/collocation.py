@@ -25,6 +25,7 @@ from ..system import Array, Chart, Linearization, Solver, State, Step, System
 from .radau_coefficients import Arrays, lagrange
 
 TOLERANCE = 1e-16  # Newton error that is aimed at, relative to the size of y: rounding
+SOON = 1e-13  # above this no prediction is trusted: convergence is not geometric where z lags behind
 STALLED = 1e-11  # an iteration that ceases to converge below this has met rounding
 REUSE = 0.03  # slopes serve the next step while the iteration converges faster than this
 
@@ -133,8 +134,8 @@ class _Stages:
             self.counts.newton += 1
             if k:
                 rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
-            converged = size <= TOLERANCE or (k and rate < 1 and rate * size <= (1 - rate) * TOLERANCE)
-            if converged or (k and size <= STALLED and size >= 0.5 * last):
+            converged = size <= TOLERANCE or (k and size <= SOON and rate < 1 and rate * size <= (1 - rate) * TOLERANCE)
+            if converged or (k and size <= STALLED and (size >= 0.9 * last or k == self.patience - 1)):
                 return Memory(self.chart.unknowns, self.h, K, Z, slopes, solvers, rate)
             if not np.isfinite(size) or rate >= 1 or rate ** (self.patience - 1 - k) * size > STALLED:
                 break

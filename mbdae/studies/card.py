@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import require
 from ..mechanism import Closure, Mechanism, redundant
 
 NOT_MODELLED = (
@@ -97,7 +98,9 @@ def card(mech: Mechanism) -> Card:
 
     Raises:
         AssemblyError: if the start cannot be assembled.
+        InputError: for anything but a mechanism.
     """
+    require(mech, Mechanism, "card takes a Mechanism (see mbdae.load)")
     q, v = mech.start
     system = mech.system()
     system.derivative(0.0, mech.point())

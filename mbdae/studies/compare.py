@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, require
 from ..mechanism import Mechanism
 from .bench import Bench, Progress
 from .comparison import Comparison
@@ -71,6 +71,7 @@ def compare(
         InputError: for wrong arguments, a reference that cannot be computed, or a file with another comparison.
         UnknownNameError: for a method or formulation that does not exist.
     """
+    require(mech, Mechanism, "compare takes a Mechanism (see mbdae.load)")
     course = _course(mech, t_span, q, v, outputs, max_steps)
     tasks = _tasks(variants(methods, formulations), rtol, steps)
     pair = variants(reference)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..columns import Residuals, residuals
+from ..errors import require
 from ..solution import Solution
 from .variant import of as variant_of
 
@@ -114,8 +115,9 @@ def drift(sol: Solution) -> Drift:
     potential energy less their start and the integrated work, E(t) - E(0) - W(t).
 
     Raises:
-        InputError: for a solution of a textbook problem.
+        InputError: for a solution of a textbook problem or one without times, or something else.
     """
+    require(sol, Solution, "drift takes a Solution (see mbdae.solve)")
     mech, r = sol.mechanism, residuals(sol)
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
     error, scale = _balance(sol, r)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, require
 from ..mechanism import Mechanism
 from ..methods import METHODS
 from ..methods import method as find_method
@@ -113,7 +113,7 @@ class OrderStudy:
 
 def check_order(
     problem: Problem,
-    methods: Iterable[str] | None = None,
+    methods: str | Iterable[str] | None = None,
     *,
     T: float | None = None,
     steps: int | None = None,
@@ -123,16 +123,17 @@ def check_order(
 
     Args:
         problem: a mechanism (started from its model file's state) or a textbook problem.
-        methods: names; all of them when left out.
+        methods: a name or several; all of them when left out.
         T: end time in s; from the model file when left out.
         steps: coarsest number of steps, at least ten; from the model file when left out.
         progress: called with the name of each run.
 
     Raises:
         UnknownNameError: for a method that does not exist.
-        InputError: for wrong T or steps.
+        InputError: for wrong T or steps, or no problem.
     """
-    names = list(methods or METHODS)
+    require(problem, Problem, "check_order takes a Mechanism (see mbdae.load) or a Hessenberg problem")
+    names = [methods] if isinstance(methods, str) else list(methods or METHODS)
     for name in names:
         find_method(name)
     mech = problem if isinstance(problem, Mechanism) else None

@@ -116,6 +116,8 @@ def page(
     Raises:
         InputError: as `animate`.
     """
+    if not hasattr(sol, "mechanism"):
+        raise InputError(f"animate takes a Solution (see mbdae.solve), got {sol!r:.60}")
     for name, value in (("fps", fps), ("speed", speed)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} must be a positive number, not {value!r}")
@@ -166,7 +168,7 @@ def notebook(sol: "Solution") -> str:
     return frame(text)
 
 
-def _frames(sol: "Solution", rate: float, most: int | None) -> tuple[np.ndarray, np.ndarray]:
+def _frames(sol: Solution, rate: float, most: int | None) -> tuple[np.ndarray, np.ndarray]:
     """Uniform times (m,), at most so many, and the configurations (m, nq) there."""
     if len(sol.t) == 0:
         raise InputError("the solution is empty: there is no motion to show")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..archive import versions
-from ..errors import InputError
+from ..errors import InputError, require
 from ..files import write_whole
 from ..mechanism import Mechanism, describe
 from ..solution import Solution
@@ -115,6 +115,7 @@ def report(
     Raises:
         InputError: for wrong arguments, or when the first run does not come to its end.
     """
+    require(mech, Mechanism, "report takes a Mechanism (see mbdae.load)")
     tell = progress or (lambda done, name: None)
     chosen = variants(methods or METHODS)
     span = (0.0, mech.duration if end is None else end)
