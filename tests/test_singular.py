@@ -1,6 +1,7 @@
 """Configurations that lose rank on the way: found, reported, passed where positions are kept, never in silence."""
 
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from click.testing import CliRunner
 
 import mbdae
 from mbdae.__main__ import cli
+from mbdae.errors import AssemblyError, StepError, UnknownNameError
 
 HORIZONTAL = [0.714355529, 1.228159387, 2.65687, 3.170674]  # s: when the cranks of two four-bars lie along x
 
@@ -127,3 +129,20 @@ def test_backwards():
     back = mbdae.solve(mech, (1, 0), there.q[-1], there.v[-1], rtol=1e-8, project=True)
     np.testing.assert_allclose(back.singular[0].t, there.singular[0].t, atol=1e-6)
     np.testing.assert_allclose(back.q[-1], there.q[0], atol=1e-6)
+
+
+def test_comparisons_pass_singular_configurations():
+    """Their reference keeps positions where loops would drift open, and errors are those of the steps."""
+    mech = mbdae.load("n_four_bar", N=1)
+    study = mbdae.compare(mech, (0, 1), methods=["project:pherk5", "pherk5"], rtol=[1e-5], repeats=1)
+    kept, drifted = study.points
+    assert study.reference.startswith("project:pherk6")
+    assert study.uncertainty["q"] < 1e-7
+    assert kept.error_q < 1e-3
+    assert drifted.status in ("rank", "finished")
+
+
+def test_errors_come_home_from_other_processes():
+    for error in (StepError("rank", "text"), UnknownNameError("model", "x", ["y"]), AssemblyError("open", "pin", 0.1)):
+        again = pickle.loads(pickle.dumps(error))
+        assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))

@@ -168,7 +168,7 @@ def notebook(sol: "Solution") -> str:
     return frame(text)
 
 
-def _frames(sol: Solution, rate: float, most: int | None) -> tuple[np.ndarray, np.ndarray]:
+def _frames(sol: "Solution", rate: float, most: int | None) -> tuple[np.ndarray, np.ndarray]:
     """Uniform times (m,), at most so many, and the configurations (m, nq) there."""
     if len(sol.t) == 0:
         raise InputError("the solution is empty: there is no motion to show")
