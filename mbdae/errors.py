@@ -20,15 +20,6 @@ def _again(kind: type[MbdaeError], args: tuple, data: dict) -> MbdaeError:
     error.__dict__.update(data)
     return error
 
-    def __reduce__(self) -> tuple:  # an error of a worker process comes home as it is
-        return _again, (type(self), self.args, self.__dict__)
-
-
-def _again(kind: type[MbdaeError], args: tuple, data: dict) -> MbdaeError:
-    error = kind.__new__(kind, *args)
-    error.__dict__.update(data)
-    return error
-
 
 class InputError(MbdaeError, ValueError):
     """The user's input is wrong: the message says what was expected and what came."""
