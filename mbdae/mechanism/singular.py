@@ -42,7 +42,9 @@ class Singular:
         return asdict(self)
 
     def __str__(self) -> str:
-        return f"rank {self.rank} falls to {self.rank_there} at t = {self.t:.9g} s ({', '.join(self.closures)})"
+        n, names = len(self.closures), self.closures
+        where = ", ".join(names) if n <= 4 else f"{n} closures from {names[0]} to {names[-1]}"
+        return f"rank {self.rank} falls to {self.rank_there} at t = {self.t:.9g} s ({where})"
 
 
 def ratio(system: "Descriptor", t: float, y: Array) -> float:
