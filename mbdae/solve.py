@@ -45,6 +45,11 @@ def solve(
 ) -> Solution:
     """Integrate a mechanism or a textbook problem over a time span.
 
+        q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G(q) v + g_t(t, q);      y' = f(t, y, z),   0 = g(t, y)
+
+    Half-explicit methods meet the constraint at every stage (Brasey, Hairer, SIAM J. Numer. Anal. 30 (1993); Murua,
+    Appl. Numer. Math. 24 (1997); Arnold, BIT 38 (1998)), Radau IIA methods by collocation (Hairer, Wanner II, VII.4).
+
     Args:
         problem: a mechanism, or a `mbdae.Hessenberg` problem (which brings its own start).
         t_span: start and end in s; the end may lie before the start.

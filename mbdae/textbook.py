@@ -30,6 +30,9 @@ class Hessenberg:
         f_y: f_y(t, y, z) -> (ny, ny), for implicit methods; finite differences when left out.
         title: a name for tables.
         exact: t -> (y, z), the solution where it is known; order studies compare with it.
+
+    Raises:
+        InputError: when the run starts, for f and g of wrong shapes or a y0 off 0 = g.
     """
 
     f: Function

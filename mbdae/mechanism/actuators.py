@@ -31,6 +31,9 @@ class Actuator:
         start: names of the states and their start values.
         name: of the torque function when left out.
 
+    Raises:
+        InputError: for states that are not names and finite numbers.
+
     Example:
         >>> motor = Actuator(torque, rate, start={"current": 0.0}, name="motor")   # doctest: +SKIP
     """
@@ -78,6 +81,10 @@ class DCMotor(Force):
         constant: torque per current in N m/A, the same as voltage per speed in V s/rad.
         gear: turns of the rotor per turn of the joint.
         current: at the start, in A.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
     kind: Literal["dc_motor"] = "dc_motor"

@@ -66,6 +66,10 @@ class Closure(Table):
         second_axis: the axis in the second frame that goes with it; the same numbers when left out (universal: x).
         length: distance in m.
         coefficients: c_0, c_1, ... of a coupling.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
     kind: Kind

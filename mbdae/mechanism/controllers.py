@@ -41,6 +41,10 @@ class JointPID(Force):
         controls: ``"position"`` or ``"velocity"``.
         rate: sampling rate in Hz; continuous when left out.
         integral: s at the start.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
     kind: Literal["joint_pid"] = "joint_pid"
@@ -136,6 +140,9 @@ class Sampled:
         memory: names of what it remembers from sample to sample, and the start values; none when left out.
         offset: a sampling instant in s.
         name: of the function when left out.
+
+    Raises:
+        InputError: for a rate that is not positive.
 
     Example:
         >>> hold = Sampled(lambda t, q, v: -5 * v, rate=100, name="brake")   # doctest: +SKIP

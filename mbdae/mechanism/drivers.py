@@ -33,6 +33,10 @@ class Driver(Table):
         frames: names of two frames whose origins keep the distance u > 0.
         coefficients: c_0, c_1, ... for ``joints``.
         name: by default the names above and "driver".
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
     motion: Signal

@@ -24,6 +24,10 @@ class SpringDamper(Force):
 
     The tension is stiffness (d - length) + damping d' - force. d is the distance in m, ``length`` the rest length; N/m
     and N s/m. ``force``, a constant or a function of time in N, pushes the frames apart.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
     kind: Literal["spring_damper"] = "spring_damper"
@@ -50,6 +54,10 @@ class Bushing(Force):
         frames: names of both frames.
         stiffness: N/m and N m/rad, (6,).
         damping: N s/m and N m s/rad, (6,).
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
     kind: Literal["bushing"] = "bushing"
@@ -76,6 +84,10 @@ class Wrench(Force):
         force: components of the force.
         torque: components of the torque.
         axes: the components' axes: ``"world"``, or those of the ``"frame"``, turning with it.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
     kind: Literal["wrench"] = "wrench"

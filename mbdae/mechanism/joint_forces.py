@@ -17,7 +17,12 @@ Joints = str | tuple[str, ...]
 
 
 class JointDamping(Force):
-    """tau = -damping * v on each coordinate of the joints, in N m s/rad or N s/m; replaces their URDF damping."""
+    """tau = -damping * v on each coordinate of the joints, in N m s/rad or N s/m; replaces their URDF damping.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+    """
 
     kind: Literal["joint_damping"] = "joint_damping"
     joint: Joints
@@ -38,6 +43,10 @@ class JointFriction(Force):
         friction: N m or N; the values of the URDF's ``<dynamics friction>``, one for each coordinate, when left out.
         velocity: where the friction has reached three quarters of its value, in rad/s or m/s; not too small: the
             problem's time constant is inertia * velocity / friction.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
     kind: Literal["joint_friction"] = "joint_friction"
@@ -66,6 +75,10 @@ class JointSpring(Force):
         interpolation: of the table: ``"spline"`` (natural cubic) or ``"monotone"`` (cubic without overshoot).
         rest: rad or m.
         damping: N m s/rad or N s/m, besides the joint's own.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
     kind: Literal["joint_spring"] = "joint_spring"
@@ -107,6 +120,10 @@ class JointTorque(Force):
         joint: one joint.
         torque: one number or function, or nv of them.
         gear: a factor on all of them.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
     kind: Literal["joint_torque"] = "joint_torque"

@@ -141,6 +141,9 @@ class Function(_Signal):
         rate: its first derivative.
         acceleration: its second derivative.
         name: the function's own when left out.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
     """
 
     kind: Literal["function"] = "function"

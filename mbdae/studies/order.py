@@ -121,6 +121,10 @@ def check_order(
 ) -> OrderStudy:
     """Measure the orders of methods on a problem with fixed steps and compare them with their claims.
 
+    An error is the largest one over common times, error(h) ~ C h^p; p is the least-squares slope of log error over log
+    h, of at least four halvings above rounding and the uncertainty of a reference by another method. lam is that of the
+    hidden constraint, 0 = G v' + gamma, own lam what the method itself carries.
+
     Args:
         problem: a mechanism (started from its model file's state) or a textbook problem.
         methods: a name or several; all of them when left out.
