@@ -242,6 +242,44 @@ def test_what_the_option_disables_is_not_there(tmp_path):
         assert not mbdae.load(path).closures
 
 
+def geared(tmp_path, motor, option="", joint=""):
+    path = tmp_path / "geared.xml"
+    path.write_text(
+        f"""<mujoco>{option}<worldbody><body><joint name="j" axis="0 1 0" {joint}/>
+        <inertial pos="0 0 0.1" mass="1" diaginertia="0.1 0.1 0.1"/></body></worldbody>
+        <actuator><motor name="m" joint="j" {motor}/></actuator><keyframe><key ctrl="3"/></keyframe></mujoco>"""
+    )
+    return path
+
+
+CLAMPED = 'ctrllimited="true" ctrlrange="-1 1"'
+
+
+@pytest.mark.parametrize(
+    "where",
+    [
+        {"motor": CLAMPED},
+        {"motor": 'forcelimited="true" forcerange="-1 1"'},
+        {"motor": "", "joint": 'actuatorfrclimited="true" actuatorfrcrange="-1 1"'},
+    ],
+)
+def test_motors_that_mujoco_would_clip_are_named(where, tmp_path):
+    with pytest.warns(UserWarning, match="limits and delays of motors m"):
+        mech = mbdae.load(geared(tmp_path, **where))
+    assert [m.name for m in mech.motors] == ["m"]
+    free = '<option><flag clampctrl="disable"/></option>'
+    assert not mbdae.load(geared(tmp_path, CLAMPED, free)).left_out
+
+
+@pytest.mark.parametrize("option", ['<flag actuation="disable"/>', 'actuatorgroupdisable="2"'])
+def test_motors_that_are_switched_off_give_no_torque(option, tmp_path):
+    option = f"<option>{option}</option>" if option.startswith("<") else f"<option {option}/>"
+    with pytest.warns(UserWarning, match=r"actuators .* m \(not active\)"):
+        mech = mbdae.load(geared(tmp_path, 'group="2"', option))
+    assert not mech.forces
+    assert not mech.motors
+
+
 def test_a_weld_without_torque_is_a_point(tmp_path):
     path = tmp_path / "loops.xml"
     shutil.copy(DATA / "materials.xml", tmp_path)

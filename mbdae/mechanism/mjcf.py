@@ -147,7 +147,7 @@ def read_mjcf(path: Path, key: str = "") -> Part:
     m = _compile(mujoco, path)
     _refuse_wild(m, path.name)
     c = Compiled(mujoco, m, path.stem)
-    motors, others = motors_of(c)
+    motors, others, limited = motors_of(c)
     frame = _key(c, key)
     start = _start(c, frame)
     control = m.key_ctrl[frame] if frame is not None else np.zeros(m.nu)
@@ -166,7 +166,7 @@ def read_mjcf(path: Path, key: str = "") -> Part:
         start=start,
         motors=tuple(motors.values()),
         controls={motor.name: float(control[i]) for i, motor in motors.items() if control[i]},
-        left_out=tuple(left_out(c, unread, others, shapeless)),
+        left_out=tuple(left_out(c, unread, others, limited, shapeless)),
     )
 
 

@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from .mjcf import Compiled
 
 
-def motors_of(c: "Compiled") -> tuple[dict[int, Motor], list[str]]:
-    """Motors on hinges and slides by the index of their control, and the names of the other actuators."""
+def motors_of(c: "Compiled") -> tuple[dict[int, Motor], list[str], list[str]]:
+    """Motors on hinges and slides by the index of their control, names of other actuators, and of limited motors."""
     m, lib = c.m, c.lib
-    motors, others = {}, []
+    motors, others, limited = {}, [], []
     for i in range(len(m.actuator_trntype)):
-        name, joint = c.name("ACTUATOR", i) or f"actuator{i}", _scalar_joint(c, i)
+        name, joint = actuator_name(c, i), _scalar_joint(c, i)
         plain = (
             lib.mjtGain(m.actuator_gaintype[i]) == lib.mjtGain.mjGAIN_FIXED
             and lib.mjtBias(m.actuator_biastype[i]) == lib.mjtBias.mjBIAS_NONE
@@ -27,12 +27,35 @@ def motors_of(c: "Compiled") -> tuple[dict[int, Motor], list[str]]:
         gear = float(m.actuator_gear[_address(m, "actuator_outadr", i), 0])
         if joint is not None:
             _reflected(c, i, joint, gear)
-        if joint is not None and plain:
+        if not _active(c, i):
+            others.append(f"{name} (not active)")
+        elif joint is not None and plain:
             control = _address(m, "actuator_ctrladr", i)
             motors[control] = Motor(name, c.joints[joint], gear * float(m.actuator_gainprm[i, 0]))
+            if _is_limited(c, i, control, joint):
+                limited.append(name)
         else:
             others.append(name)
-    return motors, others
+    return motors, others, limited
+
+
+def actuator_name(c: "Compiled", i: int) -> str:
+    """The name of an actuator, or its number where it has none."""
+    return c.name("ACTUATOR", i) or f"actuator{i}"
+
+
+def _active(c: "Compiled", i: int) -> bool:
+    """Whether the file's options leave an actuator switched on."""
+    group = int(c.m.actuator_group[i])
+    return not disabled(c, "ACTUATION") and not (0 <= group < 31 and int(c.m.opt.disableactuator) >> group & 1)
+
+
+def _is_limited(c: "Compiled", i: int, control: int, joint: int) -> bool:
+    """Whether MuJoCo clips the control of a motor, its force, or what all actuators of its joint give, or delays it."""
+    m = c.m
+    clipped = m.actuator_ctrllimited[control] and not disabled(c, "CLAMPCTRL")
+    delayed = hasattr(m, "actuator_delay") and np.any(m.actuator_delay[i])
+    return bool(clipped or delayed or m.actuator_forcelimited[i] or m.jnt_actfrclimited[joint])
 
 
 def _scalar_joint(c: "Compiled", i: int) -> int | None:

@@ -7,6 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from .mjcf_forces import actuator_name
 from .mujoco_state import pose
 from .part import listed
 from .shapes import mesh
@@ -62,7 +63,7 @@ def _shape(c: "Compiled", g: int, meshes: dict[int, coal.BVHModelOBBRSS]) -> Any
 
 
 def left_out(
-    c: "Compiled", equalities: Iterable[str], actuators: Iterable[str], shapes: Iterable[str]
+    c: "Compiled", equalities: Iterable[str], actuators: Iterable[str], limited: Iterable[str], shapes: Iterable[str]
 ) -> list[str]:
     """Everything that moves or shows the file's model and is not carried over, each with its names."""
     m = c.m
@@ -75,6 +76,8 @@ def left_out(
         ("nonlinear damping of joints", _joints(c, _array(m, "dof_dampingpoly", m.nv))),
         ("equalities", equalities),
         ("actuators that are not motors on a hinge or slide", actuators),
+        ("limits and delays of motors", limited),
+        ("nonlinear damping of actuators", (actuator_name(c, i) for i in _rows(m, "actuator_dampingpoly"))),
         ("tendons", (c.name("TENDON", t) or f"tendon{t}" for t in range(m.ntendon))),
         ("gravity compensation of bodies", (c.name("BODY", b) or f"body{b}" for b in _rows(m, "body_gravcomp"))),
         ("motion of mocap bodies", (c.name("BODY", int(b)) for b in np.flatnonzero(m.body_mocapid >= 0))),
