@@ -186,3 +186,23 @@ def test_massless_bodies_are_named():
     mech = mbdae.Mechanism(model, closures=[mbdae.Closure.distance("world", "tip", 1.5)])
     with pytest.raises(InputError, match="the mass matrix is singular at joint 'joint0': a body without inertia"):
         mech.assemble(guess={"joint1": 1.0}, v=np.array([1.0, 1.0]))
+
+
+@pytest.mark.parametrize("kind", ["frame", "prismatic", "revolute"])
+def test_two_free_bodies_are_joined_from_any_pose(kind):
+    """Nothing is in the way; but from one guess in seven plain Gauss-Newton steps turn a whole frame over."""
+    model = pin.Model()
+    for name in "ab":
+        joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+        tip = pin.SE3(pin.exp3(np.array([0.3, 0.5, -0.2])), np.array([0.2, 0.1, 0.3]))
+        model.addFrame(pin.Frame(f"{name}_tip", joint, tip, pin.FrameType.OP_FRAME))
+    mech = mbdae.Mechanism(model, [mbdae.Closure(kind=kind, frames=("a_tip", "b_tip"), name="weld")])
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        turns = rng.standard_normal((2, 4))
+        turns /= np.linalg.norm(turns, axis=1)[:, None]
+        q, _ = mech.assemble(np.concatenate([*(np.concatenate([rng.uniform(-1, 1, 3), x]) for x in turns)]))
+        assert gap(mech, q) < CLOSED
+        a, b = (pin.XYZQUATToSE3(x).rotation @ tip.rotation for x in (q[:7], q[7:]))
+        np.testing.assert_allclose(b[:, 2], a[:, 2], atol=1e-8)

@@ -10,6 +10,7 @@ from scipy.linalg.lapack import dpotrf
 from ..errors import AssemblyError, InputError
 from .gaps import Gap, widest
 from .tree import subspace
+from .upright import Rows, closures, turned_over, upright
 
 if TYPE_CHECKING:
     from .descriptor import Descriptor
@@ -77,6 +78,10 @@ def close_position(mech: "Mechanism", q: Array, held: Array, t: float) -> Array:
             break
         tries += [_gauss_newton(system, start, free, t) for start in _displaced(mech, q, free, width)]
     closed = [x for x in tries if _closed(mech, x, t)]
+    if not closed and any(_open(mech, x, t) <= ACCEPT for x in tries):  # a frame is turned over: turn it back first
+        starts = (q, *(x for width in WIDTHS[1:3] for x in _displaced(mech, q, free, width)))
+        turned = (_gauss_newton(system, _gauss_newton(system, x, free, t, upright), free, t) for x in starts)
+        closed = [x for x in turned if _closed(mech, x, t)][:1]
     if closed:
         return _slide(mech, q, min(closed, key=lambda x: _distance(mech, q, x)), free, t)
     best = min(tries, key=lambda x: _open(mech, x, t))
@@ -86,10 +91,10 @@ def close_position(mech: "Mechanism", q: Array, held: Array, t: float) -> Array:
     raise open_closure(mech, widest(mech, system.closures(best, t)[0]), held, "configuration")
 
 
-def _gauss_newton(system: "Descriptor", q: Array, free: Array, t: float) -> Array:
+def _gauss_newton(system: "Descriptor", q: Array, free: Array, t: float, rows: Rows = closures) -> Array:
     """Damped steps with line search, at most one radian or metre at a time: stay on the branch."""
     m = system.manifold
-    g, G = system.closures(q, t)
+    g, G = rows(system, q, t)
     for _ in range(ITERATIONS):
         if np.linalg.norm(g) <= TOLERANCE or not np.isfinite(G).all():
             break
@@ -97,7 +102,7 @@ def _gauss_newton(system: "Descriptor", q: Array, free: Array, t: float) -> Arra
         x /= max(1.0, np.abs(x).max())
         for _halving in range(12):
             q_new = m.integrate(q, x)
-            g_new, G_new = system.closures(q_new, t)
+            g_new, G_new = rows(system, q_new, t)
             if np.linalg.norm(g_new) < np.linalg.norm(g):
                 break
             x /= 2
@@ -221,14 +226,3 @@ def open_closure(mech: "Mechanism", gap: Gap, held: Array, what: str) -> Assembl
     if gap.size < NEARLY:
         text += "; a gap as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
     return AssemblyError(text, gap.name, gap.size)
-
-
-def turned_over(mech: "Mechanism", q: Array) -> str:
-    """Name of a closure whose products of axes vanish because a frame is turned by half a turn; empty for none."""
-    data = mech.model.createData()
-    pin.forwardKinematics(mech.model, data, q)
-    for closure, (a, b) in mech.closure_anchors:
-        relative = (data.oMi[a.joint].rotation @ a.R).T @ (data.oMi[b.joint].rotation @ b.R)
-        if closure.turned_over(relative):
-            return closure.name
-    return ""

@@ -106,9 +106,7 @@ class Closure(Table):
         return cls(kind="point", frames=(a, b), name=name)
 
     @classmethod
-    def revolute(
-        cls, a: str, b: str, axis: Axis = Z, name: str = "", *, second_axis: Axis | None = None
-    ) -> "Closure":
+    def revolute(cls, a: str, b: str, axis: Axis = Z, name: str = "", *, second_axis: Axis | None = None) -> "Closure":
         """Frames a and b share their origin and ``axis``: 5 rows."""
         return cls(kind="revolute", frames=(a, b), axis=axis, second_axis=second_axis, name=name)
 
@@ -145,9 +143,7 @@ class Closure(Table):
         return cls(kind="in_line", frames=(a, b), axis=axis, name=name)
 
     @classmethod
-    def parallel(
-        cls, a: str, b: str, axis: Axis = Z, name: str = "", *, second_axis: Axis | None = None
-    ) -> "Closure":
+    def parallel(cls, a: str, b: str, axis: Axis = Z, name: str = "", *, second_axis: Axis | None = None) -> "Closure":
         """``axis`` of a and ``second_axis`` of b keep one direction: 2 rows."""
         return cls(kind="parallel", frames=(a, b), axis=axis, second_axis=second_axis, name=name)
 
@@ -189,17 +185,22 @@ class Closure(Table):
         out: list[Rows] = [Gap(gaps[gap])] if gap else []
         return [*out, Axes(*axes[direction])] if direction else out
 
+    def agreeing(self) -> tuple[np.ndarray, np.ndarray]:
+        """Unit axes of frames a and b that point the same way where the closure is closed, (3, m) each; m may be 0."""
+        direction = BETWEEN_FRAMES.get(self.kind, ("", ""))[1]
+        if direction == "frame":
+            return np.eye(3), np.eye(3)
+        axis, second = (x[:, None] for x in self._unit_axes())
+        return (axis, second) if direction == "axis" else (axis[:, :0], second[:, :0])
+
     def turned_over(self, relative: np.ndarray) -> bool:
         """True where rows vanish because the second frame is turned over; ``relative`` (3, 3) is its rotation.
 
         Products of perpendicular axes vanish for a frame turned by half a turn too, for a whole frame also by a
         third of a turn about a space diagonal.
         """
-        direction = BETWEEN_FRAMES.get(self.kind, ("", ""))[1]
-        axis, second = self._unit_axes()
-        if direction == "frame":
-            return bool(np.trace(relative) < 1)
-        return direction == "axis" and bool(axis @ relative @ second < 0)
+        a, b = self.agreeing()
+        return bool((a * (relative @ b)).sum() < (a.shape[1] - 1) / 2)
 
     def _unit_axes(self) -> tuple[np.ndarray, np.ndarray]:
         axis = self.axis or Z
@@ -217,4 +218,3 @@ def keys(kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     axis = ("axis",) if gap in ("across", "along") or direction in ("axis", "cross") else ()
     second = ("second_axis",) if direction in ("axis", "cross") else ()
     return ("kind", "frames"), ("name", *axis, *second)
-
