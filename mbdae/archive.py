@@ -76,9 +76,11 @@ def read(path: str | Path) -> dict[str, Any]:
         meta = json.loads(str(data.pop("meta")))
         _check_version(path, meta)
         mechanism = restore(meta["mechanism"])
-        width, n = mechanism.nq + mechanism.nv + len(mechanism.states) + 1, len(data["t"])
-        if data["y"].shape != (n, width) or len(data["z_own"]) != n:
-            raise ValueError(f"y has shape {data['y'].shape}, expected {(n, width)}")
+        width = mechanism.nq + mechanism.nv + len(mechanism.states) + 1
+        for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
+            _check_arrays(data[t], data[y], data[z], width)
+        if not {"method", "dense_order"} <= meta["settings"].keys():
+            raise ValueError("the settings of the run are missing")
         steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
         arrays = {name: data[name] for name in ("t", "y", "z_own")}
         rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
@@ -92,6 +94,14 @@ def read(path: str | Path) -> dict[str, Any]:
     except DAMAGE as e:
         reason = f"{type(e).__name__}: {str(e).splitlines()[0]}" if str(e) else type(e).__name__
         raise InputError(f"{path} is damaged or not a solution written by mbdae ({reason})") from None
+
+
+def _check_arrays(t: np.ndarray, y: np.ndarray, z: np.ndarray, width: int) -> None:
+    """Refuse what is not numbers for each time: t (n,), y (n, width), z (n, nz)."""
+    if any(x.dtype.kind != "f" for x in (t, y, z)):
+        raise ValueError("expected arrays of real numbers")
+    if t.ndim != 1 or y.shape != (len(t), width) or z.ndim != 2 or len(z) != len(t):
+        raise ValueError(f"arrays have shapes {t.shape}, {y.shape} and {z.shape}, expected (n,), (n, {width}), (n, nz)")
 
 
 def _check_version(path: str | Path, meta: dict[str, Any]) -> None:

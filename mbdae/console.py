@@ -45,15 +45,16 @@ def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
     Raises:
         InputError: for a suffix that does not belong, or a folder that does not exist.
     """
-    for path, suffixes in paths:
-        if path and Path(path).suffix not in suffixes:
+    named = [(path, suffixes) for path, suffixes in paths if path]
+    for path, suffixes in named:
+        if Path(path).suffix not in suffixes:
             raise InputError(f"{path!r} must end in {' or '.join(suffixes)}")
-        folder = Path(path).resolve().parent if path else Path()
+        folder = Path(path).resolve().parent
         if not folder.is_dir():
             raise InputError(f"cannot write {path}: no such folder")
         if not os.access(folder, os.W_OK):
             raise InputError(f"cannot write {path}: the folder is read-only")
-    return [path for path, _ in paths if path]
+    return [path for path, _ in named]
 
 
 def span(mech: Mechanism, end: float | None) -> tuple[float, float]:
@@ -113,13 +114,14 @@ def show(rows: list[dict[str, Any]], as_json: bool) -> None:
         table.add_column(key, justify="left" if isinstance(value, str) else "right", no_wrap=True)
     for row in rows:
         table.add_row(*("-" if v is None else str(v) for v in row.values()))
-    Console(width=None if sys.stdout.isatty() else 200, highlight=False).print(table)
+    screen = sys.stdout.isatty()
+    Console(width=None if screen else 200, highlight=False, force_terminal=screen).print(table)
 
 
 @contextmanager
 def bar(label: str, total: float | None) -> Iterator[Callable[..., None]]:
     """A progress bar on stderr when that is a terminal; it is told a fraction, a text, or both."""
-    console = Console(stderr=True)
+    console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(label, total=total)

@@ -2,7 +2,6 @@
 
 import re
 import sys
-from pathlib import Path
 from typing import Any
 
 import click
@@ -107,6 +106,11 @@ def drift(
     writable((plot, PICTURES))
     if limit is not None and not limit > 0:
         raise InputError(f"--max must be positive, got {limit}")
+    given = any([names, formulation != "index2", project, *(value is not None for value in options.values())])
+    if given and all(target.endswith(".npz") for target in targets):
+        raise InputError("a saved run has its method, time and tolerances: options of a run go with a model")
+    if project and formulation != "index2":
+        raise InputError(f"give --project or --formulation {formulation}, not both")
     sols = []
     chosen = variants(listed(names) or ["pherk5"], ["project" if project else formulation])
     for target in targets:
@@ -167,8 +171,6 @@ def compare(
 
     written = writable((output, (".csv", ".json")), (plot, PICTURES))
     mech = load(model)
-    if output and fresh:
-        Path(output).unlink(missing_ok=True)
     with bar("compare", 1.0) as tell:
         result = study(
             mech,
@@ -179,11 +181,12 @@ def compare(
             steps=numbers(steps, int, "--steps"),
             progress=tell,
             resume=output,
+            fresh=fresh,
             **options,
         )
     if plot and result.points:
         result.plot(plot, quantity)
-    wrote = [path for path in written if Path(path).exists()]
+    wrote = written if result.points else []
     emit({**result.to_dict(), "written": wrote}, "\n".join([str(result), *(f"wrote {p}" for p in wrote)]), as_json)
     if not result.complete:
         click.echo("mbdae: stopped by the user" + (f"; {output} keeps what is finished" if output else ""), err=True)

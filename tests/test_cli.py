@@ -107,9 +107,11 @@ def test_info_says_what_is_not_modelled():
 
 def test_a_stopped_run_is_written(tmp_path):
     arguments = ["run", "four_bar", "-t", "100000", "-o", "run.npz", "--html", "run.html"]
+    program = "import mbdae.__main__ as m; print('imported', flush=True); m.main()"
     process = subprocess.Popen(
-        [sys.executable, "-m", "mbdae", *arguments], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-c", program, *arguments], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
+    assert process.stdout.readline() == b"imported\n"
     time.sleep(4)
     os.kill(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=120)

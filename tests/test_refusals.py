@@ -89,6 +89,14 @@ def test_what_is_not_a_problem():
     refused(InputError, lambda: mbdae.solve(None, (0, 1)), "got None")
 
 
+@pytest.mark.parametrize("kind", ["spherical", "free", "planar", "continuous"])
+def test_turns_that_vanish(kind):
+    mech = Mechanism(tree([kind], [0]))
+    joint = mech.joint_names[0]
+    refused(InputError, lambda: mech.assemble({joint: [0.0] * mech.nq}), repr(joint), "is no turn")
+    refused(InputError, lambda: mech.assemble(np.zeros(mech.nq)), "q is not on the manifold", "vanish")
+
+
 def test_a_start_that_leaves_closures_open(four_bar):
     q, v = four_bar.assemble({"crank": 0.7}, {"crank": 2.0})
     assert mbdae.solve(four_bar, (0, 0.1), q, v).success

@@ -9,6 +9,7 @@ from scipy.linalg.lapack import dpotrf
 
 from ..errors import AssemblyError, InputError
 from .gaps import Gap, widest
+from .schema import normalized
 from .tree import subspace
 from .upright import Rows, closures, turned_over, upright
 
@@ -38,7 +39,9 @@ def assemble(
     for driver in mech.drivers:
         driver.check(t)
     if isinstance(q, np.ndarray | list | tuple):
-        q0 = pin.normalize(mech.model, mech.vector("q", q, mech.nq))
+        q0 = normalized(mech.model, mech.vector("q", q, mech.nq))
+        if q0 is None:
+            raise InputError("q is not on the manifold: a quaternion, or cosine and sine of an angle, vanish")
     else:
         table = {**mech.start_values.guess, **mech.start_values.q, **(guess or {}), **(q or {})}
         q0 = mech.coordinates(table)[0]

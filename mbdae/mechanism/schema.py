@@ -192,7 +192,7 @@ def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = Fals
     be given by its angle.
 
     Raises:
-        UnknownNameError, InputError: for a joint that does not exist or a wrong number of values.
+        UnknownNameError, InputError: for a joint that does not exist, a wrong number of values, or a turn that vanishes.
     """
     out = np.zeros(model.nv) if of_v else pin.neutral(model)
     index: list[int] = []
@@ -210,5 +210,13 @@ def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = Fals
                 f"joint {name!r} takes {n} finite {'velocity' if of_v else 'configuration'} values, got {value!r}"
             )
         out[at : at + n] = values
+        if not of_v and normalized(model, out) is None:
+            raise InputError(f"joint {name!r}: {value!r} is no turn: its quaternion, or cosine and sine, vanish")
         index += range(j.idx_v, j.idx_v + j.nv)
     return out if of_v else pin.normalize(model, out), np.array(index, int)
+
+
+def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
+    """Return q (nq,) with quaternions, and cosines with sines, of length 1; None where one of them vanishes."""
+    q = pin.normalize(model, q)
+    return q if pin.isNormalized(model, q, 1e-8) else None

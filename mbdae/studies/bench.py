@@ -30,6 +30,7 @@ class Bench:
         path: the file, if any; it is read when it exists.
         progress: see `mbdae.compare`.
         passes: how often each run will be made.
+        fresh: leave the file unread.
 
     Raises:
         InputError: for a file with another comparison.
@@ -44,6 +45,7 @@ class Bench:
         path: Path | None,
         progress: Progress | None,
         passes: int,
+        fresh: bool = False,
     ) -> None:
         self.course, self.tasks, self.pair, self.rtol, self.path = course, tasks, pair, rtol, path
         self.tell: Progress = progress or (lambda done, name: None)
@@ -54,7 +56,7 @@ class Bench:
         self.samples: Samples | None = None
         machine = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
         self.meta = {"key": self.key(), "versions": versions(), "command": sys.argv, "machine": machine}
-        if path and path.exists():
+        if path and path.exists() and not fresh:
             self._read(path)
 
     def key(self) -> str:

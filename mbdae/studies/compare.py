@@ -37,6 +37,7 @@ def compare(
     timed_together: bool = False,
     progress: Progress | None = None,
     resume: str | Path | None = None,
+    fresh: bool = False,
 ) -> Comparison:
     """Run many methods on one mechanism and measure errors, drift, work and time.
 
@@ -66,6 +67,7 @@ def compare(
         timed_together: take times in the processes, while others compute.
         progress: called with the fraction of runs done and the name of the next.
         resume: a .json or .csv file that is kept up to date, and read first if it is there.
+        fresh: do not read it; it is replaced when the first run is done.
 
     Raises:
         InputError: for wrong arguments, a reference that cannot be computed, or a file with another comparison.
@@ -81,7 +83,7 @@ def compare(
         raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")
     clock = repeats > 0 and (timed_together or workers == 1)
     passes = max(1, repeats + (not clock))
-    bench = Bench(course, tasks, pair, reference_rtol, Path(resume) if resume else None, progress, passes)
+    bench = Bench(course, tasks, pair, reference_rtol, Path(resume) if resume else None, progress, passes, fresh)
     complete = False
     try:
         bench.refer()

@@ -4,6 +4,7 @@ import csv
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
+from math import inf
 from pathlib import Path
 from statistics import median
 from typing import Any, Literal
@@ -224,7 +225,8 @@ class Comparison:
                     data = json.load(file)
             points = tuple(_point(row) for row in data["points"])
             span = (float(data["t_span"][0]), float(data["t_span"][1]))
-            rest = (data["reference"], data["witness"], data["uncertainty"], data["complete"], data["meta"])
+            known = {name: _number(data["uncertainty"][name]) for name in ("q", "v", "lam")}
+            rest = (data["reference"], data["witness"], known, bool(data["complete"]), dict(data["meta"]))
             return cls(data["title"], span, points, *rest)
         except FileNotFoundError:
             raise InputError(f"no such file: {path}") from None
@@ -258,8 +260,15 @@ def _point(row: dict[str, Any]) -> Point:
         elif x in (None, ""):
             values[f.name] = None
         else:
-            values[f.name] = int(x) if f.name in whole else float(x)
+            values[f.name] = int(x) if f.name in whole else _number(x)
     return Point(**values)
+
+
+def _number(x: Any) -> float:
+    """A number of a file: finite, and not negative, as tolerances, errors and drifts are."""
+    if not 0 <= float(x) < inf:
+        raise ValueError(f"expected a number of at least 0, got {x!r}")
+    return float(x)
 
 
 def in_order(points: Iterable[Point], labels: Sequence[tuple]) -> tuple[Point, ...]:

@@ -17,7 +17,8 @@ class Drift:
 
     Attributes:
         title: of the mechanism.
-        method: that computed the run.
+        method: that computed the run, as a `mbdae.studies.variant.Variant` is written.
+        label: method and tolerance or step.
         t_end: last time in s.
         g_max: max |g| over rows and times (m, or rad for directions).
         g_end: max |g| over rows at the end.
@@ -31,6 +32,7 @@ class Drift:
 
     title: str
     method: str
+    label: str
     t_end: float
     g_max: float
     g_end: float
@@ -54,7 +56,7 @@ class Drift:
         worst = f" ({self.g_closure})" if self.g_closure else ""
         return "\n".join(
             [
-                f"drift of {self.title}, {self.method}, t = {self.t_end:g} s",
+                f"drift of {self.title}, {self.label}, t = {self.t_end:g} s",
                 f"  |g|    max {self.g_max:.2e}{worst}, at the end {self.g_end:.2e}",
                 f"  |G v|  max {self.Gv_max:.2e}, at the end {self.Gv_end:.2e}",
                 f"  energy balance {self.energy_error:.2e} J, relative {self.energy_relative:.2e}"
@@ -92,12 +94,17 @@ def history(sol: Solution) -> History:
     Raises:
         InputError: for a solution of a textbook problem.
     """
-    r, settings = residuals(sol), sol.settings
+    r = residuals(sol)
     error, scale = _balance(sol, r)
-    pace = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {settings.get('rtol', np.nan):.0e}"
-    method = str(variant_of(settings))
     g, Gv = (np.abs(x).max(axis=1, initial=0.0) for x in (r.g, r.Gv))
-    return History(sol.mechanism.title, method, f"{method}, {pace}", sol.t, g, Gv, error / (scale or 1.0))
+    return History(sol.mechanism.title, *_names(sol), sol.t, g, Gv, error / (scale or 1.0))
+
+
+def _names(sol: Solution) -> tuple[str, str]:
+    """The method of a run, and the same with its tolerance or step."""
+    method, settings = str(variant_of(sol.settings)), sol.settings
+    pace = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {settings.get('rtol', np.nan):g}"
+    return method, f"{method}, {pace}"
 
 
 def _balance(sol: Solution, r: Residuals) -> tuple[np.ndarray, float]:
@@ -121,10 +128,12 @@ def drift(sol: Solution) -> Drift:
     mech, r = sol.mechanism, residuals(sol)
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
     error, scale = _balance(sol, r)
+    method, label = _names(sol)
     where = mech.row_closure(int(np.unravel_index(gaps.argmax(), gaps.shape)[1])) if mech.ng else ""
     return Drift(
         title=mech.title,
-        method=str(variant_of(sol.settings)),
+        method=method,
+        label=label,
         t_end=float(sol.t[-1]),
         g_max=float(gaps.max(initial=0)),
         g_end=float(gaps[-1].max(initial=0)),

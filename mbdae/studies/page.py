@@ -72,7 +72,7 @@ def _run(report: "Report") -> str:
         f"{sol.t[0]:g} to {sol.t[-1]:g} s: {escape(sol.message)}. {s['steps']} steps, {s['rejected'] or 0} rejected, "
         f"{s['solves']} linear solves, {s['seconds']:.2f} s.{slow}</p>"
     )
-    return text + frame(replay_page(sol, fps=30.0, speed=speed)) + _image(motion(sol), "motion over time")
+    return text + frame(replay_page(sol, fps=30.0, speed=speed), 660) + _image(motion(sol), "motion over time")
 
 
 def _drift(report: "Report") -> str:
@@ -97,7 +97,7 @@ def _orders(report: "Report") -> str:
         cells = [(f"{s.observed:.2f}" if s.observed is not None else "-") + f" ({s.claimed})" for s in slopes]
         marks = ["holds" if s.verdict == "holds" else "fails" if s.verdict == "misses" else "" for s in slopes]
         rows.append([name, *(f'<span class="{m}">{c}</span>' for c, m in zip(cells, marks, strict=True))])
-        notes += [f"{name}, {s.quantity}: {s.verdict}" for s in slopes if s.verdict not in ("holds", "misses")]
+        notes += [f"{name}, {s.quantity}: {s.verdict}" for s in slopes if s.verdict != "holds"]
     text = f"<p>Observed (claimed) orders with fixed steps, T = {study.T:g} s; a slope holds at the claim less 0.2.</p>"
     excuse = f'<p class="note">{escape("; ".join(notes))}</p>' if notes else ""
     return text + _table(["method", *quantities], rows, safe=True) + excuse + _image(convergence(study), "convergence")
