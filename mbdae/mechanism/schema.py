@@ -192,7 +192,8 @@ def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = Fals
     be given by its angle.
 
     Raises:
-        UnknownNameError, InputError: for a joint that does not exist, a wrong number of values, or a turn that vanishes.
+        UnknownNameError: for a joint that does not exist.
+        InputError: for a wrong number of values, or a turn that vanishes.
     """
     out = np.zeros(model.nv) if of_v else pin.neutral(model)
     index: list[int] = []
