@@ -50,9 +50,10 @@ def residuals(sol: "Solution") -> Residuals:
     if not n:
         raise InputError(f"the solution of {mech.title!r} has no times: the run ended before the first of t_eval")
     g, Gv, energies = np.empty((n, mech.ng)), np.empty((n, mech.ng)), np.empty((n, 2))
-    for i, (t, q, v) in enumerate(zip(sol.t, sol.q, sol.v, strict=True)):
-        g[i], Gv[i] = system.residual(t, q, v)
-        energies[i] = system.energy(q, v)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a run that explodes
+        for i, (t, q, v) in enumerate(zip(sol.t, sol.q, sol.v, strict=True)):
+            g[i], Gv[i] = system.residual(t, q, v)
+            energies[i] = system.energy(q, v)
     return Residuals(g, Gv, *energies.T)
 
 

@@ -108,9 +108,11 @@ def solve(
     started = perf_counter()
     status, message = "finished", STATUS["finished"]
     try:
-        run.begin()
-        watch.begin(t0, run.state.y)
-        if _march(run, pace, watch, max_steps, progress):
+        with np.errstate(over="ignore", invalid="ignore"):  # a run that explodes says so by its status
+            run.begin()
+            watch.begin(t0, run.state.y)
+            stopped = _march(run, pace, watch, max_steps, progress)
+        if stopped:
             status, message = "event", f"{STATUS['event']} at t = {run.t:.17g}"
     except StepError as e:
         if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law

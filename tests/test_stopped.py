@@ -191,3 +191,13 @@ def test_an_event_that_fails_loses_nothing(event, status, said):
     assert "event" in sol.message
     assert said in sol.message
     assert 0.04 < sol.t[-1] < 0.2
+
+
+@pytest.mark.parametrize(
+    ("model", "options"),
+    [("double_pendulum", {"method": "herk1", "step": 1.0}), ("flyball_governor", {"step": 0.05})],
+)
+def test_a_run_that_explodes_says_so_once(model, options):
+    """Numbers overflow on the way: the status tells, not warnings of numpy."""
+    sol = consistent(mbdae.solve(mbdae.load(model), (0, 50), **options))
+    assert sol.status == "nonfinite"
