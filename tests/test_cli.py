@@ -6,11 +6,13 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 
 import pytest
 
 import mbdae
 from mbdae import __main__ as command_line
+from mbdae import console
 
 PIN = 'title = "t"\n[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ncom = [0, 0, -1]\naxis = [0, 1, 0]\n'
 
@@ -76,21 +78,61 @@ def test_wrong_files_are_one_line(text, code, words, tmp_path):
         assert word in err
 
 
-def test_json_is_one_document(tmp_path):
-    for arguments in (
-        ["models"],
-        ["methods"],
-        ["methods", "--check", "herk3"],
-        ["info", "four_bar"],
-        ["run", "four_bar", "-t", "0.5", "-o", "run.npz"],
-        ["drift", "run.npz"],
-        ["order", "four_bar", "-m", "herk1"],
-        ["animate", "run.npz", "-o", "run.html"],
-    ):
-        code, out, err = call(*arguments, "--json", cwd=tmp_path)
-        assert code == 0, err
-        assert json.loads(out)
-        assert not err
+EVERY = (
+    "models",
+    "methods",
+    "methods --check herk3",
+    "info four_bar",
+    "run four_bar -t 0.5 -o run.npz",
+    "drift run.npz",
+    "drift run.npz run.npz",
+    "order hessenberg_a -m herk1",
+    "compare pendulum -t 0.1 -m pherk5,herk3 --rtol 1e-3 --repeats 1",
+    "report pendulum -t 0.2 -m ggl:herk3 --rtol 1e-4 --repeats 1 -o report.html",
+    "animate run.npz -o run.html",
+)
+
+
+def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeypatch, capsys):
+    assert {arguments.split()[0] for arguments in EVERY} == set(command_line.cli.commands)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as machines that run tests set it
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # main() sets its own
+    for arguments in EVERY:
+        for more in ([], ["--json"]):
+            monkeypatch.setattr(sys, "argv", ["mbdae", *arguments.split(), *more])
+            with pytest.raises(SystemExit) as stop:
+                command_line.main()
+            out, err = capsys.readouterr()
+            assert (stop.value.code, err) == (0, ""), arguments
+            if more:
+                assert json.loads(out, parse_constant=pytest.fail), arguments
+            else:
+                assert not set(out) & set("\x1b\r\b"), arguments
+
+
+def test_folders_of_files_that_are_not_asked_for_do_not_matter(monkeypatch):
+    monkeypatch.setattr(console.os, "access", lambda folder, mode: str(folder) == "/tmp")
+    assert console.writable((None, (".npz",)), ("/tmp/run.html", (".html",))) == ["/tmp/run.html"]
+    with pytest.raises(mbdae.errors.InputError, match=r"cannot write run\.npz: the folder is read-only"):
+        console.writable(("run.npz", (".npz",)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("drift run.npz -m herk3", "options of a run go with a model"),
+        ("drift run.npz --rtol 1e-3", "options of a run go with a model"),
+        ("drift four_bar --project --formulation ggl", "not both"),
+    ],
+)
+def test_no_option_of_drift_is_passed_over(arguments, words, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["mbdae", *arguments.split()])
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    with pytest.raises(SystemExit) as stop:
+        command_line.main()
+    assert stop.value.code == 2
+    assert words in capsys.readouterr().err
 
 
 def test_drift_limit(tmp_path):

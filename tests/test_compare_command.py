@@ -63,6 +63,9 @@ def test_output_in_a_pipe_is_plain_and_json_is_one_document(tmp_path):
     assert [p["method"] for p in data["points"]] == 2 * ["pherk5"] + 2 * ["ggl:herk3"] + 2 * ["index1:RK45"]
     assert data["written"] == ["c.csv"]
     assert call(*SHORT, "-t", "0.4", "-o", "c.csv", cwd=tmp_path)[0] == 2
+    kept = (tmp_path / "c.csv").read_text()
+    assert call(*SHORT, "-m", "herk9", "-o", "c.csv", "--fresh", cwd=tmp_path)[0] == 2
+    assert (tmp_path / "c.csv").read_text() == kept
     assert call(*SHORT, "--rtol", "1e-3", "-t", "0.4", "-o", "c.csv", "--fresh", cwd=tmp_path)[0] == 0
 
 
