@@ -136,6 +136,19 @@ def test_a_method_looks_the_same_in_all_figures(drawn):
     assert len(set(colours)) == 1
 
 
+def test_runs_of_one_method_and_of_several_mechanisms_are_told_apart(four_bar):
+    pendulum = mbdae.load("pendulum")
+    runs = [history(mbdae.solve(four_bar, (0, 0.2), rtol=r)) for r in (1e-4, 2.5e-4)]
+    figure = drifts(runs)
+    lines = figure.axes[0].get_lines()
+    assert [line.get_label() for line in lines] == ["pherk5, rtol 1e-04", "pherk5, rtol 2.5e-04"]
+    assert lines[0].get_color() != lines[1].get_color()
+    figure = drifts([runs[0], history(mbdae.solve(pendulum, (0, 0.2), rtol=1e-4))])
+    assert figure.get_suptitle() == f"Drift of {four_bar.title}, {pendulum.title}"
+    labels = [line.get_label() for line in figure.axes[0].get_lines()]
+    assert labels == [f"{m.title}: pherk5, rtol 1e-04" for m in (four_bar, pendulum)]
+
+
 def test_unknown_errors_are_bounds_and_not_joined():
     result = comparison()
     ax = work_precision(result).axes[0]

@@ -88,6 +88,11 @@ class History:
     energy: np.ndarray
 
 
+def brief(x: float) -> str:
+    """A tolerance in all its digits: 1e-04, 2.5e-04."""
+    return np.format_float_scientific(x, trim="-", exp_digits=2)
+
+
 def history(sol: Solution) -> History:
     """The drift of a solution at its times.
 
@@ -103,7 +108,7 @@ def history(sol: Solution) -> History:
 def _names(sol: Solution) -> tuple[str, str]:
     """The method of a run, and the same with its tolerance or step."""
     method, settings = str(variant_of(sol.settings)), sol.settings
-    pace = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {settings.get('rtol', np.nan):g}"
+    pace = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {brief(settings.get('rtol', np.nan))}"
     return method, f"{method}, {pace}"
 
 

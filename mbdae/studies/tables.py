@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from .drift import brief
+
 if TYPE_CHECKING:
     from .comparison import Comparison, Point, Quantity
 
@@ -43,7 +45,7 @@ def columns(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _row(result: "Comparison", p: "Point") -> list[str]:
-    setting = f"{p.rtol:.0e}" if p.rtol is not None else f"{p.n} steps"
+    setting = brief(p.rtol) if p.rtol is not None else f"{p.n} steps"
     counts = ["-" if getattr(p, name) is None else str(getattr(p, name)) for name in COUNTS]
     seconds = "-" if p.seconds is None else f"{p.seconds:.3f}"
     if not p.success:
