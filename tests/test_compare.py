@@ -194,7 +194,10 @@ def test_files_hold_everything(study, tmp_path, name):
     if name.endswith("json"):
         with pytest.raises(InputError, match="is damaged"):
             Comparison.load(path)
-    for bad in ("", "{}", "# {}\na,b\n1,2\n", "# {]"):
+    study.save(path)
+    whole, (q, v) = path.read_text(), (repr(study.points[0].error_q), repr(study.uncertainty["v"]))
+    edited = [whole.replace('"v":', '"w":'), *(whole.replace(x, y) for x in (q, v) for y in ("NaN", "-1.0"))]
+    for bad in ("", "{}", "# {}\na,b\n1,2\n", "# {]", *edited):
         path.write_text(bad)
         with pytest.raises(InputError, match="is damaged"):
             Comparison.load(path)

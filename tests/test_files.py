@@ -138,6 +138,13 @@ def test_a_damaged_file_is_one_clear_error(sol, tmp_path):
     for path in ("array.npy", "other.npz", short.name):
         with pytest.raises(InputError, match=rf"{path} is damaged or not a solution"):
             mbdae.Solution.load(tmp_path / path)
+    for name, change in (("t", sol.t[:, None]), ("y", sol.y.astype(str)), ("z_own", sol.z_own[1:])):
+        with np.load(good) as file:
+            np.savez(tmp_path / "edited.npz", **{**{n: file[n] for n in file.files}, name: change})
+        with pytest.raises(InputError, match=r"edited\.npz is damaged"):
+            mbdae.Solution.load(tmp_path / "edited.npz")
+    with pytest.raises(InputError, match="settings of the run are missing"):
+        mbdae.Solution.load(rewritten(good, tmp_path / "edited.npz", settings={}))
     with pytest.raises(InputError, match="no such file"):
         mbdae.Solution.load(tmp_path / "gone.npz")
 
