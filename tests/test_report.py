@@ -99,6 +99,16 @@ def test_results_are_data_and_text(result, told):
     assert told[-1] <= 1
 
 
+def test_an_order_that_is_missed_is_said_in_words(result):
+    from dataclasses import replace
+
+    from mbdae.studies import page
+
+    slopes = result.orders.slopes["pherk5"]
+    missed = replace(result.orders, slopes={"pherk5": (replace(slopes[0], verdict="misses"), *slopes[1:])})
+    assert "pherk5, q: misses" in page._orders(replace(result, orders=missed))
+
+
 def test_names_are_escaped(result, tmp_path):
     from dataclasses import replace
 
