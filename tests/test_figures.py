@@ -143,6 +143,7 @@ def test_runs_of_one_method_and_of_several_mechanisms_are_told_apart(four_bar):
     lines = figure.axes[0].get_lines()
     assert [line.get_label() for line in lines] == ["pherk5, rtol 1e-04", "pherk5, rtol 2.5e-04"]
     assert lines[0].get_color() != lines[1].get_color()
+    assert lines[0].get_linestyle() != lines[1].get_linestyle()
     figure = drifts([runs[0], history(mbdae.solve(pendulum, (0, 0.2), rtol=1e-4))])
     assert figure.get_suptitle() == f"Drift of {four_bar.title}, {pendulum.title}"
     labels = [line.get_label() for line in figure.axes[0].get_lines()]

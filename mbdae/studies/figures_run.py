@@ -32,7 +32,7 @@ def motion(sol: Solution) -> "Figure":
     axes = np.atleast_1d(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
     for ax, (u, names) in zip(axes, groups.items(), strict=False):
         for i, name in enumerate(names):
-            ax.plot(sol.t, signals[name], label=name, color=COLOURS[i % len(COLOURS)], ls=PATTERNS[i % len(PATTERNS)])
+            ax.plot(sol.t, signals[name], label=name, **_own(i))
         ax.set_ylabel(f"{NAMES[u]} ({u})" if u != "1" else NAMES[u])
         beside(ax, labelspacing=0.3)
     for name, label, style in (("g", "$|g|$ (m, rad)", "-"), ("Gv", "$|G v|$ (m/s, rad/s)", ":")):
@@ -54,14 +54,14 @@ def motion(sol: Solution) -> "Figure":
 def drifts(runs: Sequence[History]) -> "Figure":
     """Draw |g|, and the relative error of the energy balance, of several runs over time.
 
-    Runs of one method have colours of their own; those of several mechanisms say which is theirs.
+    Runs of one method have colours and line styles of their own; those of several mechanisms say which is theirs.
     """
     figure = sheet(WIDTH, 4.6)
     top, bottom = figure.subplots(2, 1, sharex=True)
     titles = list(dict.fromkeys(run.title for run in runs))
     apart = len({run.method for run in runs}) == len(runs)
     for i, run in enumerate(runs):
-        style = look(run.method) if apart else {**look(run.method), "color": COLOURS[i % len(COLOURS)]}
+        style = look(run.method) | ({} if apart else _own(i))
         label = run.label if len(titles) == 1 else f"{run.title}: {run.label}"
         for ax, values in ((top, run.g), (bottom, run.energy)):
             _line(ax, run.t, values, (i + 0.5) / len(runs), label=label, **style)
@@ -73,6 +73,12 @@ def drifts(runs: Sequence[History]) -> "Figure":
     beside(top)
     figure.suptitle(f"Drift of {', '.join(titles)}", fontsize=9)
     return figure
+
+
+def _own(i: int) -> dict[str, Any]:
+    """Colour and line style of the i-th of several curves."""
+    colour = COLOURS[i % len(COLOURS)]
+    return {"color": colour, "markerfacecolor": colour, "linestyle": PATTERNS[i % len(PATTERNS)]}
 
 
 def _line(ax: "Axes", t: np.ndarray, values: np.ndarray, shift: float, **style: Any) -> None:
