@@ -159,7 +159,7 @@ class Scipy(Adaptive):
         """A jump was crossed: another solver starts there."""
         self.solver = self.h = None
 
-    def may_retry(self, run: Run, h: float) -> bool:
+    def may_retry(self, run: Run, h: float, reason: StepError) -> bool:
         """Never: the solver chooses its steps."""
         return False
 

@@ -13,7 +13,15 @@ from .system import Array, State, Step, System
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 NOTHING = 1e-100  # keeps the scale of a component positive where neither tolerance does
 NEAR = 1e-9  # of a step: how near to the grid a time counts as on it
+DETOUR = (0.309, 0.655)  # of two steps, of which the end of the first cannot be stepped on
 TOLERATED = 1e-8  # what a move of the state may measure when steps are fixed
+
+
+class Watch(Protocol):
+    """What a pace sees of the watch for singular configurations."""
+
+    def refuse_landing(self, t: float, y: Array) -> None:
+        """Refuse a step that leads into one."""
 
 
 class Run(Protocol):
@@ -29,6 +37,10 @@ class Run(Protocol):
     ts: list[float]
     F: Array
     rejected: int | None
+
+    @property
+    def singular(self) -> Watch | None:
+        """The watch for singular configurations, if there is one."""
 
     def left(self) -> float:
         """Time left to the end of the leg, positive."""
@@ -61,8 +73,8 @@ class Pace(Protocol):
     def error(self, run: Run, step: Step) -> float:
         """Return the error norm of a step; it is accepted below 1."""
 
-    def may_retry(self, run: Run, h: float) -> bool:
-        """Say whether a smaller step is worth a try after one that could not be taken."""
+    def may_retry(self, run: Run, h: float, reason: StepError) -> bool:
+        """Say whether another step is worth a try after one that could not be taken for this reason."""
 
     def judge(self, run: Run, h: float, error: float) -> bool:
         """Say whether a step is accepted, and choose the next one."""
@@ -86,9 +98,13 @@ class Fixed:
         self.step, self.t0, length = step, t0, abs(t1 - t0)
         self.n = max(1, int(np.ceil(length / step * (1 - 1e-12))))
         self.i, self.on_grid = 0, True  # the last point of the grid, and whether the run stands there
+        self.detour: list[float] = []  # times of the next steps, where they leave the grid
 
     def propose(self, run: Run) -> tuple[float, float]:
         """Return the size of the next step and the time where it ends."""
+        if self.detour:
+            t = self.detour.pop(0)
+            return abs(t - run.t), t
         i, started = self.i + 1, self.on_grid
         t = run.t1 if i >= self.n else self.t0 + run.sign * i * self.step
         beyond = run.sign * (t - run.leg.stop)  # the leg ends before the next point of the grid
@@ -100,7 +116,10 @@ class Fixed:
 
     def take(self, run: Run, h: float) -> Step:
         """Take a step of size h (signed)."""
-        return run.tableau.step(run.system, run.t, h, run.state)
+        step = run.tableau.step(run.system, run.t, h, run.state)
+        if run.singular and self._behind(run) is not None:
+            run.singular.refuse_landing(run.t + h, step.state.y)
+        return step
 
     def error(self, run: Run, step: Step) -> float:
         """Return the error norm of a step; it is accepted below 1."""
@@ -108,9 +127,24 @@ class Fixed:
             raise StepError("nonfinite", f"the state is not finite after the step at t = {run.t:.17g}")
         return 0.0
 
-    def may_retry(self, run: Run, h: float) -> bool:
-        """Say whether a smaller step is worth a try after one that could not be taken."""
-        return False
+    def may_retry(self, run: Run, h: float, reason: StepError) -> bool:
+        """Say whether to leave out the next point of the grid, because it lies in a singular configuration.
+
+        Three steps then lead to the point behind it.
+        """
+        end = self._behind(run) if reason.status in ("rank", "singular") else None
+        if end is None:
+            return False
+        self.i += 1
+        self.detour = [run.t + share * (end - run.t) for share in DETOUR] + [end]
+        return True
+
+    def _behind(self, run: Run) -> float | None:
+        """The point of the grid behind the next one; None where that cannot be left out."""
+        if self.detour or not self.on_grid or self.i >= self.n:
+            return None
+        end = run.t1 if self.i + 1 == self.n else self.t0 + run.sign * (self.i + 1) * self.step
+        return end if run.sign * (run.leg.stop - end) >= 0 else None
 
     def judge(self, run: Run, h: float, error: float) -> bool:
         """Say whether a step is accepted, and choose the next one."""
@@ -164,7 +198,7 @@ class Adaptive:
         """Return the error norm of a step; it is accepted below 1."""
         return error_norm(step.errors[:, run.system.measured], self._scale(run, step.state.y))
 
-    def may_retry(self, run: Run, h: float) -> bool:
+    def may_retry(self, run: Run, h: float, reason: StepError) -> bool:
         """Say whether a smaller step is worth a try after one that could not be taken."""
         self.h = self.controller.next_step(h, np.inf)
         return self.h > _smallest(run.t, run.t1)

@@ -20,6 +20,7 @@ OVERDUE = 3.0  # times the way in: who is not out by then has turned
 CLOSED = 1e-12  # m or rad: loops open by less, and branches apart by its root, are as good as kept closed
 SAMPLES = 5  # of each step
 SHARP = 1e-10  # of a step: how sharply a minimum is found
+LANDED = 1e-3  # of the ratio a step before: so near to a singular configuration is in it
 SAME = 1e-6  # s: minima this near to each other are one
 
 
@@ -63,6 +64,19 @@ class SingularWatch:
     def begin_step(self) -> None:
         """Forget what solves outside of the next step tell."""
         self.system.weakest = 1.0
+
+    def refuse_landing(self, t: float, y: Array) -> None:
+        """Refuse a step that has a stage in a singular configuration, or ends there at (t, y).
+
+        Rounding says where such a stage leads, and no step can begin there.
+
+        Raises:
+            StepError: with the time where the step ends.
+        """
+        self.own.rank, nearest = self.system.rank, float(np.sqrt(self.system.weakest))
+        limit = LANDED * min(self.largest, self.ratios[-1])
+        if nearest < limit or (nearest < SUSPECT * self.largest and ratio(self.own, t, y) < limit):
+            raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
 
     def step(self, run: Run, last: bool) -> None:
         """Look back at the step before the one just taken, and at this one if it is the last.

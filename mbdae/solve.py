@@ -28,7 +28,7 @@ def solve(
     v: Array | None = None,
     s: Array | None = None,
     *,
-    method: str = "pherk5",
+    method: str = "pherk6",
     formulation: str = "index2",
     project: bool = False,
     baumgarte: tuple[float, float] | None = None,
@@ -61,7 +61,8 @@ def solve(
             multiplier; ``"index1"``: neither, accelerations stepped by scipy as a baseline. Mechanisms only.
         project: bring the state back to g = 0 and G v = 0 after each step, in the mass metric; for ``"index2"``.
         baumgarte: alpha and beta in 1/s, for ``"index1"``: 0 = G v' + gamma + 2 alpha G v + beta^2 g.
-        step: fixed step in s; the step size is controlled when left out.
+        step: fixed step in s; the step size is controlled when left out. Where one would end in a singular
+            configuration, three shorter steps take the place of two.
         rtol: relative tolerance per step of q and v.
         atol: absolute tolerance, a number or one for each component of (q, v) in the tangent; 0.01 rtol when left out.
         first_step: first step in s; guessed when left out.
@@ -145,8 +146,8 @@ def _march(run: "_Run", pace: "Pace", watch: Watch, max_steps: int | None, progr
         try:
             step = pace.take(run, run.sign * h)
             error = pace.error(run, step)
-        except StepError:
-            if not pace.may_retry(run, h):
+        except StepError as e:
+            if not pace.may_retry(run, h, e):
                 raise
             step, error = None, np.inf
         if step is None or not pace.judge(run, h, error):

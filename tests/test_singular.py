@@ -146,3 +146,19 @@ def test_errors_come_home_from_other_processes():
     for error in (StepError("rank", "text"), UnknownNameError("model", "x", ["y"]), AssemblyError("open", "pin", 0.1)):
         again = pickle.loads(pickle.dumps(error))
         assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
+
+
+@pytest.mark.parametrize("method", ["herk3", "herk5", "pherk5", "radau5"])
+@pytest.mark.parametrize("step", [0.25, 0.1])
+def test_fixed_steps_that_would_land_there_step_over(method, step):
+    """Without gravity a crank turns a quarter per second: the bars lie in a line at 1 s and 3 s, on the grid."""
+    mech = mbdae.load("n_four_bar", N=1)
+    mech.model.gravity.linear = np.zeros(3)
+    q, v = mech.assemble({"crank_0": np.pi / 2}, {"crank_0": -np.pi / 2})
+    sol = mbdae.solve(mech, (0, 4), q, v, method=method, step=step, project=True)
+    assert sol.success, sol.message
+    np.testing.assert_allclose([x.t for x in sol.singular], [1.0, 3.0], atol=1e-6)
+    np.testing.assert_allclose(cranks(sol)[-1], -3 * np.pi / 2, atol=1e-9)
+    assert np.ptp(cranks(sol), axis=1).max() < 1e-9
+    grid = np.arange(round(4 / step) + 1) * step
+    assert np.isclose(sol.t[:, None], grid, atol=1e-9).sum() == len(grid) - 2
