@@ -265,6 +265,8 @@ def test_older_tables_of_parallel_robots(tmp_path):
         ("joint_name: [left_ball]", "joint_name has 1 entries, joint_type has 0"),
         ("joint_name: [bal]\njoint_type: [SPHERICAL]", "unknown joint 'bal'"),
         ("name_mot: [mot]", "unknown joint 'mot'"),
+        ("name_mot: mot_x", "name_mot 'mot_x' stands in no joint's name: "),
+        ("joint_name: [a, a]\njoint_type: [SPHERICAL, SPHERICAL]", "joint_name has a more than once"),
         ("closed_loop: 3", "closed_loop: "),
         ("- a\n- b", "is not a table of keys"),
         ("{", "is not YAML"),

@@ -74,6 +74,8 @@ def read_robot_yaml(path: Path, free_flyer: bool = False, packages: Sequence[str
     )
     joints, motors = joint_names(part.model), tables.name_mot
     found = [n for n in joints if motors in n] if isinstance(motors, str) else motors
+    if motors and not found:
+        raise InputError(f"{path.name}: name_mot {motors!r} stands in no joint's name: {', '.join(joints)}")
     for n in found:
         find_joint(part.model, n)
     extra = sorted(tables.model_extra or ())
@@ -108,6 +110,8 @@ def read_tables(text: str, name: str) -> RobotTables:
         tables = tables.model_copy(update={"type": ("6d",) * len(tables.closed_loop)})
     _same_length(name, "closed_loop", tables.closed_loop, "type", tables.type or ())
     _same_length(name, "joint_name", tables.joint_name, "joint_type", tables.joint_type)
+    if twice := {n for n in tables.joint_name if tables.joint_name.count(n) > 1}:
+        raise InputError(f"{name}: joint_name has {', '.join(sorted(twice))} more than once")
     for t in tables.type or ():
         _one_of(name, "type", t.lower(), CLOSURES)
     for t in tables.joint_type:
