@@ -20,6 +20,7 @@ OVERDUE = 3.0  # times the way in: who is not out by then has turned
 CLOSED = 1e-12  # m or rad: loops open by less, and branches apart by its root, are as good as kept closed
 SAMPLES = 5  # of each step
 SHARP = 1e-10  # of a step: how sharply a minimum is found
+ENDED = 1e-6  # of the largest ratio: velocities at an end as near as that have lost six digits
 LANDED = 1e-3  # of the ratio a step before: so near to a singular configuration is in it
 SAME = 1e-6  # s: minima this near to each other are one
 
@@ -89,6 +90,10 @@ class SingularWatch:
         self.largest = max(self.largest, self.ratios[-1])
         self._look(run, len(self.ratios) - 2)
         if last:
+            self.own.rank = self.system.rank
+            if ratio(self.own, run.ts[-1], run.ys[-1]) < ENDED * self.largest:
+                text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding decides"
+                self._end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
             self.ratios.append(np.inf)
             self._look(run, len(self.ratios) - 2)
         near = self.ratios[-1] < LOW * self.largest

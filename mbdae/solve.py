@@ -28,7 +28,7 @@ def solve(
     v: Array | None = None,
     s: Array | None = None,
     *,
-    method: str = "pherk6",
+    method: str = "pherk5",
     formulation: str = "index2",
     project: bool = False,
     baumgarte: tuple[float, float] | None = None,

@@ -187,17 +187,25 @@ def turned(angle, rate=2.0):
     return angle * sign, rate * sign
 
 
-def test_a_step_that_lands_on_a_singular_position_says_so():
+def test_a_step_that_would_land_on_a_singular_position_goes_over_it():
     mech, angle = parallelogram(), np.pi / 4
-    end = (np.pi - angle) / 2.0
-    sol = mbdae.solve(mech, (0, 3), *turned(angle), method="pherk4", step=end / 50)
-    assert (sol.status, sol.success) == ("rank", False)
-    assert "from 2 to 1" in sol.message
-    assert sol.t[-1] == pytest.approx(end)
-    assert repr(float(sol.t[-1]))[:8] in sol.message
-    np.testing.assert_allclose(sol.q[-1], turned(np.pi)[0], atol=1e-12)
-    assert np.isfinite(sol.lam[:-1]).all()
-    assert np.isnan(sol.lam[-1]).all()
+    flat = (np.pi - angle) / 2.0
+    sol = mbdae.solve(mech, (0, 3), *turned(angle), method="pherk4", step=flat / 50)
+    assert sol.success
+    assert np.abs(sol.t - flat).min() > 1e-3
+    np.testing.assert_allclose([x.t for x in sol.singular], [flat, flat + np.pi / 2], atol=1e-6)
+    np.testing.assert_allclose(sol.q, [turned(angle + 2 * t)[0] for t in sol.t], atol=1e-10)
+    np.testing.assert_allclose(sol.v, [turned(0.0)[1]] * len(sol.t), atol=1e-8)
+
+
+def test_a_run_that_ends_in_a_singular_position_stops_before():
+    mech, angle = parallelogram(), np.pi / 4
+    flat = (np.pi - angle) / 2.0
+    sol = mbdae.solve(mech, (0, flat), *turned(angle), method="pherk4", step=flat / 50)
+    assert sol.status == "rank"
+    assert "singular configuration" in sol.message
+    np.testing.assert_allclose(sol.q, [turned(angle + 2 * t)[0] for t in sol.t], atol=1e-10)
+    np.testing.assert_allclose(sol.v, [turned(0.0)[1]] * len(sol.t), atol=1e-8)
 
 
 def test_steps_over_a_singular_position_stay_on_their_branch():

@@ -107,7 +107,8 @@ def test_branch_at_a_singular_position(options, stays):
     sign = np.where(np.isin(np.arange(mech.nq), cranks), 1.0, -1.0)
     sol = mbdae.solve(mech, (0.0, 10.0), *mech.assemble(sign * np.pi / 2, sign), rtol=1e-9, **options)
     spread = np.ptp(sol.q[:, cranks], axis=1).max()
-    assert (sol.success and spread < 1e-9) if stays else spread > 1.0
+    assert sol.status == ("finished" if stays else "rank"), sol.message
+    assert spread < (1e-9 if stays else 1e-4)
 
 
 # -- projection ------------------------------------------------------------------------------------------------------

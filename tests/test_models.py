@@ -75,7 +75,7 @@ def test_passport(name):
 def test_a_second_is_run_and_checked_and_replayed(name, tmp_path):
     mech = mbdae.load(name)
     assert mech.duration >= mech.order.T
-    assert mech.order.steps % 10 == 0
+    assert mech.order.steps >= 10
     sol = mbdae.solve(mech, (0, min(1.0, mech.duration)), rtol=1e-6)
     assert sol.success, sol.message
     found = mbdae.drift(sol)

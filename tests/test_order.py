@@ -15,10 +15,10 @@ REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["pendulum", "four_bar", "heavy_top"])
-@pytest.mark.parametrize("method", list(mbdae.METHODS))
-def test_orders(model, method):
-    study = mbdae.check_order(mbdae.load(model), [method])
+@pytest.mark.parametrize("half", [0, 1])
+@pytest.mark.parametrize("model", ["heavy_top", "four_bar", "pendulum"])
+def test_orders(model, half):
+    study = mbdae.check_order(mbdae.load(model), list(mbdae.METHODS)[half::2])
     assert study.holds, str(study)
 
 
