@@ -63,8 +63,8 @@ class SingularWatch:
         self.entered: int | None = None  # the node where steps came near a singular configuration
 
     def begin_step(self) -> None:
-        """Forget what solves outside of the next step tell."""
-        self.system.weakest = 1.0
+        """Forget what solves outside of the next step tell; the rank is that of the run."""
+        self.system.weakest, self.own.rank = 1.0, self.system.rank
 
     def refuse_landing(self, t: float, y: Array) -> None:
         """Refuse a step that has a stage in a singular configuration, or ends there at (t, y).
@@ -74,7 +74,7 @@ class SingularWatch:
         Raises:
             StepError: with the time where the step ends.
         """
-        self.own.rank, nearest = self.system.rank, float(np.sqrt(self.system.weakest))
+        nearest = float(np.sqrt(self.system.weakest))
         limit = LANDED * min(self.largest, self.ratios[-1])
         if nearest < limit or (nearest < SUSPECT * self.largest and ratio(self.own, t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
@@ -90,7 +90,6 @@ class SingularWatch:
         self.largest = max(self.largest, self.ratios[-1])
         self._look(run, len(self.ratios) - 2)
         if last:
-            self.own.rank = self.system.rank
             if ratio(self.own, run.ts[-1], run.ys[-1]) < ENDED * self.largest:
                 text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding decides"
                 self._end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
@@ -140,7 +139,6 @@ class SingularWatch:
 
     def _search(self, run: Run, nodes: list[int]) -> None:
         """Minimise over u, node i and the share of the step behind it that has passed."""
-        self.own.rank = self.system.rank
         paths = {i: self._path(run, i) for i in nodes[:-1]}
 
         def at(u: float) -> tuple[float, Array]:

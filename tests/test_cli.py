@@ -111,9 +111,10 @@ def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeyp
                 assert not set(out) & set("\x1b\r\b"), arguments
 
 
-def test_folders_of_files_that_are_not_asked_for_do_not_matter(monkeypatch):
-    monkeypatch.setattr(console.os, "access", lambda folder, mode: str(folder) == "/tmp")
-    assert console.writable((None, (".npz",)), ("/tmp/run.html", (".html",))) == ["/tmp/run.html"]
+def test_folders_of_files_that_are_not_asked_for_do_not_matter(monkeypatch, tmp_path):
+    monkeypatch.setattr(console.os, "access", lambda folder, mode: folder == tmp_path.resolve())
+    page = str(tmp_path / "run.html")
+    assert console.writable((None, (".npz",)), (page, (".html",))) == [page]
     with pytest.raises(mbdae.errors.InputError, match=r"cannot write run\.npz: the folder is read-only"):
         console.writable(("run.npz", (".npz",)))
 
