@@ -13,9 +13,7 @@ from .schema import HUGE, Body, Frame, MechanismFile, Source
 from .tree import Tree, settled
 
 
-def build(
-    file: MechanismFile, parts: Sequence[Part], name: str
-) -> tuple[pin.Model, pin.GeometryModel | None]:
+def build(file: MechanismFile, parts: Sequence[Part], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:
     """Return the model and its visuals: sources, extra bodies and frames, joints of other kinds, locked joints.
 
     Args:
@@ -40,7 +38,7 @@ def build(
                 _add(tree.model, x)
             elif part is not None:
                 parent = find_frame(tree.model, x.parent)
-                tree.graft(part.model, part.visuals, parent=parent, placement=_placement(x), prefix=x.prefix)
+                tree.graft(part.model, part.visuals, parent=parent, placement=placement(x), prefix=x.prefix)
         waiting = [pair for pair in waiting if pair not in ready]
     tree.model.gravity.linear = np.array(file.gravity)
     if not tree.model.nv:
@@ -73,7 +71,8 @@ def _refuse(waiting: Sequence[tuple[Source | Frame, Part | None]], known: Sequen
     raise InputError(f"frames hang on each other and not on the world: {', '.join(names)}")
 
 
-def _placement(x: Source | Frame) -> pin.SE3:
+def placement(x: Source | Frame) -> pin.SE3:
+    """The placement that ``xyz`` and ``rpy`` say."""
     return pin.SE3(pin.rpy.rpyToMatrix(np.array(x.rpy)), np.array(x.xyz))
 
 
@@ -81,20 +80,25 @@ def _add(model: pin.Model, x: Frame) -> None:
     if x.name in frame_names(model):
         raise InputError(f"the name {x.name!r} is taken: frames and bodies need names of their own")
     parent = find_frame(model, x.parent)
-    placement = parent.placement * _placement(x)
+    place = parent.placement * placement(x)
     joint = parent.parentJoint
     if isinstance(x, Body):
-        inertia = _inertia(x)
+        inertia = body_inertia(x)
         if x.joint != "fixed":
             moving, turn = _joint(x), _turn(x)
-            joint, placement = model.addJoint(joint, moving, placement * turn, x.name), turn.inverse()
+            joint, place = model.addJoint(joint, moving, place * turn, x.name), turn.inverse()
         if inertia is not None:
-            model.appendBodyToJoint(joint, inertia, placement)
+            model.appendBodyToJoint(joint, inertia, place)
     kind = pin.FrameType.BODY if isinstance(x, Body) else pin.FrameType.OP_FRAME
-    model.addFrame(pin.Frame(x.name, joint, placement, kind))
+    model.addFrame(pin.Frame(x.name, joint, place, kind))
 
 
-def _inertia(x: Body) -> pin.Inertia | None:
+def body_inertia(x: Body) -> pin.Inertia | None:
+    """The inertia that ``mass``, ``com`` and ``inertia`` say; None for none.
+
+    Raises:
+        InputError: for a tensor that is not positive semi-definite.
+    """
     ixx, iyy, izz, ixy, ixz, iyz = x.inertia
     tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     if x.mass == 0 and not tensor.any():

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -53,29 +53,61 @@ def load(
             do.
         InputError: for a file that is wrong: one line with the key and what was expected.
     """
+    described = [f for f in forces if isinstance(f, FORCES)]
+    more = {"closure": closures, "driver": drivers, "force": described, "motor": motors or {}}
+    recipe = read(path, parameters, key=key, assemble=assemble, more=more)
+    if recipe.left_out:
+        warnings.warn(f"{recipe.name}: not carried over: {'; '.join(recipe.left_out)}", stacklevel=2)
+    mech = _make(recipe, [f for f in forces if not isinstance(f, FORCES)])
+    if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
+        _remark_open(mech, recipe.name)
+    return mech
+
+
+class Recipe(NamedTuple):
+    """What files say of a mechanism, read and merged: what is made of it.
+
+    Attributes:
+        file: the mechanism file with what its sources say.
+        name: of the model.
+        parts: the sources, read.
+        motors: named inputs.
+        left_out: what the files say and the mechanism will not have.
+        parameters: name, value and what it takes, of each parameter of a mechanism.py.
+    """
+
+    file: MechanismFile
+    name: str
+    parts: Sequence[Part]
+    motors: Sequence[Motor]
+    left_out: Sequence[str]
+    parameters: Sequence[dict[str, Any]]
+
+
+def read(
+    path: str | Path,
+    parameters: Mapping[str, Any],
+    *,
+    key: str = "",
+    assemble: bool = True,
+    more: Mapping[str, Any] | None = None,
+) -> Recipe:
+    """Read the files of a mechanism; ``more`` holds further entries of its tables, the rest is as for `load`."""
     plain, written = split(str(path))
     found = find(plain)
     name = found.parent.name if found.name in IN_FOLDER else found.stem
     file, chosen = _read(found, name, {**written, **parameters})
-    described = [f for f in forces if isinstance(f, FORCES)]
+    added = dict(more or {})
     update = {
         "source": tuple(_with_options(s, file, key) for s in file.source),
-        "closure": (*file.closure, *closures),
-        "driver": (*file.driver, *drivers),
-        "force": (*file.force, *described),
         "start": file.start if assemble else file.start.model_copy(update={"assemble": False}),
-        "motor": MechanismFile(motor={**file.motor, **(motors or {})}).motor,
+        "motor": MechanismFile(motor={**file.motor, **added.pop("motor", {})}).motor,
+        **{table: (*getattr(file, table), *entries) for table, entries in added.items()},
     }
     file = file.model_copy(update=update)
     parts = [read_source(s, found.parent) for s in file.source]
-    file, inputs, left_out = merged(file, parts)
-    if left_out:
-        warnings.warn(f"{name}: not carried over: {'; '.join(left_out)}", stacklevel=2)
-    functions = [f for f in forces if not isinstance(f, FORCES)]
-    mech = _make(file, name, parts, functions, inputs, left_out, chosen)
-    if file.start.assemble and any(p.start.guess for p in parts):
-        _remark_open(mech, name)
-    return mech
+    file, motors, left_out = merged(file, parts)
+    return Recipe(file, name, parts, motors, left_out, chosen)
 
 
 def _read(found: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismFile, Sequence[dict[str, Any]]]:
@@ -100,15 +132,8 @@ def _with_options(source: Source, file: MechanismFile, key: str) -> Source:
     return source.model_copy(update={"free_flyer": source.free_flyer or file.free_flyer, "key": key or source.key})
 
 
-def _make(
-    file: MechanismFile,
-    name: str,
-    parts: Sequence[Part],
-    functions: Sequence[Any] = (),
-    motors: Sequence[Motor] = (),
-    left_out: Sequence[str] = (),
-    parameters: Sequence[dict[str, Any]] = (),
-) -> Mechanism:
+def _make(recipe: Recipe, functions: Sequence[Any] = ()) -> Mechanism:
+    file, name, parts, motors, left_out, parameters = recipe
     if not parts and not file.body:
         raise InputError(f"{name}: a mechanism needs a source or a [[body]]")
     model, visuals = build(file, parts, name)
@@ -160,7 +185,7 @@ def restore(description: dict[str, Any]) -> Mechanism:
     if "model" not in d:
         functions = [_missing(**f) for f in d["functions"]]
         parts, motors = [restored(r) for r in d["parts"]], [Motor(*m) for m in d["motors"]]
-        return _make(file, d["name"], parts, functions, motors, d["left_out"], d.get("parameters", ()))
+        return _make(Recipe(file, d["name"], parts, motors, d["left_out"], d.get("parameters", ())), functions)
     model = pin.Model()
     model.loadFromString(d["model"])
     forces: list[Any] = list(file.force)

@@ -75,6 +75,15 @@ def read_parametric(path: Path, name: str, values: Mapping[str, Any]) -> tuple[M
     return checked(content, f"{path}({_call(chosen)})"), parameters
 
 
+def parameter_names(path: Path) -> tuple[str, ...]:
+    """Names of the parameters that a mechanism.py takes.
+
+    Raises:
+        InputError: for a file that cannot be run, or whose function is not fit.
+    """
+    return tuple(_fields(_function(path), path))
+
+
 def _function(path: Path) -> Any:
     try:
         function = runpy.run_path(str(path)).get(FUNCTION)
