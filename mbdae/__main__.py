@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from . import METHODS, Solution, load, model_names
+from . import METHODS, Solution, backend, load, model_names
+from .archive import versions
 from .console import (
     FAILED,
     HOLDS,
@@ -92,12 +93,20 @@ def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
 
 
 @cli.command()
-@click.argument("model")
+@click.argument("model", required=False)
 @as_json
-def info(model: str, as_json: bool) -> None:
-    """Show a model's card: sizes, joints, closures, degrees of freedom, start, and what is not modelled."""
-    result = card(load(model))
-    emit(result.to_dict(), str(result), as_json)
+def info(model: str | None, as_json: bool) -> None:
+    """Show versions and the back end, or a model's card.
+
+    The card has sizes, joints, closures, degrees of freedom, start, and what is not modelled.
+    """
+    if model:
+        result = card(load(model))
+        data, lines = result.to_dict(), [str(result)]
+    else:
+        data = {"versions": versions()}
+        lines = [f"{name} {version}" for name, version in data["versions"].items()]
+    emit({**data, "backend": backend.status()}, "\n".join([*lines, f"back end: {backend.status()}"]), as_json)
 
 
 @cli.command()

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "mbdae"
 FLOORS = (  # a room imports from the floors below its own, never from rooms beside it
     ("errors",),
-    ("files", "linear", "dense", "events"),
+    ("files", "linear", "dense", "events", "backend"),
     ("system",),
     ("mechanism", "methods", "textbook"),
     ("solution",),
@@ -32,7 +32,7 @@ ROOMS = {  # files that were split off, and the room they belong to
     "study_commands": "__main__",
 }
 SECRETS = {  # heavy or special imports, and the only places that may know them
-    "pinocchio": "mechanism/*.py",
+    "pinocchio": "mechanism/*.py backend.py",  # the latter compares versions
     "coal": "mechanism/*.py",
     "mujoco": "mechanism/mjcf*.py",
     "matplotlib": "studies/figures*.py",
@@ -102,7 +102,12 @@ def test_the_test_sees_imports():
 @pytest.mark.parametrize("secret", SECRETS)
 def test_heavy_imports_are_secrets_of_one_place(secret):
     users = {p for p in FILES if secret in {name.split(".")[0] for name in imported(p)}}
-    assert users <= set(PACKAGE.glob(SECRETS[secret]))
+    assert users <= {p for place in SECRETS[secret].split() for p in PACKAGE.glob(place)}
+
+
+def test_the_core_is_imported_behind_its_guard():
+    assert not [p.name for p in FILES if any(name.startswith("mbdae._native") for name in imported(p))]
+    assert not [p.name for p in FILES if p.name != "backend.py" and '_native"' in p.read_text()]
 
 
 def test_methods_know_numbers_only():

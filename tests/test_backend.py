@@ -1,0 +1,134 @@
+"""Which back end computes: the guard in front of the compiled core, the choice, and what is said about it."""
+
+import json
+import sys
+import warnings
+from importlib.metadata import version
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from click.testing import CliRunner
+
+import mbdae
+from mbdae import backend
+from mbdae.__main__ import cli
+from mbdae.errors import InputError, UnknownNameError
+
+HERE = version("libpinocchio")
+
+
+@pytest.fixture
+def fresh(monkeypatch):
+    """Forget what was found and warned of, before and after."""
+    found = (backend._core, backend._warn)
+    for f in found:
+        f.cache_clear()
+    yield monkeypatch
+    for f in found:
+        f.cache_clear()
+    with warnings.catch_warnings(action="ignore"):
+        monkeypatch.undo()
+        backend.choose("auto")  # where the core is missing, later tests are not to be warned
+
+
+@pytest.fixture
+def core(fresh, tmp_path):
+    """Write a stand-in for the core and its version file; where it is imported for another Pinocchio, tests end."""
+
+    def write(built_for=HERE, code="raise SystemExit('imported')"):
+        (tmp_path / "stand_in.py").write_text(code)
+        if built_for:
+            (tmp_path / backend.BUILT_FOR).write_text(built_for + "\n")
+        fresh.syspath_prepend(tmp_path)
+        fresh.setattr(backend, "CORE", "stand_in")
+        fresh.delitem(sys.modules, "stand_in", raising=False)
+
+    return write
+
+
+def test_a_core_for_this_pinocchio_is_taken(core):
+    core(code="answer = 42")
+    assert backend.load().answer == 42
+    assert backend.choose("auto") is backend.choose("native") is backend.load()
+    assert backend.choose("python") is None
+    assert backend.status() == f"native (built for Pinocchio {HERE})"
+
+
+@pytest.mark.parametrize("built", ["4.0.0", "4.1", HERE + ".1", "41.0"])
+def test_a_core_for_another_pinocchio_is_never_imported(core, built):
+    core(built)
+    assert backend.load() is None
+    assert backend.status() == (f"python: built for Pinocchio {built} but {HERE} is installed; install mbdae again")
+    assert "stand_in" not in sys.modules
+
+
+def test_a_core_without_its_version_is_never_imported(core):
+    core(built_for=None)
+    assert backend.load() is None
+    assert f"built for Pinocchio unknown ({backend.BUILT_FOR} is missing) but {HERE}" in backend.status()
+
+
+@pytest.mark.parametrize("imported", ["3.9.0", "4.10.0"])
+def test_a_pinocchio_from_elsewhere_is_noticed(core, monkeypatch, imported):
+    core()
+    monkeypatch.setattr(pin, "__version__", imported)
+    assert backend.load() is None
+    assert f"but {imported} beside libpinocchio {HERE} is installed" in backend.status()
+
+
+def test_a_core_that_cannot_be_imported_is_named(core):
+    core(code="raise ImportError('libboost_python: no such file\\nor folder')")
+    assert backend.load() is None
+    assert backend.status() == "python: import failed: libboost_python: no such file or folder"
+
+
+def test_without_the_core_one_warning_says_so(fresh):
+    fresh.setattr(backend, "CORE", "mbdae.no_such_core")
+    assert backend.load() is None
+    assert backend.status().startswith("python: not built ")
+    with pytest.warns(UserWarning, match="mbdae computes in Python, .*; python: not built ") as said:
+        assert backend.choose("auto") is None
+    assert len(said) == 1
+    assert backend.choose("auto") is backend.choose("python") is None  # no second one: it would be an error
+    with pytest.raises(InputError, match="backend='native' cannot be used, python: not built "):
+        backend.choose("native")
+
+
+def test_an_unknown_backend_is_refused():
+    with pytest.raises(UnknownNameError, match=r"unknown backend 'natve'.*'native'.*auto, native, python"):
+        backend.choose("natve")
+
+
+def test_a_source_tree_and_an_installation_are_told_apart(tmp_path):
+    assert backend._not_built(tmp_path).startswith("not built for this Python")
+    (tmp_path / "native").mkdir()
+    (tmp_path / "native" / "CMakeLists.txt").touch()
+    assert f"not built in {tmp_path};" in backend._not_built(tmp_path)
+
+
+def test_info_names_versions_and_back_end():
+    alone, json_alone, model, json_model = (
+        CliRunner().invoke(cli, ["info", *more]).output
+        for more in ([], ["--json"], ["pendulum"], ["pendulum", "--json"])
+    )
+    line = f"back end: {backend.status()}"
+    names = ("mbdae", "pin", "numpy", "scipy")
+    assert alone.splitlines() == [*(f"{name} {version(name)}" for name in names), line]
+    assert json.loads(json_alone) == {"versions": {n: version(n) for n in names}, "backend": backend.status()}
+    assert model.splitlines() == [*str(mbdae.card(mbdae.load("pendulum"))).splitlines(), line]
+    assert json.loads(json_model)["backend"] == backend.status()
+
+
+@pytest.mark.skipif(backend.load() is None, reason=backend.status())
+def test_the_core_calls_this_pinocchio():
+    native = backend.load()
+    assert native.version() == HERE
+    model = mbdae.load("humanoid_stance").model
+    q = pin.integrate(model, pin.neutral(model), np.sin(np.arange(model.nv)))
+    upper = np.triu(pin.crba(model, model.createData(), q))
+    np.testing.assert_allclose(native.mass_matrix(model, q), upper + np.triu(upper, 1).T, atol=1e-12)
+    with pytest.raises(ValueError, match="q has the wrong size"):
+        native.mass_matrix(model, q[1:])
+    with pytest.raises(ValueError, match=r"expected a pinocchio\.Model"):
+        native.mass_matrix("model", q)
