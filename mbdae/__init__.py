@@ -30,12 +30,15 @@ from .solve import solve
 from .textbook import Hessenberg
 
 _STUDIES = {  # loaded when used: plotting and viewing are slow to import
+    "Random": "sweep",
+    "Sweep": "sweep",
     "animate": "replay",
     "card": "card",
     "check_order": "order",
     "compare": "compare",
     "drift": "drift",
     "report": "report",
+    "sweep": "sweep",
 }
 
 
@@ -69,9 +72,11 @@ __all__ = [
     "JointTorque",
     "MbdaeError",
     "Mechanism",
+    "Random",
     "Sampled",
     "Solution",
     "SpringDamper",
+    "Sweep",
     "Wrench",
     "animate",
     "card",
@@ -82,4 +87,5 @@ __all__ = [
     "model_names",
     "report",
     "solve",
+    "sweep",
 ]
