@@ -85,6 +85,15 @@ class Pace(Protocol):
     def tolerates(self, run: Run, y: Array, move: Array) -> bool:
         """Say whether a move of the state away from y stays within the tolerance of a step."""
 
+    def ready(self, run: Run) -> bool:
+        """Say whether the compiled core may take the next steps."""
+
+    def lend(self, course: Any) -> None:
+        """Hand the pace over to the compiled core; see mbdae/native/core.hpp for the fields."""
+
+    def take_back(self, course: Any) -> None:
+        """Take the pace back after its steps."""
+
     def settings(self) -> dict[str, Any]:
         """What is recorded with the solution."""
 
@@ -158,6 +167,19 @@ class Fixed:
         m = run.system.measured
         return bool((np.abs(move[m]) <= TOLERATED * (1 + run.system.size(y)[m])).all())
 
+    def ready(self, run: Run) -> bool:
+        """Say whether the compiled core may take the next steps: on the grid only."""
+        return not self.detour
+
+    def lend(self, course: Any) -> None:
+        """Hand over the grid and where the run stands on it."""
+        course.adaptive, course.near, course.tolerated = False, NEAR, TOLERATED
+        course.step, course.t0, course.n, course.i, course.on_grid = self.step, self.t0, self.n, self.i, self.on_grid
+
+    def take_back(self, course: Any) -> None:
+        """Take back where the run stands on the grid."""
+        self.i, self.on_grid = course.i, course.on_grid
+
     def settings(self) -> dict[str, Any]:
         """What is recorded with the solution."""
         return {"step": float(self.step)}
@@ -172,13 +194,13 @@ class Adaptive:
         if not (isinstance(rtol, Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
             raise InputError(f"rtol = {rtol!r} cannot be met: it must be a finite number, at least {SMALLEST_RTOL:.2g}")
         self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
-        self.controller, self.h, self.largest = Controller(power), first, largest
+        self.controller, self.largest = Controller(power), largest
+        self.h: Any = first
         self._cut = 0.0  # the step that would have been taken, had there not been the end of a leg
 
     def propose(self, run: Run) -> tuple[float, float]:
         """Return the size of the next step and the time where it ends."""
-        if self.h is None:
-            self.h = max(self._first(run), _smallest(run.t, run.t1))
+        self.ready(run)
         h, left = min(self.h, self.largest), run.left()
         self._cut = self.h if h > left else 0.0
         if h >= left * (1 - 1e-10):
@@ -216,6 +238,24 @@ class Adaptive:
     def tolerates(self, run: Run, y: Array, move: Array) -> bool:
         """Say whether a move of the state away from y stays within the tolerance of a step."""
         return error_norm(move[None, run.system.measured], self._scale(run, y)) <= 1
+
+    def ready(self, run: Run) -> bool:
+        """Find the first step; the compiled core may take the next ones."""
+        if self.h is None:
+            self.h = max(self._first(run), _smallest(run.t, run.t1))
+            self._scale(run, run.state.y)
+        return True
+
+    def lend(self, course: Any) -> None:
+        """Hand over tolerances, step size and controller."""
+        course.adaptive, course.rtol, course.atol = True, float(self.rtol), self.atol.ravel().tolist()
+        course.h, course.largest, course.cut = self.h, self.largest, self._cut
+        self.controller.lend(course)
+
+    def take_back(self, course: Any) -> None:
+        """Take back step size and controller."""
+        self.h, self._cut = course.h, course.cut
+        self.controller.last, self.controller.rejected = course.last, course.was_rejected
 
     def settings(self) -> dict[str, Any]:
         """What is recorded with the solution."""

@@ -14,6 +14,7 @@ from .solution import Solution
 from .system import Array
 
 SUSPECT = 0.6  # of the largest ratio so far: minima above are no singular configurations, stages come near enough
+SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, of the larger neighbour: it falls to zero linearly, over a step or two
 LOW = 0.02  # likewise: steps below are near a singular configuration
 JUMP, STEEPEST = 0.1, 3.0  # of |v|, and of |v'| at both ends: what v may change by there
 OVERDUE = 3.0  # times the way in: who is not out by then has turned
@@ -35,6 +36,12 @@ class Run(Protocol):
 
     def record(self) -> Solution:
         """The run so far."""
+
+
+def _suspicious(before: Any, here: Any, after: Any, largest: Any) -> Any:
+    """Say whether the ratio may vanish around a step: where it is smallest, and small or at the bottom of a notch."""
+    lowest = (here < before) & (here <= after) & (here < SUSPECT * largest)
+    return lowest & ((here < SMALL * largest) | (here < NOTCH * np.maximum(before, after)))
 
 
 class SingularWatch:
@@ -78,6 +85,23 @@ class SingularWatch:
         limit = LANDED * min(self.largest, self.ratios[-1])
         if nearest < limit or (nearest < SUSPECT * self.largest and ratio(self.own, t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
+
+    def limits(self) -> tuple[float, float, float, float]:
+        """Return the largest ratio and the last one, and `SUSPECT` and `LANDED`: see `refuse_landing`."""
+        return self.largest, self.ratios[-1], SUSPECT, LANDED
+
+    def quiet(self, weakest: Array) -> int:
+        """Pass over steps with nothing to look at, given their smallest ratios of pivots; return how many."""
+        new = np.sqrt(weakest)
+        if self.entered is not None or not len(new):
+            return 0
+        largest = np.maximum(np.maximum.accumulate(new), self.largest)
+        every = np.concatenate([[0.0], self.ratios[-2:], new])  # before the first step there is none to look at
+        loud = _suspicious(every[-len(new) - 2 : -2], every[-len(new) - 1 : -1], new, largest) | (new < LOW * largest)
+        n = int(loud.argmax()) if loud.any() else len(new)
+        self.ratios += new[:n].tolist()
+        self.largest = float(largest[n - 1]) if n else self.largest
+        return n
 
     def step(self, run: Run, last: bool) -> None:
         """Look back at the step before the one just taken, and at this one if it is the last.
@@ -132,7 +156,7 @@ class SingularWatch:
     def _look(self, run: Run, k: int) -> None:
         """Look around step k, counted from 1, whose ratio is in place k."""
         before, here, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
-        if not (here < before and here <= after and here < SUSPECT * self.largest):
+        if not _suspicious(before, here, after, self.largest):
             return
         nodes = range(max(0, k - 2), min(k + 2, len(run.ts) - self.first))
         self._search(run, [self.first + i for i in nodes])

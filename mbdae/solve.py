@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from .baseline import Scipy, find
+from .course import Core, bind
 from .errors import InputError, StepError, require
 from .events import Watch, as_events
 from .jumps import Jumps
+from .mechanism import Compiled
 from .mechanism.descriptor import Descriptor
 from .pace import Adaptive, Fixed, Pace
 from .singular import SingularWatch
@@ -42,6 +44,7 @@ def solve(
     t_eval: Array | None = None,
     events: Any = None,
     progress: Progress | None = None,
+    backend: str = "auto",
 ) -> Solution:
     """Integrate a mechanism or a textbook problem over a time span.
 
@@ -73,7 +76,9 @@ def solve(
         t_eval: times to report, in the span's order; all steps when left out.
         events: functions event(t, q, v) -> float (textbook problems: event(t, y)) or `mbdae.Event`; their zeros are
             reported, and a terminal one ends the run.
-        progress: called with the fraction done after each step.
+        progress: called with the fraction done, after each step or several times a second.
+        backend: ``"native"``: the compiled core, for half-explicit methods on mechanisms in index-2 form; ``"python"``;
+            or ``"auto"``: the core where it is there and has what is asked for. ``stats["backend"]`` says which.
 
     Returns:
         The solution, with everything up to the point of failure if there was one: see `status` and `message`.
@@ -93,7 +98,7 @@ def solve(
         if isinstance(value, bool) or not isinstance(value, Real) or not value > 0:
             raise InputError(f"{name} must be a positive number, got {value!r}")
     times = None if t_eval is None else _times(t_eval, t0, t1)
-    system = problem.system(formulation, baumgarte)
+    system, fallback = bind(problem, tableau, formulation, baumgarte, backend)
     ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
     run = _Run(problem, tableau, t0, ahead, problem.point(q, v, t0, s), system, project)
     if isinstance(system, Descriptor) and system.ng:
@@ -105,6 +110,8 @@ def solve(
         pace = Fixed(step, t0, t1)
     else:
         pace = Adaptive(tableau.error_power, rtol, atol, first_step, max_step)
+    if isinstance(system, Compiled):
+        run.core = Core(system, tableau, project)
     watch = Watch(as_events(events), lambda e, t, y: event_value(problem, e, t, y))
     started = perf_counter()
     status, message = "finished", STATUS["finished"]
@@ -130,7 +137,10 @@ def solve(
         "rejected": run.rejected,
         **run.system.counts.to_dict(),
         "seconds": seconds,
+        "backend": "native" if run.core else "python",
     }
+    if fallback:
+        stats["fallback"] = fallback
     return _report(run, watch, status, message, stats, settings, times)
 
 
@@ -138,26 +148,16 @@ def _march(run: "_Run", pace: "Pace", watch: Watch, max_steps: int | None, progr
     """Step to the end of the span; True when a terminal event stopped the run before."""
     total = run.to_go()
     while run.to_go() > 0:
-        if max_steps is not None and run.steps + (run.rejected or 0) >= max_steps:
+        left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
+        if left is not None and left <= 0:
             raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
-        if run.singular:
-            run.singular.begin_step()
-        h, t_next = pace.propose(run)
-        try:
-            step = pace.take(run, run.sign * h)
-            error = pace.error(run, step)
-        except StepError as e:
-            if not pace.may_retry(run, h, e):
-                raise
-            step, error = None, np.inf
-        if step is None or not pace.judge(run, h, error):
-            run.rejected = (run.rejected or 0) + 1
+        before = len(run.ts)
+        if not (run.core and run.core.advance(run, pace, 1 if watch.events else left)):
+            _one(run, pace)
+        if len(run.ts) == before:
             continue
-        run.accept(t_next, _restored(run, pace, t_next, step) if run.project else step)
-        if run.singular:
-            run.singular.step(run, run.to_go() == 0)
         if watch.events:
-            stop = watch.step(run.ts[-2], t_next - run.ts[-2], run.record().dense(len(run.ts) - 2))
+            stop = watch.step(run.ts[-2], run.t - run.ts[-2], run.record().dense(len(run.ts) - 2))
             if stop:
                 run.end_at(*stop)
                 return True
@@ -169,6 +169,26 @@ def _march(run: "_Run", pace: "Pace", watch: Watch, max_steps: int | None, progr
         if progress:
             progress(1 - run.to_go() / total)
     return False
+
+
+def _one(run: "_Run", pace: "Pace") -> None:
+    """Take one step and accept or reject it."""
+    if run.singular:
+        run.singular.begin_step()
+    h, t_next = pace.propose(run)
+    try:
+        step = pace.take(run, run.sign * h)
+        error = pace.error(run, step)
+    except StepError as e:
+        if not pace.may_retry(run, h, e):
+            raise
+        step, error = None, np.inf
+    if step is None or not pace.judge(run, h, error):
+        run.rejected = (run.rejected or 0) + 1
+        return
+    run.accept(t_next, _restored(run, pace, t_next, step) if run.project else step)
+    if run.singular:
+        run.singular.step(run, run.to_go() == 0)
 
 
 def _restored(run: "_Run", pace: "Pace", t: float, step: Step) -> Step:
@@ -193,6 +213,7 @@ class _Run:
         self.rejected: int | None = 0
         self.ts, self.ys, self.zs = [t0], [start], [np.full(self.system.nz, np.nan)]
         self.singular: SingularWatch | None = None
+        self.core: Core | None = None
         self._record: Solution | None = None
 
     def begin(self) -> None:
@@ -227,6 +248,14 @@ class _Run:
         self.ys.append(step.state.y)
         self.ts.append(t)
         self.t, self.state = t, step.state
+
+    def extend(self, ts: list[float], ys: Array, zs: Array, state: State) -> None:
+        """Record several steps, after the last of which the state is known."""
+        if ts:
+            self.zs.extend(zs)
+            self.ys.extend(ys)
+            self.ts.extend(ts)
+            self.t, self.state = ts[-1], state
 
     def end_at(self, t: float, y: Array) -> None:
         """Replace the last step's end by an event inside it; leave the step out if the event is at its start."""

@@ -1,6 +1,8 @@
 """What moves: mechanisms over Pinocchio models. The only place that imports pinocchio."""
 
 from .closures import Closure
+from .compiled import Compiled
+from .compiled_parts import NotCompiled
 from .drivers import Driver
 from .forces import (
     Actuator,
@@ -28,6 +30,7 @@ __all__ = [
     "Actuator",
     "Bushing",
     "Closure",
+    "Compiled",
     "DCMotor",
     "Driver",
     "Effort",
@@ -38,6 +41,7 @@ __all__ = [
     "JointSpring",
     "JointTorque",
     "Mechanism",
+    "NotCompiled",
     "Reaction",
     "Sampled",
     "Singular",

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pinocchio as pin
 from ..errors import InputError, UnknownNameError
 from .assemble import assemble, refuse_inconsistent
 from .closures import Closure
+from .compiled import Compiled
 from .constraints import Constraints, anchors
 from .descriptor import Descriptor
 from .drivers import Driver
@@ -162,19 +164,28 @@ class Mechanism:
 
     # -- states --------------------------------------------------------------------------------------------------
 
-    def system(self, formulation: str = "index2", baumgarte: tuple[float, float] | None = None) -> Descriptor:
+    def system(
+        self,
+        formulation: str = "index2",
+        baumgarte: tuple[float, float] | None = None,
+        native: ModuleType | None = None,
+    ) -> Descriptor:
         """Bind the mechanism to a workspace of its own.
 
         Args:
             formulation: ``"index2"``, ``"ggl"`` (positions of the closures kept too) or ``"index1"`` (accelerations).
             baumgarte: alpha and beta in 1/s, for ``"index1"`` only.
+            native: the compiled core, see `mbdae.backend`, for ``"index2"``.
 
         Raises:
             UnknownNameError: for another formulation.
             InputError: for wrong values of baumgarte, or where it does not belong.
+            NotCompiled: names what the core does not have.
         """
         if formulation not in SYSTEMS:
             raise UnknownNameError("formulation", formulation, SYSTEMS)
+        if native and formulation == "index2":
+            return Compiled(self, native)
         if baumgarte is None:
             return SYSTEMS[formulation](self)
         if formulation != "index1":

@@ -1,6 +1,7 @@
 """Step-size control: sees error vectors and step sizes, knows no problem and no method."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,16 @@ class Controller:
     last: float = 1e-4
     rejected: bool = False
 
+    @property
+    def beta(self) -> float:
+        """The exponent of the last error; 0 for estimates of low order."""
+        return BETA if self.power > 2 else 0.0
+
+    def lend(self, course: Any) -> None:
+        """Hand constants and memory over to the compiled core, which computes what `next_step` does."""
+        course.power, course.beta, course.last, course.was_rejected = self.power, self.beta, self.last, self.rejected
+        course.safety, course.smallest_factor, course.largest_factor = SAFETY, SMALLEST, LARGEST
+
     def next_step(self, h: float, err: float) -> float:
         """Return the step to take after one of size h with error norm err (accepted when err <= 1)."""
         if not err <= 1:
@@ -39,7 +50,7 @@ class Controller:
             shrink = SAFETY * err ** (-1 / self.power) if np.isfinite(err) else 0.0
             return h * max(SMALLEST, shrink)
         err = max(err, 1e-10)
-        beta = BETA if self.power > 2 else 0.0
+        beta = self.beta
         factor = SAFETY * err ** (0.75 * beta - 1 / self.power) * self.last**beta
         factor = min(1.0 if self.rejected else LARGEST, max(SMALLEST, factor))
         self.last, self.rejected = max(err, 1e-4), False

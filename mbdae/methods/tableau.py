@@ -88,7 +88,7 @@ class Tableau:
             return [_row(r, len(self.A)) for r in self.Ahat]
         return [*self.exact_A[1:], self.exact_b]
 
-    @property
+    @cached_property
     def explicit_first(self) -> bool:
         """The first stage is known from the step before (PHERK, Arnold)."""
         return bool(self.Ahat) and not any(self.exact_Ahat[0])
@@ -121,8 +121,9 @@ class Tableau:
         return self.order_embedded + 1 + bool(self.b_companion) if self.b_embedded else self.order + 1
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Take one step; see `mbdae.methods.step.half_explicit_step`."""
-        return half_explicit_step(system, self, t, h, state)
+        """Take one step; see `mbdae.methods.step.half_explicit_step`. A system may have it compiled."""
+        compiled = getattr(system, "compiled_step", None)
+        return (compiled and compiled(self, t, h, state)) or half_explicit_step(system, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate: the embedded formula's, or that of two half steps."""

@@ -1,16 +1,451 @@
 // The Python module mbdae._native. No type of Pinocchio is seen here: this file compiles in seconds.
-#include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+
+#include "core.hpp"
 #include "model.hpp"
 
 namespace nb = nanobind;
+using namespace mbdae;
+
+namespace {
+
+using Array = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
+
+[[noreturn]] void refuse(const std::string& text) { throw std::invalid_argument(text); }
+
+Numbers numbers(const Array& x, size_t n, const char* name) {
+  if (x.size() != n) refuse(std::string(name) + " has " + std::to_string(x.size()) + " numbers, expected " + std::to_string(n));
+  return Numbers(x.data(), x.data() + n);
+}
+
+nb::object array(const Numbers& x, size_t rows, size_t columns) {  // (rows, columns), or (columns,) for rows = 0
+  auto* data = new Numbers(x);
+  nb::capsule owner(data, [](void* p) noexcept { delete static_cast<Numbers*>(p); });
+  if (!rows && columns * 1 == x.size()) return nb::cast(nb::ndarray<nb::numpy, double>(data->data(), {columns}, owner));
+  return nb::cast(nb::ndarray<nb::numpy, double>(data->data(), {rows, columns}, owner));
+}
+
+nb::object vector(const Numbers& x) {
+  auto* data = new Numbers(x);
+  nb::capsule owner(data, [](void* p) noexcept { delete static_cast<Numbers*>(p); });
+  return nb::cast(nb::ndarray<nb::numpy, double>(data->data(), {data->size()}, owner));
+}
+
+nb::object view(const double* x, size_t n) {  // for the time of a call
+  return nb::cast(nb::ndarray<nb::numpy, const double>(x, {n}, nb::handle()), nb::rv_policy::reference);
+}
+
+// Call Python: what it raises ends the core's part of a run, and Python, where it is called again, says why.
+template <class F>
+void guarded(bool* interrupted, F&& f) {
+  nb::gil_scoped_acquire gil;
+  try {
+    f();
+  } catch (nb::python_error& e) {
+    if (!e.matches(PyExc_Exception)) *interrupted = true;
+    throw Trouble();
+  } catch (const nb::cast_error&) {
+    throw Trouble();
+  }
+}
+
+template <class T>
+T get(const nb::dict& d, const char* key) {
+  if (!d.contains(key)) refuse(std::string("missing key ") + key);
+  return nb::cast<T>(d[key]);
+}
+
+template <class K>
+K kind(const std::map<std::string, K>& known, const std::string& name) {
+  auto it = known.find(name);
+  if (it == known.end()) refuse("unknown kind " + name);
+  return it->second;
+}
+
+Signal signal(const nb::dict& d, bool* interrupted) {
+  static const std::map<std::string, Signal::Kind> kinds = {
+      {"constant", Signal::constant}, {"harmonic", Signal::harmonic}, {"polynomial", Signal::polynomial},
+      {"pieces", Signal::pieces},     {"steps", Signal::steps},       {"python", Signal::python}};
+  Signal s;
+  s.kind = kind(kinds, get<std::string>(d, "kind"));
+  if (s.kind == Signal::python) {
+    nb::object f = d["call"];
+    s.call = [f, interrupted](double t, int k) {
+      double out = NAN;
+      guarded(interrupted, [&] { out = nb::cast<double>(f(t, k)); });
+      return out;
+    };
+    return s;
+  }
+  s.a = get<Numbers>(d, "a");
+  if (d.contains("b")) s.b = get<Numbers>(d, "b");
+  const size_t n = s.a.size();
+  bool fits = n >= 1;
+  if (s.kind == Signal::harmonic) fits = n == 4;
+  if (s.kind == Signal::steps) fits = n >= 1 && s.b.size() == n;
+  if (s.kind == Signal::pieces) {
+    s.degree = get<int>(d, "degree");
+    fits = s.degree >= 0 && s.b.size() >= 2 && n == (s.b.size() - 1) * (s.degree + 1);
+  }
+  if (!fits) refuse("the numbers of a function of time do not fit its kind");
+  return s;
+}
+
+Anchor anchor(const nb::tuple& x, int joints) {
+  Anchor a;
+  a.joint = nb::cast<int>(x[0]);
+  const auto R = nb::cast<Numbers>(x[1]), p = nb::cast<Numbers>(x[2]);
+  if (a.joint < 0 || a.joint >= joints || R.size() != 9 || p.size() != 3) refuse("a frame does not fit the model");
+  std::copy(R.begin(), R.end(), a.R), std::copy(p.begin(), p.end(), a.p);
+  return a;
+}
+
+struct Sizes {
+  int nq, nv, joints;
+};
+
+void within(const std::vector<int>& x, int n, const char* what) {
+  for (int i : x)
+    if (i < 0 || i >= n) refuse(std::string(what) + " out of range");
+}
+
+std::vector<std::pair<Anchor, Anchor>> pairs(const nb::list& list, int joints) {
+  std::vector<std::pair<Anchor, Anchor>> out;
+  for (nb::handle h : list) {
+    auto x = nb::cast<nb::tuple>(h);
+    if (x.size() != 2) refuse("a pair has two frames");
+    out.emplace_back(anchor(nb::cast<nb::tuple>(x[0]), joints), anchor(nb::cast<nb::tuple>(x[1]), joints));
+  }
+  return out;
+}
+
+Row row(const nb::dict& d, const Sizes& n, int pair_count) {
+  static const std::map<std::string, Row::Kind> kinds = {
+      {"gap", Row::gap}, {"axes", Row::axes}, {"distance", Row::distance}, {"coordinate", Row::coordinate}};
+  Row r;
+  r.kind = kind(kinds, get<std::string>(d, "kind"));
+  if (r.kind == Row::coordinate) {
+    const auto joints = get<std::vector<std::vector<int>>>(d, "joints");
+    if (joints.empty() || joints.size() > 2) refuse("a coordinate row has one joint or two");
+    for (size_t i = 0; i < joints.size(); ++i) {
+      if (joints[i].size() != 3) refuse("a joint is given by iq, nq, iv");
+      r.iq[i] = joints[i][0], r.nq[i] = joints[i][1], r.iv[i] = joints[i][2];
+      within({r.iq[i], r.iq[i] + r.nq[i] - 1}, n.nq, "coordinate"), within({r.iv[i]}, n.nv, "velocity");
+      if (r.nq[i] != 1 && r.nq[i] != 2) refuse("a joint of one velocity has one coordinate or two");
+    }
+    r.c = get<Numbers>(d, "c"), r.period = get<double>(d, "period");
+    return r;
+  }
+  r.pair = get<int>(d, "pair");
+  within({r.pair}, pair_count, "pair");
+  const auto a = get<Numbers>(d, "a"), b = get<Numbers>(d, "b");
+  if (a.size() != 3 || b.size() != 3) refuse("axes have three numbers");
+  std::copy(a.begin(), a.end(), r.a), std::copy(b.begin(), b.end(), r.b);
+  r.length = get<double>(d, "length");
+  return r;
+}
+
+Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, bool* interrupted) {
+  static const std::map<std::string, Law::Kind> kinds = {
+      {"damping", Law::damping}, {"friction", Law::friction}, {"spring", Law::spring}, {"curve", Law::curve},
+      {"torque", Law::torque}, {"pd", Law::pd}, {"pid", Law::pid}, {"resistance", Law::resistance},
+      {"motor", Law::motor}, {"held", Law::held}, {"spring_damper", Law::spring_damper}, {"bushing", Law::bushing},
+      {"wrench", Law::wrench}, {"python", Law::python}, {"actuator", Law::actuator}};
+  Law out;
+  out.kind = kind(kinds, get<std::string>(d, "kind"));
+  auto maybe = [&](const char* key, auto& target) {
+    if (d.contains(key)) target = nb::cast<std::decay_t<decltype(target)>>(d[key]);
+  };
+  maybe("iq", out.iq), maybe("iv", out.iv), maybe("a", out.a), maybe("state", out.state), maybe("states", out.states);
+  maybe("flag", out.flag), maybe("steady", out.steady);
+  pair = -1;
+  maybe("pair", pair);
+  if (d.contains("signals"))
+    for (nb::handle h : nb::cast<nb::list>(d["signals"])) out.signals.push_back(signal(nb::cast<nb::dict>(h), interrupted));
+  within(out.iq, n.nq, "coordinate"), within(out.iv, n.nv, "velocity");
+  if (out.state < 0 || out.states < 0 || out.state + out.states > ns) refuse("states out of range");
+  struct Needs {
+    size_t a, signals, iv;
+    int states;
+    bool pair;
+  };
+  const size_t nv = n.nv, any = 0;
+  const std::map<Law::Kind, Needs> needs = {
+      {Law::damping, {nv, 0, 0, 0, false}},    {Law::friction, {nv + 1, 0, 0, 0, false}},
+      {Law::spring, {3, 0, any, 0, false}},    {Law::curve, {3, 1, any, 0, false}},
+      {Law::torque, {1, any, 1, 0, false}},    {Law::pd, {3, 1, 1, 0, false}},
+      {Law::pid, {3, 1, 1, 1, false}},         {Law::resistance, {2, 1, 1, 0, false}},
+      {Law::motor, {3, 1, 1, 1, false}},       {Law::held, {0, 0, 0, 0, false}},
+      {Law::spring_damper, {3, 1, 0, 0, true}}, {Law::bushing, {12, 0, 0, 0, true}},
+      {Law::wrench, {0, 6, 0, 0, true}},       {Law::python, {0, 0, 0, 0, false}},
+      {Law::actuator, {0, 0, 0, 0, false}}};
+  const Needs& need = needs.at(out.kind);
+  const bool spring = out.kind == Law::spring || out.kind == Law::curve;
+  const bool position = out.kind == Law::pd || out.kind == Law::pid;
+  bool fits = out.a.size() >= need.a && out.signals.size() >= need.signals && out.iv.size() >= need.iv;
+  fits = fits && out.states >= need.states && (!need.pair || (pair >= 0 && pair < pair_count));
+  fits = fits && (!spring || out.iq.size() == out.iv.size()) && (!position || !out.iq.empty());
+  if (out.kind == Law::torque) fits = fits && out.iv[0] + out.signals.size() <= nv;
+  if (out.kind == Law::held) fits = fits && static_cast<int>(out.iv.size()) <= out.states;
+  if (!fits) refuse("the numbers of a force law do not fit its kind");
+  if (out.kind == Law::python || out.kind == Law::actuator) {
+    if (!d.contains("call")) refuse("missing key call");
+    nb::object f = d["call"];
+    const int nq = n.nq, v = n.nv, k = out.states;
+    const bool rates = out.kind == Law::actuator;
+    out.call = [=](double t, const double* q, const double* qd, const double* s, double* tau, double* ds) {
+      guarded(interrupted, [&] {
+        nb::object result = rates ? f(t, view(q, nq), view(qd, v), view(s, k)) : f(t, view(q, nq), view(qd, v));
+        auto add = [](nb::handle x, size_t size, double* out, bool sum) {
+          auto a = nb::cast<Array>(x);
+          if (a.size() != size) throw Trouble();
+          for (size_t i = 0; i < size; ++i) out[i] = a.data()[i] + (sum ? out[i] : 0.0);
+        };
+        if (!rates) return add(result, v, tau, true);
+        auto both = nb::cast<nb::tuple>(result);
+        add(both[0], v, tau, true), add(both[1], k, ds, false);
+      });
+    };
+  }
+  return out;
+}
+
+struct PyCore {
+  PyCore(nb::handle model_, bool flat, const nb::list& pair_list, const nb::list& row_list, const nb::list& driver_list,
+         const nb::list& law_pair_list, const nb::list& law_list, int ns, const nb::list& block_list,
+         std::vector<int> turning)
+      : model(nb::borrow(model_)), interrupted(new bool(false)) {
+    const void* m = model_pointer(model_.ptr());
+    const auto size = model_sizes(m);
+    const Sizes n{size[0], size[1], size[2]};
+    if (ns < 0 || static_cast<int>(turning.size()) != n.nv) refuse("sizes do not fit the model");
+    if (flat && n.nq != n.nv) refuse("a flat manifold has nq = nv");
+    auto closure_pairs = pairs(pair_list, n.joints), force_pairs = pairs(law_pair_list, n.joints);
+    std::vector<Row> rows;
+    for (nb::handle h : row_list) rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(closure_pairs.size())));
+    std::vector<Driver> drivers;
+    for (nb::handle h : driver_list) {
+      auto d = nb::cast<nb::dict>(h);
+      const int at = get<int>(d, "row");
+      within({at}, static_cast<int>(rows.size()), "row");
+      drivers.push_back({at, get<bool>(d, "length"), signal(nb::cast<nb::dict>(d["motion"]), interrupted.get())});
+    }
+    std::vector<Law> laws;
+    std::vector<int> pair_of;
+    for (nb::handle h : law_list) {
+      int pair;
+      laws.push_back(law(nb::cast<nb::dict>(h), n, ns, static_cast<int>(force_pairs.size()), pair, interrupted.get()));
+      pair_of.push_back(pair);
+    }
+    static const std::map<std::string, Block::Kind> kinds = {{"so3", Block::so3}, {"se3", Block::se3}, {"se2", Block::se2}};
+    std::vector<Block> blocks;
+    for (nb::handle h : block_list) {
+      auto x = nb::cast<std::pair<std::string, int>>(h);
+      const Block b{kind(kinds, x.first), x.second};
+      within({b.at, b.at + (b.kind == Block::se3 ? 5 : 2)}, n.nv, "block");
+      blocks.push_back(b);
+    }
+    core.reset(new Core(m, flat, rows, closure_pairs, drivers, laws, force_pairs, pair_of, ns, blocks, turning));
+  }
+
+  void check(const State& s, const Tableau& t) const {
+    if (static_cast<int>(s.y.size()) != core->length) refuse("y has the wrong length");
+    if (t.first && static_cast<int>(s.carry.size()) != core->ny - core->nv) refuse("the method needs a carried derivative");
+    if (!s.low.empty() && static_cast<int>(s.low.size()) != core->ny) refuse("low has the wrong length");
+  }
+
+  nb::object model;  // kept alive
+  std::unique_ptr<bool> interrupted;
+  std::unique_ptr<Core> core;
+};
+
+Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat, const Array& e,
+                     bool first, bool project, int doubled) {
+  Tableau t;
+  t.n = static_cast<int>(b.size());
+  const size_t n = t.n;
+  if (!n) refuse("a tableau has stages");
+  t.A = numbers(A, n * n, "A"), t.Ahat = numbers(Ahat, n * n, "Ahat"), t.b = numbers(b, n, "b");
+  t.c = numbers(c, n, "c"), t.chat = numbers(chat, n, "chat");
+  if (e.size() % n || e.size() / n > 2) refuse("error weights: none, one or two rows of as many numbers as stages");
+  t.errors = static_cast<int>(e.size() / n);
+  t.e = numbers(e, e.size(), "e");
+  t.first = first, t.project = project, t.doubled = doubled;
+  for (const Numbers* x : {&t.A, &t.Ahat, &t.b, &t.c, &t.chat, &t.e})
+    for (double v : *x)
+      if (!std::isfinite(v)) refuse("a tableau is finite");
+  for (size_t i = 0; i < n; ++i)
+    for (size_t j = i; j < n; ++j)
+      if (t.A[i * n + j] != 0 || (j > i && t.Ahat[i * n + j] != 0)) refuse("A is strictly lower triangular, Ahat lower");
+  for (size_t i = first; i < n; ++i)
+    if (t.Ahat[i * n + i] == 0) refuse("Ahat has a regular diagonal");
+  if (doubled < 0) refuse("an order is not negative");
+  return t;
+}
+
+State state(const Array& y, const nb::object& carry, const nb::object& low) {
+  State s;
+  s.y = numbers(y, y.size(), "y");
+  for (auto [from, to] : {std::pair<const nb::object&, Numbers&>(carry, s.carry), {low, s.low}})
+    if (!from.is_none()) {
+      auto x = nb::cast<Array>(from);
+      to.assign(x.data(), x.data() + x.size());
+    }
+  return s;
+}
+
+nb::object maybe(const Numbers& x) { return x.empty() ? nb::none() : vector(x); }
+
+}  // namespace
 
 NB_MODULE(_native, m) {
   m.doc() = "The compiled core of mbdae.";
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
-  m.def(
-      "mass_matrix",
-      [](nb::handle model, const Eigen::Ref<const Eigen::VectorXd>& q) { return mbdae::mass_matrix(model.ptr(), q); },
-      nb::arg("model"), nb::arg("q"), "M(q) of a pinocchio.Model, (nv, nv).");
+
+  nb::class_<Tableau>(m, "Tableau", "Coefficients of a half-explicit method.")
+      .def("__init__",
+           [](Tableau* self, const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat,
+              const Array& e, bool first, bool project, int doubled) {
+             new (self) Tableau(make_tableau(A, Ahat, b, c, chat, e, first, project, doubled));
+           },
+           nb::arg("A"), nb::arg("Ahat"), nb::arg("b"), nb::arg("c"), nb::arg("chat"), nb::arg("e"), nb::arg("first"),
+           nb::arg("project"), nb::arg("doubled"));
+
+  nb::class_<Counts>(m, "Counts", "Work done so far.")
+      .def_ro("f", &Counts::f)
+      .def_ro("M", &Counts::M)
+      .def_ro("G", &Counts::G)
+      .def_ro("solves", &Counts::solves)
+      .def_ro("factorizations", &Counts::factorizations)
+      .def_ro("projections", &Counts::projections)
+      .def_ro("state_projections", &Counts::state_projections);
+
+  auto course = nb::class_<Course>(m, "Course", "A run's state and pace, and the steps that were taken.").def(nb::init<>());
+#define FIELD(name) course.def_rw(#name, &Course::name)
+  FIELD(t), FIELD(t1), FIELD(sign), FIELD(stop), FIELD(end), FIELD(project), FIELD(adaptive), FIELD(watched);
+  FIELD(seconds), FIELD(budget), FIELD(h), FIELD(largest), FIELD(cut), FIELD(last), FIELD(rtol), FIELD(atol);
+  FIELD(was_rejected), FIELD(power), FIELD(safety), FIELD(smallest_factor), FIELD(largest_factor), FIELD(beta);
+  FIELD(step), FIELD(t0), FIELD(near), FIELD(tolerated), FIELD(n), FIELD(i), FIELD(on_grid);
+  FIELD(usual), FIELD(before), FIELD(suspect), FIELD(landed), FIELD(taken), FIELD(rejected), FIELD(stuck);
+#undef FIELD
+  course.def("begin", [](Course& c, const Array& y, const nb::object& carry, const nb::object& low) { c.state = state(y, carry, low); },
+             nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none(), "Set the state.");
+  course.def("state", [](const Course& c) { return nb::make_tuple(vector(c.state.y), maybe(c.state.carry), maybe(c.state.low)); },
+             "Return y, carry and low.");
+  course.def("steps",
+             [](const Course& c) {
+               const size_t n = c.ts.size();
+               return nb::make_tuple(vector(c.ts), array(c.ys, n, n ? c.ys.size() / n : 0),
+                                     array(c.zs, n, n ? c.zs.size() / n : 0), vector(c.weakest));
+             },
+             "Return t (n,), y (n, ...), z (n, ng) and the smallest ratios of pivots (n,) of the steps taken.");
+
+  nb::class_<PyCore>(m, "Core", "A mechanism in a workspace of its own.")
+      .def(nb::init<nb::handle, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
+                    int, const nb::list&, std::vector<int>>(),
+           nb::arg("model"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"), nb::arg("law_pairs"),
+           nb::arg("laws"), nb::arg("ns"), nb::arg("blocks"), nb::arg("turning"))
+      .def_prop_ro("rows", [](const PyCore& c) { return c.core->rows(); })
+      .def_prop_ro("rank", [](const PyCore& c) { return c.core->rank; })
+      .def_prop_ro("counts", [](const PyCore& c) { return c.core->counts; })
+      .def_prop_rw("weakest", [](const PyCore& c) { return c.core->weakest; },
+                   [](PyCore& c, double x) { c.core->weakest = x; })
+      .def("use",
+           [](PyCore& c, const std::vector<int>& rows, int rank) {
+             within(rows, c.core->ng, "row");
+             if (rank != static_cast<int>(rows.size()) || !std::is_sorted(rows.begin(), rows.end()) ||
+                 std::adjacent_find(rows.begin(), rows.end()) != rows.end())
+               refuse("rows are sorted, different, and as many as the rank");
+             c.core->use(rows, rank);
+           },
+           nb::arg("rows"), nb::arg("rank"), "Say which rows are in use.")
+      .def("step",
+           [](PyCore& c, const Tableau& tableau, double t, double h, const Array& y, const nb::object& carry,
+              const nb::object& low) -> nb::object {
+             State in = state(y, carry, low), out;
+             c.check(in, tableau);
+             Numbers z(c.core->ng), errors;
+             *c.interrupted = false;
+             try {
+               nb::gil_scoped_release release;
+               c.core->step(tableau, t, h, in, out, z.data(), errors);
+             } catch (const Trouble&) {
+               if (*c.interrupted) PyErr_SetNone(PyExc_KeyboardInterrupt), throw nb::python_error();
+               return nb::none();
+             }
+             return nb::make_tuple(vector(out.y), maybe(out.carry), maybe(out.low), vector(z),
+                                   array(errors, errors.size() / c.core->ny, c.core->ny));
+           },
+           nb::arg("tableau"), nb::arg("t"), nb::arg("h"), nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none(),
+           "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
+      .def("march",
+           [](PyCore& c, const Tableau& tableau, Course& course) {
+             c.check(course.state, tableau);
+             const size_t m = c.core->ny - c.core->constraints.drivers.empty();
+             if (course.adaptive && course.atol.size() != 1 && course.atol.size() != m) refuse("atol has the wrong length");
+             if (course.adaptive && !tableau.doubled && !tableau.errors) refuse("the tableau has no error estimate");
+             course.ts.clear(), course.ys.clear(), course.zs.clear(), course.weakest.clear();
+             course.taken = course.rejected = 0, course.stuck = false;
+             *c.interrupted = false;
+             {
+               nb::gil_scoped_release release;
+               c.core->march(tableau, course);
+             }
+             if (*c.interrupted) PyErr_SetNone(PyExc_KeyboardInterrupt), throw nb::python_error();
+           },
+           nb::arg("tableau"), nb::arg("course"), "Take many steps.")
+      .def("derivative",
+           [](PyCore& c, double t, const Array& y) -> nb::object {
+             Numbers at = numbers(y, c.core->length, "y"), F(c.core->ny), z(c.core->ng);
+             *c.interrupted = false;
+             try {
+               nb::gil_scoped_release release;
+               c.core->derivative(t, at.data(), F.data(), z.data());
+             } catch (const Trouble&) {
+               if (*c.interrupted) PyErr_SetNone(PyExc_KeyboardInterrupt), throw nb::python_error();
+               return nb::none();
+             }
+             return nb::make_tuple(vector(F), vector(z));
+           },
+           nb::arg("t"), nb::arg("y"), "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
+      .def("derivatives",
+           [](PyCore& c, const Array& t, const Array& y) -> nb::object {
+             const size_t n = t.size(), len = c.core->length, ng = c.core->ng;
+             Numbers at = numbers(y, n * len, "y"), F(c.core->ny), z(n * ng + 1, NAN);
+             std::vector<double> ts(t.data(), t.data() + n);
+             *c.interrupted = false;
+             {
+               nb::gil_scoped_release release;
+               for (size_t i = 0; i < n; ++i) try {
+                   c.core->derivative(ts[i], &at[i * len], F.data(), &z[i * ng]);
+                 } catch (const Trouble&) {
+                   std::fill_n(z.begin() + i * ng, ng, NAN);
+                   if (*c.interrupted) break;
+                 }
+             }
+             if (*c.interrupted) PyErr_SetNone(PyExc_KeyboardInterrupt), throw nb::python_error();
+             z.pop_back();
+             return array(z, n, ng);
+           },
+           nb::arg("t"), nb::arg("y"), "Return lam (n, ng) at many points; nan where it cannot be found.")
+      .def("bare",
+           [](PyCore& c, const Array& q, const Array& v, int repetitions) {
+             Numbers a = numbers(q, c.core->nq, "q"), b = numbers(v, c.core->nv, "v");
+             try {
+               return c.core->bare(a.data(), b.data(), repetitions);
+             } catch (const Trouble&) {
+               refuse("the point is singular");
+             }
+           },
+           nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
+           "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
 }

@@ -1,6 +1,4 @@
-// The calls of Pinocchio. Arguments are Eigen::Ref<const VectorXd>, for which the library holds instantiations.
 #include <pinocchio/multibody.hpp>
-#include <pinocchio/algorithm/crba.hpp>
 
 #include <boost/python/extract.hpp>
 
@@ -10,19 +8,15 @@
 
 namespace mbdae {
 
-static const pinocchio::Model& model_of(PyObject* object) {
+const void* model_pointer(PyObject* object) {
   boost::python::extract<const pinocchio::Model&> extract(object);
   if (!extract.check()) throw std::invalid_argument("expected a pinocchio.Model");
-  return extract();
+  return &extract();
 }
 
-Eigen::MatrixXd mass_matrix(PyObject* object, const Eigen::Ref<const Eigen::VectorXd>& q) {
-  const pinocchio::Model& model = model_of(object);
-  if (q.size() != model.nq) throw std::invalid_argument("q has the wrong size");
-  pinocchio::Data data(model);
-  pinocchio::crba(model, data, q, pinocchio::Convention::WORLD);
-  data.M.triangularView<Eigen::StrictlyLower>() = data.M.transpose().triangularView<Eigen::StrictlyLower>();
-  return data.M;
+std::array<int, 3> model_sizes(const void* pointer) {
+  const auto& model = *static_cast<const pinocchio::Model*>(pointer);
+  return {model.nq, model.nv, model.njoints};
 }
 
 }  // namespace mbdae

@@ -1,13 +1,13 @@
-// What the core asks of Pinocchio, in types of Eigen alone: files that include this compile in seconds.
+// The way of a model from Python into the core.
 #pragma once
 
 #include <Python.h>
 
-#include <Eigen/Core>
+#include <array>
 
 namespace mbdae {
 
-// M(q) (nv, nv), symmetric, of the pin.Model that `model` points to; std::invalid_argument for what is none.
-Eigen::MatrixXd mass_matrix(PyObject* model, const Eigen::Ref<const Eigen::VectorXd>& q);
+const void* model_pointer(PyObject* model);          // of a pinocchio.Model; std::invalid_argument for what is none
+std::array<int, 3> model_sizes(const void* model);   // nq, nv, number of joints
 
 }  // namespace mbdae

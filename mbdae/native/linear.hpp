@@ -1,0 +1,36 @@
+// Linear algebra of the core, on plain arrays: small and banded systems, and the choice of independent rows.
+#pragma once
+
+#include <vector>
+
+namespace mbdae {
+
+// LU of a banded matrix with partial pivoting; a full matrix is a band as wide as the matrix.
+class BandLU {
+ public:
+  void resize(int n, int half_bandwidth);  // and zero
+  void zero();
+  double& at(int i, int j) { return a_[i * width_ + j - i + half_]; }
+  bool factorize();  // false where a pivot is zero or not finite
+  void solve(double* b) const;
+  double ratio() const { return ratio_; }  // smallest to largest pivot
+  int half_bandwidth() const { return half_; }
+
+ private:
+  int n_ = 0, half_ = 0, width_ = 1;
+  double ratio_ = 1;
+  std::vector<double> a_, multiplier_;
+  std::vector<int> swap_;
+};
+
+// Householder QR with column pivoting of B (m, n), by columns: the order of the columns and |diag R|, decreasing.
+void pivots(int m, int n, const double* B, std::vector<int>& order, std::vector<double>& diagonal,
+            std::vector<double>& work);
+
+// The z (m,) of least norm that minimises |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
+void least(int m, int n, const double* B, const double* r, double truncation, double* z);
+
+// An order of the nodes of a graph with a small bandwidth: reverse Cuthill-McKee. Returns old numbers in new order.
+std::vector<int> cuthill_mckee(const std::vector<std::vector<int>>& neighbours);
+
+}  // namespace mbdae

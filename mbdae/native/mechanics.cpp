@@ -1,0 +1,92 @@
+#include "mechanics.hpp"
+
+#include <pinocchio/multibody.hpp>
+#include <pinocchio/algorithm/crba.hpp>
+#include <pinocchio/algorithm/jacobian.hpp>
+#include <pinocchio/algorithm/joint-configuration.hpp>
+#include <pinocchio/algorithm/kinematics.hpp>
+#include <pinocchio/algorithm/rnea.hpp>
+
+namespace mbdae {
+
+using Eigen::VectorXd;
+using Vector = Eigen::Ref<const VectorXd>;  // the type for which the library has its algorithms compiled
+using In = Eigen::Map<const VectorXd>;
+using Out = Eigen::Map<VectorXd>;
+
+struct Mechanics::Workspace {
+  explicit Workspace(const pinocchio::Model& m)
+      : model(m), data(m), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)) {}
+  const pinocchio::Model& model;
+  pinocchio::Data data;
+  VectorXd q, v, a;
+};
+
+Mechanics::Mechanics(const void* model) : w(new Workspace(*static_cast<const pinocchio::Model*>(model))) {
+  nq = w->model.nq, nv = w->model.nv, joints = w->model.njoints;
+  for (int i = 0; i < nv; ++i) {
+    ancestors.emplace_back();
+    for (int k = w->data.parents_fromRow[i]; k >= 0; k = w->data.parents_fromRow[k]) ancestors[i].push_back(k);
+  }
+}
+
+Mechanics::~Mechanics() = default;
+
+std::vector<std::vector<int>> Mechanics::supports() const {
+  std::vector<std::vector<int>> out(joints);
+  for (int j = 1; j < joints; ++j) {
+    out[j] = out[w->model.parents[j]];
+    for (int i = 0; i < w->model.nvs[j]; ++i) out[j].push_back(w->model.idx_vs[j] + i);
+  }
+  return out;
+}
+
+void Mechanics::inertia(const double* q) {
+  w->q = In(q, nq);
+  pinocchio::crba(w->model, w->data, Vector(w->q), pinocchio::Convention::WORLD);
+}
+
+void Mechanics::poses(const double* q) {
+  w->q = In(q, nq);
+  pinocchio::computeJointJacobians(w->model, w->data, Vector(w->q));
+}
+
+void Mechanics::motions(const double* q, const double* v) {
+  w->q = In(q, nq), w->v = In(v, nv);
+  pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->a));
+}
+
+void Mechanics::bias(const double* q, const double* v, double* out) {
+  w->q = In(q, nq), w->v = In(v, nv);
+  Out(out, nv) = pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
+}
+
+void Mechanics::integrate(const double* q, const double* x, double* out) {
+  w->q = In(q, nq), w->v = In(x, nv);
+  Out(out, nq) = pinocchio::integrate(w->model, w->q, w->v);
+}
+
+void Mechanics::difference(const double* q0, const double* q1, double* out) {
+  Out(out, nv) = pinocchio::difference(w->model, VectorXd(In(q0, nq)), VectorXd(In(q1, nq)));
+}
+
+void Mechanics::neutral(double* q) { Out(q, nq) = pinocchio::neutral(w->model); }
+
+const double* Mechanics::M() const { return w->data.M.data(); }
+const double* Mechanics::J() const { return w->data.J.data(); }
+const double* Mechanics::rotation(int j) const { return w->data.oMi[j].rotation().data(); }
+const double* Mechanics::position(int j) const { return w->data.oMi[j].translation().data(); }
+
+void Mechanics::velocity(int j, double* out) const {
+  Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
+  if (j) o = w->data.oMi[j].act(w->data.v[j]).toVector();
+  else o.setZero();
+}
+
+void Mechanics::acceleration(int j, double* out) const {
+  Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
+  if (j) o = w->data.oMi[j].act(w->data.a[j]).toVector();
+  else o.setZero();
+}
+
+}  // namespace mbdae

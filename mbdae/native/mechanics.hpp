@@ -1,0 +1,40 @@
+// What the core asks of Pinocchio, in plain numbers: mechanics.cpp alone sees its types.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+namespace mbdae {
+
+class Mechanics {
+ public:
+  // model points to a pinocchio::Model that outlives this object.
+  explicit Mechanics(const void* model);
+  ~Mechanics();
+
+  int nq, nv, joints;
+  std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
+
+  std::vector<std::vector<int>> supports() const;  // of each joint: the degrees of freedom that move it
+
+  void inertia(const double* q);                                  // M; J and poses in the world
+  void poses(const double* q);                                    // J and poses alone
+  void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
+  void bias(const double* q, const double* v, double* out);       // nle(q, v)
+  void integrate(const double* q, const double* x, double* out);  // q (+) x
+  void difference(const double* q0, const double* q1, double* out);
+  void neutral(double* q);
+
+  const double* M() const;               // upper triangle by columns, (nv, nv)
+  const double* J() const;               // at the world's origin by columns, (6, nv)
+  const double* rotation(int joint) const;  // by columns
+  const double* position(int joint) const;
+  void velocity(int joint, double* out) const;      // spatial, at the world's origin, linear part first
+  void acceleration(int joint, double* out) const;
+
+ private:
+  struct Workspace;
+  std::unique_ptr<Workspace> w;
+};
+
+}  // namespace mbdae

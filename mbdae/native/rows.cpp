@@ -1,0 +1,229 @@
+#include "rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+namespace mbdae {
+
+namespace {
+
+void cross(const double* a, const double* b, double* out) {
+  out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+void turn(const double* R, const double* x, double* out) {
+  for (int i = 0; i < 3; ++i) out[i] = R[3 * i] * x[0] + R[3 * i + 1] * x[1] + R[3 * i + 2] * x[2];
+}
+
+void place(const Mechanics& m, const Anchor& x, double* R, double* p) {
+  const double *o = m.rotation(x.joint), *at = m.position(x.joint);  // o by columns
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) R[3 * i + j] = o[i] * x.R[j] + o[3 + i] * x.R[3 + j] + o[6 + i] * x.R[6 + j];
+    p[i] = o[i] * x.p[0] + o[3 + i] * x.p[1] + o[6 + i] * x.p[2] + at[i];
+  }
+}
+
+double angle(const double* q, int nq) { return nq == 1 ? q[0] : std::atan2(q[1], q[0]); }
+
+void horner(const std::vector<double>& c, double x, double& p, double& slope, double& curve) {
+  p = slope = curve = 0;
+  for (size_t i = c.size(); i-- > 0;) curve = curve * x + 2 * slope, slope = slope * x + p, p = p * x + c[i];
+}
+
+}  // namespace
+
+Pair::Pair(const Mechanics&, const Anchor& a_, const Anchor& b_, const std::vector<std::vector<int>>& supports)
+    : a(a_), b(b_) {
+  std::set<int> all(supports[a.joint].begin(), supports[a.joint].end());
+  const std::set<int> of_a = all, of_b(supports[b.joint].begin(), supports[b.joint].end());
+  all.insert(of_b.begin(), of_b.end());
+  for (int i : all) columns.push_back(i), sign.push_back(static_cast<double>(of_b.count(i)) - of_a.count(i));
+}
+
+void Pair::locate(const Mechanics& m) { place(m, a, Ra, pa), place(m, b, Rb, pb); }
+
+void Pair::twist(const Mechanics& m) {
+  double other[6];
+  m.velocity(a.joint, Va), m.velocity(b.joint, Vb);
+  m.acceleration(a.joint, other), m.acceleration(b.joint, A);
+  for (int i = 0; i < 6; ++i) A[i] -= other[i];
+}
+
+void Pair::relative(const Mechanics& m, const double* v, double* out) const {
+  std::fill(out, out + 6, 0.0);
+  for (size_t k = 0; k < columns.size(); ++k) {
+    const double f = sign[k] * v[columns[k]], *J = m.J() + 6 * columns[k];
+    for (int i = 0; i < 6; ++i) out[i] += J[i] * f;
+  }
+}
+
+void Pair::torque(const Mechanics& m, const double* w, double factor, double* tau) const {
+  for (size_t k = 0; k < columns.size(); ++k) {
+    const double* J = m.J() + 6 * columns[k];
+    tau[columns[k]] += factor * sign[k] * (dot(w, J) + dot(w + 3, J + 3));
+  }
+}
+
+double unit_gap(const Pair& pair, double* n) {
+  for (int i = 0; i < 3; ++i) n[i] = pair.pb[i] - pair.pa[i];
+  const double d = std::sqrt(dot(n, n));
+  if (!(d > 0)) {
+    n[0] = 1, n[1] = n[2] = 0;
+    return std::numeric_limits<double>::min();
+  }
+  for (int i = 0; i < 3; ++i) n[i] /= d;
+  return d;
+}
+
+double Row::wrench(const Pair& pair, double* w) const {
+  double g = 0;
+  if (kind == axes) {
+    double x[3], y[3];
+    turn(pair.Ra, a, x), turn(pair.Rb, b, y);
+    g = dot(x, y);
+    w[0] = w[1] = w[2] = 0;
+    cross(y, x, w + 3);
+    return g;
+  }
+  if (kind == gap) {
+    const double d[3] = {pair.pb[0] - pair.pa[0], pair.pb[1] - pair.pa[1], pair.pb[2] - pair.pa[2]};
+    turn(pair.Ra, a, w);
+    g = dot(d, w);
+  } else {
+    g = unit_gap(pair, w) - length;
+  }
+  cross(pair.pb, w, w + 3);
+  return g;
+}
+
+double Row::rate(const Pair& pair) const {
+  double w[6], dw[6] = {0, 0, 0, 0, 0, 0}, relative[6], out = 0;
+  wrench(pair, w);
+  for (int i = 0; i < 6; ++i) relative[i] = pair.Vb[i] - pair.Va[i], out += pair.A[i] * w[i];
+  if (kind == axes) {
+    double x[3], y[3], dx[3], dy[3], s[3], u[3];
+    turn(pair.Ra, a, x), turn(pair.Rb, b, y);
+    cross(pair.Va + 3, x, dx), cross(pair.Vb + 3, y, dy);
+    cross(dy, x, s), cross(y, dx, u);
+    for (int i = 0; i < 3; ++i) dw[3 + i] = s[i] + u[i];
+  } else {
+    double dpb[3], s[3], u[3];
+    cross(pair.Vb + 3, pair.pb, dpb);
+    for (int i = 0; i < 3; ++i) dpb[i] += pair.Vb[i];
+    if (kind == gap) {
+      cross(pair.Va + 3, w, dw);
+    } else {
+      double dpa[3], n[3];
+      cross(pair.Va + 3, pair.pa, dpa);
+      const double d = unit_gap(pair, n);
+      double along = 0;
+      for (int i = 0; i < 3; ++i) dpa[i] += pair.Va[i], along += n[i] * (dpb[i] - dpa[i]);
+      for (int i = 0; i < 3; ++i) dw[i] = (dpb[i] - dpa[i] - n[i] * along) / d;
+    }
+    cross(dpb, w, s), cross(pair.pb, dw, u);
+    for (int i = 0; i < 3; ++i) dw[3 + i] = s[i] + u[i];
+  }
+  for (int i = 0; i < 6; ++i) out += relative[i] * dw[i];
+  return out;
+}
+
+double Row::coordinate_value(const double* q, double* slope) const {
+  const double x = angle(q + iq[0], nq[0]);
+  double p = 0, curve = 0;
+  *slope = 0;
+  if (iv[1] < 0) {
+    for (double k : c) p += k;
+    return x - p;
+  }
+  horner(c, angle(q + iq[1], nq[1]), p, *slope, curve);
+  return x - p;
+}
+
+double Row::coordinate_bias(const double* q, const double* v) const {
+  if (iv[1] < 0) return 0;
+  double p, slope, curve;
+  horner(c, angle(q + iq[1], nq[1]), p, slope, curve);
+  return -curve * v[iv[1]] * v[iv[1]];
+}
+
+void Constraints::value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g) {
+  int located = -1;
+  const double* J = m.J();
+  for (int r : which) {
+    const Row& row = rows[r];
+    double* out = G + static_cast<size_t>(r) * m.nv;
+    if (row.kind == Row::coordinate) {
+      double slope;
+      const double x = row.coordinate_value(q, &slope);
+      if (g) g[r] = x;
+      for (int c : row.columns) out[c] = 0;
+      out[row.iv[0]] = 1;
+      if (row.iv[1] >= 0) out[row.iv[1]] = -slope;
+      continue;
+    }
+    Pair& pair = pairs[row.pair];
+    if (row.pair != located) pair.locate(m), located = row.pair;
+    double w[6];
+    const double x = row.wrench(pair, w);
+    if (g) g[r] = x;
+    for (size_t k = 0; k < pair.columns.size(); ++k) {
+      const double* j = J + 6 * pair.columns[k];
+      out[pair.columns[k]] = pair.sign[k] == 0 ? 0 : pair.sign[k] * (dot(w, j) + dot(w + 3, j + 3));
+    }
+  }
+}
+
+void Constraints::gaps(double t, double* g) const {
+  for (const Driver& d : drivers) {
+    double u[3];
+    motion(t, d, u);
+    g[d.row] -= u[0];
+  }
+  for (size_t r = 0; r < rows.size(); ++r)
+    if (rows[r].period > 0) g[r] -= rows[r].period * std::nearbyint(g[r] / rows[r].period);
+}
+
+void Constraints::bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which,
+                       double* out) {
+  int located = -1;
+  for (int r : which) {
+    const Row& row = rows[r];
+    if (row.kind == Row::coordinate) {
+      out[r] = row.coordinate_bias(q, v);
+      continue;
+    }
+    Pair& pair = pairs[row.pair];
+    if (row.pair != located) pair.locate(m), pair.twist(m), located = row.pair;
+    out[r] = row.rate(pair);
+  }
+}
+
+void Constraints::motion(double t, const Driver& d, double* u) const {
+  for (int k = 0; k < 3; ++k) {
+    u[k] = d.motion.at(t, k);
+    if (!std::isfinite(u[k])) throw Trouble();
+  }
+  if (d.length && !(u[0] > 0)) throw Trouble();
+}
+
+void Constraints::speed(double t, double* out) const {
+  for (const Driver& d : drivers) {
+    double u[3];
+    motion(t, d, u);
+    out[d.row] = -u[1];
+  }
+}
+
+void Constraints::acceleration(double t, double* out) const {
+  for (const Driver& d : drivers) {
+    double u[3];
+    motion(t, d, u);
+    out[d.row] = -u[2];
+  }
+}
+
+}  // namespace mbdae

@@ -1,0 +1,75 @@
+// Rows of closures and drivers, and the frames between which they and forces act (mbdae/mechanism/closure_rows.py).
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "mechanics.hpp"
+#include "signals.hpp"
+
+namespace mbdae {
+
+struct Anchor {
+  int joint = 0;
+  double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // by rows
+  double p[3] = {0, 0, 0};
+};
+
+// Two anchors, and the columns of J that move them: +1 where a joint moves b alone, -1 where it moves a alone.
+struct Pair {
+  Pair(const Mechanics& m, const Anchor& a, const Anchor& b, const std::vector<std::vector<int>>& supports);
+
+  void locate(const Mechanics& m);                         // Ra, pa, Rb, pb in the world
+  void twist(const Mechanics& m);                          // Va, Vb, and A, the relative acceleration for v' = 0
+  void relative(const Mechanics& m, const double* v, double* out) const;  // V_b - V_a, (6,)
+  void torque(const Mechanics& m, const double* wrench, double factor, double* tau) const;  // tau += factor J^T w
+
+  Anchor a, b;
+  std::vector<int> columns;   // that move a or b, in rising order, common ancestors included
+  std::vector<double> sign;   // of each of them; 0 for common ancestors
+  double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];
+};
+
+double unit_gap(const Pair& pair, double* n);  // distance, and the unit vector from a to b
+
+struct Row {
+  enum Kind { gap, axes, distance, coordinate } kind = gap;
+  int pair = -1;
+  double a[3] = {0, 0, 0}, b[3] = {0, 0, 0};  // axes fixed in a and b
+  double length = 0;
+  int iq[2] = {-1, -1}, iv[2] = {-1, -1}, nq[2] = {1, 1};  // joints of a coordinate row; the second may be missing
+  std::vector<double> c;                                     // its polynomial
+  double period = 0;
+  std::vector<int> columns;  // where G may differ from 0, and all their ancestors, in rising order
+
+  double wrench(const Pair& pair, double* w) const;                // g, and the wrench on b, (6,)
+  double rate(const Pair& pair) const;                             // Gdot v
+  double coordinate_value(const double* q, double* slope) const;   // g, and p'(x_j)
+  double coordinate_bias(const double* q, const double* v) const;  // Gdot v
+};
+
+struct Driver {
+  int row;
+  bool length;
+  Signal motion;
+};
+
+// All rows of a mechanism, where the kinematics of its workspace stand.
+class Constraints {
+ public:
+  std::vector<Pair> pairs;
+  std::vector<Row> rows;
+  std::vector<Driver> drivers;
+
+  // Entries of G for some rows, into G + row * nv (zero outside row.columns), and g where asked for.
+  void value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);
+  void gaps(double t, double* g) const;                                                      // g -= u, periods taken off
+  void bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out);
+  void speed(double t, double* g_t) const;                                                     // -u', (ng,)
+  void acceleration(double t, double* g_tt) const;                                             // -u'', (ng,)
+
+ private:
+  void motion(double t, const Driver& d, double* u) const;
+};
+
+}  // namespace mbdae
