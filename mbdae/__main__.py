@@ -36,6 +36,7 @@ from .methods.conditions import check_conditions
 from .studies.card import card
 from .studies.drift import drift as measure_drift
 from .study_commands import compare, drift, order, report
+from .sweep_command import sweep
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -200,7 +201,7 @@ def animate(
     emit({"written": written}, "\n".join(f"wrote {path}" for path in written), as_json)
 
 
-for command in (order, drift, compare, report):
+for command in (order, drift, compare, report, sweep):
     cli.add_command(command)
 
 
