@@ -1,0 +1,66 @@
+"""What the benchmarks share: the machine, medians of runs in turn, tables in Markdown, the back ends that there are."""
+
+import argparse
+import os
+import platform
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from datetime import date
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from statistics import median
+from typing import TypeVar
+
+from mbdae import backend
+
+K = TypeVar("K", bound=Hashable)
+
+
+def backends() -> list[str]:
+    """Back ends of `mbdae.solve` that work here, the Python one first."""
+    return ["python", "native"] if backend.load() else ["python"]
+
+
+def brief(argv: Sequence[str] | None, about: str | None) -> bool:
+    """Read the command line: True with --brief."""
+    parser = argparse.ArgumentParser(description=(about or "").split("\n")[0])
+    parser.add_argument("--brief", action="store_true", help="few and short runs, to see that it works")
+    return parser.parse_args(argv).brief
+
+
+def machine(*packages: str) -> str:
+    """Return one line: processor, cores, versions of Python, mbdae, Pinocchio and further packages, date."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    found = [f"Python {platform.python_version()}"]
+    for package in ("mbdae", "pin", "numpy", "scipy", *packages):
+        try:
+            found.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            found.append(f"{package} not installed")
+    return f"{names[0] if names else platform.machine()}, {cores} cores, {', '.join(found)}, {date.today()}"
+
+
+def medians(runs: Mapping[K, Callable[[], float]], repeats: int) -> dict[K, float]:
+    """Median of the seconds that each run returns, all of them in turn so that a busy machine slows each alike."""
+    seconds: dict[K, list[float]] = {name: [] for name in runs}
+    for _ in range(repeats):
+        for name, run in runs.items():
+            seconds[name].append(run())
+    return {name: median(values) for name, values in seconds.items()}
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def ratio(a: float | None, b: float | None) -> str:
+    """Return a / b in two digits, or a dash."""
+    return f"{a / b:.2g}" if a and b else "-"
+
+
+def microseconds(seconds: float | None) -> str:
+    """Return microseconds in three digits, or a dash."""
+    return "-" if seconds is None else f"{1e6 * seconds:.3g}" if seconds < 1e-3 else f"{1e6 * seconds:.0f}"

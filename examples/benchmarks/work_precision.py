@@ -1,0 +1,162 @@
+"""Time to reach an error of the end position: mbdae beside the solvers that users of mechanisms have.
+
+Three problems (problems.py): four-bar and double pendulum for 10 s, Andrews' squeezing mechanism for 0.03 s. The error
+is the largest of all joint angles at the end, in rad, against references that none of these solvers computed. Each
+solver runs over tolerances in half decades, or steps that are halved; counted is the cheapest run below an error, as
+the median of interleaved repetitions, and only the solver's own loop. "n.r.": not reached within the time allowed. Mind
+that the four-bar nearly rests at 10 s, where errors of the phase count little: that favours all solvers alike.
+
+The settings. mbdae: atol = rtol; "projected" keeps g = 0 and G v = 0 after each step. scipy: DOP853, atol = rtol, on
+pin.constraintDynamics with Baumgarte's alpha = beta = 100 1/s (Kp = 1e4, Kd = 200; proximal accuracy 1e-12, mu =
+1e-10), and once more with the alpha that was the fastest of several from 0 to 5000 1/s; Andrews' spring by hand in
+terms of its angle. solve_dae: Radau, atol = rtol, on the GGL form in absolute angles, written by hand in a few matrix
+products, with the exact Jacobian. MuJoCo: RK4, solref = (2 steps, 1), solimp = (0.9999, 0.9999, 0.001), tolerance
+1e-14; its C loop is entered 20 times only. Exudyn: generalized alpha with spectral radius 1 on index 2, modified Newton
+to 1e-10, bodies in absolute coordinates. The double pendulum is a tree for mbdae, Pinocchio and MuJoCo; solve_dae keeps
+the elbow by a constraint, as "elbow cut" does in mbdae, and Exudyn all hinges. Largest |g| in m: over all steps; for
+MuJoCo and Exudyn over 20 times, and there without the hinges.
+
+Run: python examples/benchmarks/work_precision.py [--brief]
+"""
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from common import brief, machine, medians, ratio, table
+from peers import Runner, solvers
+from planar import Problem
+from problems import PROBLEMS
+
+TARGETS = (1e-3, 1e-6, 1e-9)  # rad
+DRIFT = 1e-9  # m
+PICTURE = Path(__file__).parent.parent / "pictures" / "work_precision_peers.png"
+TOLERANCES = np.logspace(-2, -13, 23)
+
+
+@dataclass
+class Point:
+    """A run: tolerance or step, seconds, error in rad, largest |g| in m."""
+
+    value: float
+    seconds: float
+    error: float
+    g: float
+
+
+def values(problem: Problem, stepped: bool) -> Iterable[float]:
+    """Tolerances, or steps from 500 in the whole span on."""
+    return (problem.end / (500 * 2**k) for k in range(16)) if stepped else TOLERANCES
+
+
+def curve(runner: Runner, values: Iterable[float], reference: np.ndarray, least: float, cap: float) -> Iterator[Point]:
+    """Run from coarse to fine until the least error is passed, or the next run would take longer than cap seconds."""
+    last = 0.0
+    for value in values:
+        run = runner(value)
+        if run is None:
+            continue
+        error = float(np.abs(run.end - reference).max())
+        yield Point(value, run.seconds, error, run.g)
+        if error < least / 3 or max(2.0, run.seconds / max(last, run.seconds / 4)) * run.seconds > cap:
+            return
+        last = run.seconds
+
+
+def cheapest(points: Sequence[Point], error: float, g: float = np.inf) -> Point | None:
+    """The fastest run below an error and |g|."""
+    return min((p for p in points if p.error <= error and p.g <= g), key=lambda p: p.seconds, default=None)
+
+
+def measure(problem: Problem, targets: Sequence[float], cap: float, repeats: int) -> dict[str, list[Point]]:
+    """Points of each solver; those that count are timed again, in turn."""
+    reference, runners, points = problem.reference(), {}, {}
+    for name, (make, stepped) in solvers(problem).items():
+        if (runner := make(problem)) is None:
+            print(f"{name} is not installed: left out", file=sys.stderr)
+            continue
+        runners[name] = runner
+        points[name] = list(curve(runner, values(problem, stepped), reference, min(targets), cap))
+    chosen = {}
+    for name, found in points.items():
+        for point in (cheapest(found, e, g) for e in targets for g in (np.inf, DRIFT)):
+            if point and point.seconds < 2.0:
+                chosen[name, point.value] = point
+    again = {key: (lambda key=key: runners[key[0]](key[1]).seconds) for key in chosen}
+    for key, seconds in medians(again, repeats).items():
+        chosen[key].seconds = seconds
+    return points
+
+
+def cells(points: Sequence[Point], targets: Sequence[float], g: float = np.inf) -> list[float | None]:
+    """Seconds to each error."""
+    return [p.seconds if (p := cheapest(points, e, g)) else None for e in targets]
+
+
+def ms(times: Sequence[float | None]) -> str:
+    """Return milliseconds in three digits."""
+    return " / ".join("n.r." if t is None else f"{1e3 * t:.3g}" for t in times)
+
+
+def power(x: float) -> str:
+    """Return a number in one digit."""
+    return f"{x:.0e}".replace("e-0", "e-")
+
+
+def report(problem: Problem, points: dict[str, list[Point]], targets: Sequence[float]) -> str:
+    """One row for each solver; ratios are those of the times to the errors."""
+    ours = [n for n in points if n.startswith(("pherk", "herk"))]
+    one = cells(points[next(n for n in ours if n.startswith("pherk5, projected"))], targets, DRIFT)
+    rows = [cells(points[n], targets, DRIFT) for n in ours]
+    best = [min((t for t in column if t), default=None) for column in zip(*rows, strict=True)]
+    rows = []
+    for name, found in points.items():
+        times, runs = cells(found, targets), [cheapest(found, e) for e in targets]
+        g = " / ".join(power(p.g) if p else "-" for p in runs) if problem.pins or "cut" in name else "-"
+        ratios = (" / ".join(ratio(t, base) for t, base in zip(times, b, strict=True)) for b in (one, best))
+        rows.append([name, ms(times), g, ms(cells(found, targets, DRIFT)), *ratios])
+    errors = " / ".join(power(e) for e in targets)
+    header = [f"{problem.title}, {problem.end:g} s", f"ms to {errors} rad", "largest \\|g\\|, m"]
+    kept = f"ms to these with \\|g\\| <= {power(DRIFT)} m"
+    return table([*header, kept, "time over pherk5, projected", "over mbdae's best with this \\|g\\|"], rows)
+
+
+def draw(measured: dict[str, dict[str, list[Point]]], path: Path) -> None:
+    """Error over time, a panel for each problem."""
+    figure, axes = plt.subplots(
+        1, len(measured), figsize=(3.6 * len(measured), 3.8), layout="constrained", squeeze=False
+    )
+    names = list(dict.fromkeys(name for points in measured.values() for name in points))
+    for ax, (title, points) in zip(axes[0], measured.items(), strict=True):
+        for name, found in points.items():
+            i, ours = names.index(name), name.startswith(("pherk", "herk"))
+            style = {"color": f"C{i % 10}", "marker": "osD^v<>PX*"[i % 10], "ls": "-" if ours else "--"}
+            ax.loglog([1e3 * p.seconds for p in found], [p.error for p in found], ms=3, lw=1, label=name, **style)
+        ax.set(title=title, xlabel="time (ms)", ylim=(1e-13, 10))
+        ax.grid(alpha=0.3)
+    axes[0, 0].set_ylabel("error of the joint angles at the end (rad)")
+    handles = {t: h for ax in axes[0] for h, t in zip(*ax.get_legend_handles_labels(), strict=True)}
+    figure.legend(handles.values(), handles, loc="outside lower center", ncols=4, fontsize=8)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def main(argv: Sequence[str] | None = None, picture: Path | None = None) -> dict[str, dict[str, list[Point]]]:
+    """Print a table for each problem, draw the figure, and return the points."""
+    short = brief(argv, __doc__)
+    targets, cap, repeats = ((1e-2, 1e-4), 0.15, 1) if short else (TARGETS, 30.0, 5)
+    print(machine("solve_dae", "mujoco", "exudyn"))
+    measured = {}
+    for title, problem in PROBLEMS.items():
+        measured[title] = measure(problem, targets, cap, repeats)
+        print("\n" + report(problem, measured[title], targets), flush=True)
+    if picture or not short:
+        draw(measured, picture or PICTURE)
+    return measured
+
+
+if __name__ == "__main__":
+    main()

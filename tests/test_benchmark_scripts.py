@@ -1,0 +1,92 @@
+"""The scripts of examples/benchmarks run briefly, and what they compare is one problem solved by many programs."""
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parent.parent / "examples" / "benchmarks"
+PROBLEMS = ("four-bar", "double pendulum", "Andrews")
+WITHIN = {  # tolerance or number of steps of one run, and the largest error in rad that it may leave
+    "pherk5, projected": (1e-6, 1e-4),
+    "pherk5, projected, elbow cut": (1e-5, 1e-2),
+    "DOP853 on Pinocchio": (1e-7, 1e-5),
+    "solve_dae Radau": (1e-4, 2e-3),
+    "MuJoCo RK4": (1000, 1e-4),
+    "Exudyn": (2000, 1e-2),
+}
+
+
+@pytest.fixture
+def script(monkeypatch):
+    monkeypatch.syspath_prepend(FOLDER)
+    return importlib.import_module
+
+
+@pytest.mark.parametrize("title", PROBLEMS)
+def test_every_solver_solves_the_same_problem(script, title):
+    problem = script("problems").PROBLEMS[title]
+    reference = problem.reference()
+    for name, (make, stepped) in script("peers").solvers(problem).items():
+        if name not in WITHIN or (runner := make(problem)) is None:  # not installed
+            continue
+        value, within = WITHIN[name]
+        run = runner(problem.end / value if stepped else value)
+        assert np.abs(run.end - reference).max() < within, name
+        assert run.g < (1e-12 if "projected" in name else 1e-3), name
+
+
+@pytest.mark.parametrize("title", PROBLEMS)
+def test_slopes_of_the_equations_written_by_hand(script, title):
+    problem = script("problems").PROBLEMS[title]
+    eq = script("planar").Equations(problem, cut=() if problem.pins else ("lower",))
+    rng, n, h = np.random.default_rng(1), 2 * eq.n + 4 * eq.nc, 1e-6
+    y, yp = 0.5 * rng.normal(size=n), rng.normal(size=n)
+    for k, slope in enumerate(eq.ggl_slopes(0.0, y, yp)):
+        for i in range(n):
+            ends = [
+                eq.ggl(0.0, *(x + s * h * (np.arange(n) == i) * (k == m) for m, x in enumerate((y, yp))))
+                for s in (1, -1)
+            ]
+            np.testing.assert_allclose((ends[0] - ends[1]) / (2 * h), slope[:, i], atol=1e-7)
+
+
+def test_stages(script, capsys):
+    measured = script("stages").main(["--brief"])
+    assert set(measured) == {"four_bar", "panda_handle", "humanoid_stance"}
+    assert all(0 < m["bare python"] < m["python"] for m in measured.values()), measured
+    assert "| four_bar |" in capsys.readouterr().out
+
+
+def test_growth(script, capsys):
+    times = script("growth").main(["--brief"])["python"]
+    assert list(times) == [1, 2, 5, 10, 20, 40]
+    assert times[40] > times[1]
+    assert "exponent" in capsys.readouterr().out
+
+
+def test_exponent(script):
+    assert script("growth").exponent({1: 7.0, 10: 10.0, 100: 1000.0}) == pytest.approx(2)
+    assert script("growth").exponent({1: 7.0, 10: 10.0}) is None
+
+
+def test_work_precision(script, capsys, tmp_path):
+    measured = script("work_precision").main(["--brief"], tmp_path / "figure.png")
+    assert tuple(measured) == PROBLEMS
+    assert (tmp_path / "figure.png").stat().st_size > 10_000
+    assert all(points["pherk5, projected"] for points in measured.values())
+    out = capsys.readouterr().out
+    assert all(f"| {title}, " in out for title in PROBLEMS)
+
+
+def test_ensembles(script, capsys):
+    assert all(seconds > 0 for seconds in script("ensembles").main(["--brief"]).values())  # refuses tables that differ
+    assert "| threads | 2 |" in capsys.readouterr().out
+
+
+def test_the_cheapest_run_below_an_error_counts(script):
+    w = script("work_precision")
+    points = [w.Point(1, 0.1, 1e-2, 1e-3), w.Point(2, 0.2, 1e-5, 1e-8), w.Point(3, 0.4, 1e-6, 1e-10)]
+    assert w.cells(points, (1e-1, 1e-4, 1e-9)) == [0.1, 0.2, None]
+    assert w.cells(points, (1e-1, 1e-4, 1e-9), 1e-9) == [0.4, 0.4, None]
