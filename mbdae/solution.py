@@ -9,11 +9,13 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from . import backend
 from .archive import read, write
+from .backend import load
 from .columns import signals
 from .errors import InputError, StepError
 from .events import Event
-from .mechanism import Effort, Mechanism, Reaction, Singular, effort, reaction, redundant
+from .mechanism import Compiled, Effort, Mechanism, NotCompiled, Reaction, Singular, effort, reaction, redundant
 from .mechanism.user import called, checked, function_name
 from .textbook import Hessenberg
 
@@ -84,7 +86,14 @@ class Solution:
 
     @cached_property
     def system(self) -> Any:
-        """A workspace of the solution's own, for multipliers and dense output; its counts are not the run's."""
+        """A workspace of the solution's own, for multipliers and dense output; its counts are not the run's.
+
+        It is one of the compiled core where that computed the run and is there.
+        """
+        native = backend.load() if self.stats.get("backend") == "native" else None
+        if native:
+            with suppress(NotCompiled):
+                return self.problem.system(native=native)
         return self.problem.system()
 
     @property
@@ -134,6 +143,10 @@ class Solution:
 
         NaN where they cannot be found, for instance in the singular configuration that ended a run.
         """
+        if isinstance(self.system, Compiled):
+            return self.system.multipliers(self.t, self.y)
+        if isinstance(self.system, Compiled):
+            return self.system.multipliers(self.t, self.y)
         out = np.full((len(self.t), self.system.nz), np.nan)
         for i, near in enumerate(self.z_own):
             with suppress(StepError):

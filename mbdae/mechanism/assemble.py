@@ -46,16 +46,17 @@ def assemble(
         table = {**mech.start_values.guess, **mech.start_values.q, **(guess or {}), **(q or {})}
         q0 = mech.coordinates(table)[0]
         held_q = mech.coordinates(q or {})[1]
-    q1 = close_position(mech, q0, held_q, t)
+    system = mech.system()
+    q1 = close_position(system, q0, held_q, t)
     if isinstance(v, np.ndarray | list | tuple):
         v0 = mech.vector("v", v, mech.nv)
     else:
         v0 = mech.coordinates({**(guess_v or {}), **(v or {})}, of_v=True)[0]
         held_v = mech.coordinates(v or {}, of_v=True)[1]
-    return q1, close_velocity(mech, q1, v0, held_v, t)
+    return q1, close_velocity(system, q1, v0, held_v, t)
 
 
-def close_position(mech: "Mechanism", q: Array, held: Array, t: float) -> Array:
+def close_position(system: "Descriptor", q: Array, held: Array, t: float) -> Array:
     """Find the configuration near q that closes every loop, coordinates ``held`` (their tangent indices) kept.
 
     Gauss-Newton from q itself; where that fails, or ends far from q, from the same small and larger displacements of
@@ -65,9 +66,9 @@ def close_position(mech: "Mechanism", q: Array, held: Array, t: float) -> Array:
         AssemblyError: if |g| falls below 1e-10 from nowhere; says what stays open from the start that came nearest.
         InputError: if a frame or axis is turned over in all that is found, or numbers are not finite.
     """
+    mech, free = system.mechanism, np.setdiff1d(np.arange(system.nv), held)
     if not mech.ng:
         return q
-    system, free = mech.system(), np.setdiff1d(np.arange(mech.nv), held)
     g, G = system.closures(q, t)
     if not (np.isfinite(g).all() and np.isfinite(G).all()):
         worst = mech.row_closure(int(np.argmin(np.isfinite(g) & np.isfinite(G).all(axis=1))))
@@ -75,20 +76,20 @@ def close_position(mech: "Mechanism", q: Array, held: Array, t: float) -> Array:
     reach = 1.2 * float(np.linalg.norm(_newton(G, g, free))) + NEAR
     tries = [_gauss_newton(system, q, free, t)]
     widths = iter(WIDTHS)
-    while not any(_closed(mech, x, t) and _distance(mech, q, x) <= reach for x in tries):
+    while not any(_closed(system, x, t) and _distance(mech, q, x) <= reach for x in tries):
         width = next(widths, None)
-        if width is None or (width > WIDTHS[1] and any(_closed(mech, x, t) for x in tries)):
+        if width is None or (width > WIDTHS[1] and any(_closed(system, x, t) for x in tries)):
             break
         tries += [_gauss_newton(system, start, free, t) for start in _displaced(mech, q, free, width)]
-    closed = [x for x in tries if _closed(mech, x, t)]
-    if not closed and any(_open(mech, x, t) <= ACCEPT for x in tries):  # a frame is turned over: turn it back first
+    closed = [x for x in tries if _closed(system, x, t)]
+    if not closed and any(_open(system, x, t) <= ACCEPT for x in tries):  # a frame is turned over: turn it back first
         starts = (q, *(x for width in WIDTHS[1:3] for x in _displaced(mech, q, free, width)))
         turned = (_gauss_newton(system, _gauss_newton(system, x, free, t, upright), free, t) for x in starts)
-        closed = [x for x in turned if _closed(mech, x, t)][:1]
+        closed = [x for x in turned if _closed(system, x, t)][:1]
     if closed:
-        return _slide(mech, q, min(closed, key=lambda x: _distance(mech, q, x)), free, t)
-    best = min(tries, key=lambda x: _open(mech, x, t))
-    if _open(mech, best, t) <= ACCEPT:
+        return _slide(system, q, min(closed, key=lambda x: _distance(mech, q, x)), free, t)
+    best = min(tries, key=lambda x: _open(system, x, t))
+    if _open(system, best, t) <= ACCEPT:
         name = turned_over(mech, best)
         raise InputError(f"closure {name!r} closes with its second frame turned over: change the guess")
     raise open_closure(mech, widest(mech, system.closures(best, t)[0]), held, "configuration")
@@ -115,9 +116,9 @@ def _gauss_newton(system: "Descriptor", q: Array, free: Array, t: float, rows: R
     return q
 
 
-def _slide(mech: "Mechanism", guess: Array, q: Array, free: Array, t: float) -> Array:
+def _slide(system: "Descriptor", guess: Array, q: Array, free: Array, t: float) -> Array:
     """Move a closed configuration that lies far from the guess along what is left of freedom, towards the guess."""
-    system = mech.system()
+    mech = system.mechanism
     for _ in range(SLIDES):
         d = mech.manifold.difference(q, guess)[free]
         G = system.closures(q, t)[1][:, free]
@@ -127,7 +128,7 @@ def _slide(mech: "Mechanism", guess: Array, q: Array, free: Array, t: float) -> 
         x = np.zeros(mech.nv)
         x[free] = along / max(1.0, 2 * np.abs(along).max())
         new = _gauss_newton(system, mech.manifold.integrate(q, x), free, t)
-        if not _closed(mech, new, t) or _distance(mech, guess, new) >= _distance(mech, guess, q):
+        if not _closed(system, new, t) or _distance(mech, guess, new) >= _distance(mech, guess, q):
             break
         q = new
     return q
@@ -166,23 +167,23 @@ def _distance(mech: "Mechanism", q0: Array, q1: Array) -> float:
     return float(np.linalg.norm(mech.manifold.difference(q0, q1)))
 
 
-def _open(mech: "Mechanism", q: Array, t: float) -> float:
-    residual = float(np.linalg.norm(mech.system().closures(q, t)[0]))
+def _open(system: "Descriptor", q: Array, t: float) -> float:
+    residual = float(np.linalg.norm(system.closures(q, t)[0]))
     return residual if np.isfinite(residual) else np.inf
 
 
-def _closed(mech: "Mechanism", q: Array, t: float) -> bool:
-    return _open(mech, q, t) <= ACCEPT and not turned_over(mech, q)
+def _closed(system: "Descriptor", q: Array, t: float) -> bool:
+    return _open(system, q, t) <= ACCEPT and not turned_over(system.mechanism, q)
 
 
-def close_velocity(mech: "Mechanism", q: Array, v: Array, held: Array, t: float) -> Array:
+def close_velocity(system: "Descriptor", q: Array, v: Array, held: Array, t: float) -> Array:
     """Change v as little as possible in the mass metric so that G v + g_t = 0, held coordinates kept.
 
     Raises:
         AssemblyError: if the held velocities contradict the closures.
         InputError: if a body without inertia makes the mass metric singular.
     """
-    system, free = mech.system(), np.setdiff1d(np.arange(mech.nv), held)
+    mech, free = system.mechanism, np.setdiff1d(np.arange(system.nv), held)
     G, g_t = system.closures(q)[1], system.g_t(t)
     if not (G @ v + g_t).any():
         return v

@@ -17,6 +17,7 @@ import numpy as np
 from ..columns import coordinates, row_names, signals
 from ..errors import InputError, MbdaeError, UnknownNameError
 from ..mechanism import Driver, Mechanism
+from ..mechanism.closure_rows import Axes
 from ..mechanism.user import function_name
 from ..solution import Solution
 
@@ -82,7 +83,7 @@ def signal_names(mech: Mechanism) -> list[str]:
     y = np.concatenate([mech.coordinates({})[0], np.zeros(mech.nv), list(mech.states.values()), [0.0]])
     nowhere = Solution(mech, np.zeros(1), y[None], np.full((1, mech.ng), np.nan), "finished", "", {}, {})
     plain = signals(nowhere, lam=False)
-    forces = [f"{kind}.{name}" for name in mech.system().constraints.frame_parts for kind in REACTION]
+    forces = [f"{kind}.{c.name}" for c in mech.constraints if c.frames for kind in REACTION]
     efforts = [f"{EFFORT}.{c.name}" for c in mech.constraints if isinstance(c, Driver) or not c.frames]
     return [*plain, *row_names(mech), *forces, *efforts]
 
@@ -120,12 +121,27 @@ def columns(sol: Solution, wanted: set[str]) -> dict[str, Array]:
         out |= {name: sol.lam[:, i] for i, name in enumerate(row_names(mech))}
     for name in sorted(wanted - out.keys()):
         kind, _, which = name.partition(".")
-        if kind in REACTION:
+        if kind == "force":
+            out[name] = np.linalg.norm(sol.lam[:, force_rows(sol, which)], axis=1)
+        elif kind in REACTION:
             out[name] = np.linalg.norm(getattr(sol.reaction(which), kind), axis=1)
         elif kind == EFFORT:
             out[name] = sol.effort(which).effort
         elif name not in out:
             out |= signals(sol, lam=False)
+    return out
+
+
+def force_rows(sol: Solution, name: str) -> Array:
+    """The rows of a closure between frames that are forces along directions at right angles, (ng,).
+
+    Those of gaps and distances; the length of their multipliers is that of the force.
+    """
+    mech = sol.mechanism
+    out, at = np.zeros(mech.ng, bool), mech.row_names.index(name)
+    for rows in next(c for c in mech.constraints if c.name == name).rows():
+        out[at : at + rows.m] = not isinstance(rows, Axes)
+        at += rows.m
     return out
 
 
