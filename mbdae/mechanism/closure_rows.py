@@ -9,34 +9,49 @@ only, and is exact off the manifold. Multipliers: N for rows measured in m, N m 
 joint coordinates needs no frames; its multiplier is the torque (N m) or force (N) on the first joint.
 """
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from .frames import Pair, skew, unit_gap
+from .frames import Pair, cross, skew, unit_gap
 
 
-class Rows(Protocol):
+class Rows:
     """m scalar rows between the anchors of a `Pair` that was located."""
 
     m: int
 
-    def value(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
-        """Return g (m,) and the wrenches w on b at the world's origin, (6, m)."""
+    def residual(self, pair: Pair) -> np.ndarray:
+        """Return g, (m,)."""
+        raise NotImplementedError
+
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:
+        """Write the wrenches on b at the world's origin into w (6, m), whose zeros stay where none is written."""
+        raise NotImplementedError
 
     def rate(self, pair: Pair) -> np.ndarray:
         """Return dw/dt (6, m) for the velocities of the pair."""
+        raise NotImplementedError
+
+    def value(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
+        """Return g (m,) and w (6, m)."""
+        w = np.zeros((6, self.m))
+        self.wrenches(pair, w)
+        return self.residual(pair), w
 
 
-class Gap:
+class Gap(Rows):
     """g = axis_a . (p_b - p_a), a gap along axes fixed in a; axes (3, m)."""
 
     def __init__(self, axes: np.ndarray) -> None:
         self.axes, self.m = axes, axes.shape[1]
 
-    def value(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
-        n = pair.Ra @ self.axes
-        return (pair.pb - pair.pa) @ n, np.vstack([n, skew(pair.pb) @ n])
+    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        return (pair.pb - pair.pa).dot(pair.Ra.dot(self.axes))
+
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
+        w[:3] = n = pair.Ra.dot(self.axes)
+        w[3:] = skew(pair.pb).dot(n)
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         n = pair.Ra @ self.axes
@@ -45,23 +60,25 @@ class Gap:
         return np.vstack([dn, skew(dp) @ n + skew(pair.pb) @ dn])
 
 
-class Axes:
+class Axes(Rows):
     """g = axis_a . axis_b, the cosine between axes fixed in a and in b; both (3, m)."""
 
     def __init__(self, a: np.ndarray, b: np.ndarray) -> None:
         self.a, self.b, self.m = a, b, a.shape[1]
 
-    def value(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
-        a, b = pair.Ra @ self.a, pair.Rb @ self.b
-        return (a * b).sum(axis=0), np.vstack([np.zeros_like(a), _cross(b, a)])
+    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        return (pair.Ra.dot(self.a) * pair.Rb.dot(self.b)).sum(axis=0)
+
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
+        w[3:] = cross(pair.Rb.dot(self.b), pair.Ra.dot(self.a))
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         a, b = pair.Ra @ self.a, pair.Rb @ self.b
         da, db = skew(pair.Va[3:]) @ a, skew(pair.Vb[3:]) @ b
-        return np.vstack([np.zeros_like(a), _cross(db, a) + _cross(b, da)])
+        return np.vstack([np.zeros_like(a), cross(db, a) + cross(b, da)])
 
 
-class Distance:
+class Distance(Rows):
     """g = |p_b - p_a| - length."""
 
     m = 1
@@ -69,9 +86,12 @@ class Distance:
     def __init__(self, length: float) -> None:
         self.length = length
 
-    def value(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
-        distance, n = unit_gap(pair)
-        return np.array([distance - self.length]), np.concatenate([n, skew(pair.pb) @ n])[:, None]
+    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        return np.array([unit_gap(pair)[0] - self.length])
+
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
+        w[:3, 0] = n = unit_gap(pair)[1]
+        w[3:, 0] = skew(pair.pb).dot(n)
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         distance, n = unit_gap(pair)
@@ -94,7 +114,3 @@ class Coordinate(NamedTuple):
     other: str
     coefficients: tuple[float, ...]
     m: int = 1
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -24,10 +24,10 @@ Spec = Closure | Driver
 
 
 class FramePart(NamedTuple):
-    """Rows between two frames."""
+    """Rows between two frames: their numbers, what they are, and where their wrenches stand in `Constraints.W`."""
 
     pair: Pair
-    rows: tuple[tuple[slice, Rows], ...]
+    rows: tuple[tuple[slice, Rows, Array], ...]
 
 
 class JointPart:
@@ -79,6 +79,7 @@ class Constraints:
     Attributes:
         spans: for each of them, the rows.
         sign: see `mbdae.mechanism.frames.Pair`, (ng, nv).
+        W: the wrenches of the rows between frames where G was asked for last, (6, ng).
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, specs: Sequence[Spec]) -> None:
@@ -86,9 +87,11 @@ class Constraints:
         self.joint_parts: list[JointPart] = []
         self.spans: dict[str, slice] = {}
         self._driven: list[tuple[int, Driver]] = []
+        kinds = [spec.rows() for spec in specs]
+        self.ng = sum(r.m for rows in kinds for r in rows)
+        self.sign, self.W = np.zeros((self.ng, model.nv)), np.zeros((6, self.ng))
         at = 0
-        for spec in specs:
-            rows = spec.rows()
+        for spec, rows in zip(specs, kinds, strict=True):
             self.spans[spec.name] = slice(at, at + sum(r.m for r in rows))
             if isinstance(spec, Driver):
                 self._driven.append((at, spec))
@@ -97,32 +100,38 @@ class Constraints:
                 if isinstance(r, Coordinate):
                     self.joint_parts.append(JointPart(model, data, r, at, spec.name))
                 else:
-                    numbered.append((slice(at, at + r.m), r))
+                    numbered.append((slice(at, at + r.m), r, self.W[:, at : at + r.m]))
                 at += r.m
             if numbered:
-                self.frame_parts[spec.name] = FramePart(Pair(model, data, *anchors(model, spec)), tuple(numbered))
-        self.ng = at
-        self.sign = np.zeros((at, model.nv))
-        for part in self.frame_parts.values():
-            for s, _ in part.rows:
-                self.sign[s] = part.pair.sign
+                pair = Pair(model, data, *anchors(model, spec))
+                self.frame_parts[spec.name] = FramePart(pair, tuple(numbered))
+                self.sign[self.spans[spec.name]] = pair.sign
         self._J = data.J.reshape(6, -1)  # with nv = 1 it comes as a vector
         self._still = np.zeros((3, at))
-        self._g, self.W = np.zeros(at), np.zeros((6, at))
         self._lengths = [at for at, d in self._driven if d.frames]
         self._periodic = np.array([p.at for p in self.joint_parts if p.period], int)
         self._periods = np.array([p.period for p in self.joint_parts if p.period])
 
-    def value(self, t: float | None) -> tuple[Array, Array]:
-        """Return g(t, q) (ng,) and G (ng, nv); without t, g of the driven rows is nan."""
+    def jacobian(self) -> Array:
+        """Return G, (ng, nv); leaves the wrenches of its rows in W."""
         for pair, rows in self.frame_parts.values():
             pair.locate()
-            for s, r in rows:
-                self._g[s], self.W[:, s] = r.value(pair)
-        G = self.sign * (self.W.T @ self._J)
+            for _, r, w in rows:
+                r.wrenches(pair, w)
+        G = self.W.T.dot(self._J)
+        G *= self.sign
         for part in self.joint_parts:
-            self._g[part.at], G[part.at, part.columns] = part.value()
-        g = self._g.copy()
+            G[part.at, part.columns] = part.value()[1]
+        return G
+
+    def value(self, t: float | None) -> tuple[Array, Array]:
+        """Return g(t, q) (ng,) and G (ng, nv); without t, g of the driven rows is nan."""
+        G, g = self.jacobian(), np.zeros(self.ng)
+        for pair, rows in self.frame_parts.values():
+            for s, r, _ in rows:
+                g[s] = r.residual(pair)
+        for part in self.joint_parts:
+            g[part.at] = part.value()[0]
         if self._driven:
             g -= self.motion(t)[0]
         if len(self._periodic):
@@ -136,8 +145,9 @@ class Constraints:
             pair.locate()
             pair.twist()
             bias, relative = pair.bias(), pair.Vb - pair.Va
-            for s, r in rows:
-                out[s] = relative @ r.rate(pair) + bias @ r.value(pair)[1]
+            for s, r, w in rows:
+                r.wrenches(pair, w)
+                out[s] = relative @ r.rate(pair) + bias @ w
         for part in self.joint_parts:
             out[part.at] = part.bias(v)
         return out

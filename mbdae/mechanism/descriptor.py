@@ -5,6 +5,7 @@ non-conservative forces and, -lam . g_t, of the drivers; s are the states of act
 """
 
 from collections.abc import Callable
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,19 +30,22 @@ class Descriptor:
     """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
 
     What is recomputed: one mass matrix, one force and two constraint Jacobians per stage, one factorization of M
-    (Cholesky) and of G(Qhat) M^-1 G(Q)^T (LU).
+    (Cholesky) and of G(Qhat) M^-1 G(Q)^T (LU). Small arrays: what a stage computes is written with what costs least in
+    numpy, a.dot(b) half as much as a @ b, x[x.argmin()] a quarter of x.min(); every result is an array of its own.
     """
 
     def __init__(self, mechanism: "Mechanism") -> None:
         self.mechanism, self.model = mechanism, mechanism.model
         self.manifold = mechanism.manifold
         self.data = self.model.createData()
+        self._M = self.data.M  # live view
         self.nq, self.nv, self.ng = self.model.nq, self.model.nv, mechanism.ng
         self.nz = self.ng
         self.laws = mechanism.bind_forces(self.data)
         self.ns = self.laws.ns
         self.ny = 2 * self.nv + self.ns + 1
-        self.measured = slice(0, self.ny if mechanism.drivers else self.ny - 1)  # drivers: their work too
+        self.driven = bool(mechanism.drivers)
+        self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # drivers: their work too
         self.counts = Counts()
         self.constraints = Constraints(self.model, self.data, mechanism.constraints)
         self.rank: int | None = None
@@ -57,10 +61,18 @@ class Descriptor:
 
         Without q the kinematics stand already; without t, g of driven rows is nan.
         """
+        self._kinematics(q)
+        return self.constraints.value(t)
+
+    def jacobian(self, q: Array | None = None) -> Array:
+        """Return G (ng, nv) over all rows; without q the kinematics stand already."""
+        self._kinematics(q)
+        return self.constraints.jacobian()
+
+    def _kinematics(self, q: Array | None) -> None:
         self.counts.G += self.ng > 0
         if q is not None and self.ng:
             pin.computeJointJacobians(self.model, self.data, q)
-        return self.constraints.value(t)
 
     def g_t(self, t: float) -> Array:
         """Return g_t over all rows, (ng,); zero for closures, minus the speed of drivers."""
@@ -77,13 +89,13 @@ class Descriptor:
         return self.constraints.bias(v) - self.constraints.motion(t)[2]
 
     def inertia(self, t: float, q: Array) -> Array:
-        """Return the Cholesky factor U of M(q) = U^T U, (nv, nv); leaves J and poses at q."""
+        """Return the Cholesky factor U of M(q) = U^T U, (nv, nv), zero below; leaves J and poses at q."""
         self.counts.M += 1
         self.counts.factorizations += 1
         pin.crba(self.model, self.data, q, pin.Convention.WORLD)
-        U, info = dpotrf(self.data.M, lower=0, clean=0)
+        U, info = dpotrf(self._M, lower=0, clean=1)
         if info:
-            if not np.isfinite(self.data.M).all():
+            if not np.isfinite(self._M).all():
                 raise StepError("nonfinite", f"the state is not finite at t = {t:.17g}")
             joint = self.mechanism.coordinate_joint(abs(info) - 1)
             raise StepError(
@@ -96,8 +108,8 @@ class Descriptor:
         """Return f (nv,) and the rates (s', power in W), (ns + 1,); the kinematics stand at q already."""
         tau, rates = self.torque(t, q, v, s)
         f = tau - pin.nonLinearEffects(self.model, self.data, q, v)
-        if not np.isfinite(f).all():
-            joint = self.mechanism.coordinate_joint(int(np.flatnonzero(~np.isfinite(f))[0]))
+        if not isfinite(f.dot(f)) and len(bad := np.flatnonzero(~np.isfinite(f))):
+            joint = self.mechanism.coordinate_joint(int(bad[0]))
             raise StepError("nonfinite", f"the force on joint {joint!r} is not finite at t = {t:.17g}")
         return f, rates
 
@@ -119,42 +131,29 @@ class Descriptor:
         if not self.ng:
             return np.empty(0, int)
         # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
-        B = dgesv(np.triu(U).T, G.T)[2]
-        _, diagonal = rowmath.pivots(B)
-        r = rowmath.rank(diagonal)
-        if self.rank is None:
-            self.rank = r
-        if r < self.rank:
-            raise StepError(
-                "rank",
-                f"the rank of the closures falls from {self.rank} to {r} at t = {t:.17g}: a singular configuration",
-            )
-        if rowmath.grown(diagonal, self.rank):
-            raise StepError(
-                "rank",
-                f"the rank of the closures rises above {self.rank} at t = {t:.17g}: "
-                "the run began in a singular configuration, or rows that depended on others have drifted open",
-            )
+        B = dgesv(U.T, G.T)[2]
+        found = _, diagonal = rowmath.pivots(B)
+        self.rank = rowmath.confirmed(diagonal, self.rank, t)
         if self.rank:
             self.weakest = min(self.weakest, (diagonal[self.rank - 1] / diagonal[0]) ** 2)
-        self.rows = rowmath.choose(B, self.rows, self.rank)
+        self.rows = rowmath.choose(B, self.rows, self.rank, found)
         return self.rows
 
     def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
         """Largest eigenvalue of (G M^-1 G^T)^+: the change of lam per unit residual of G v', in kg."""
         q, _ = self.split(y)
-        U, G = self.inertia(t, q), self.closures()[1]
+        U, G = self.inertia(t, q), self.jacobian()
         rows = self.choose_rows(t, U, G)
         if not len(rows):
             return 0.0
-        B = dgesv(np.triu(U).T, G[rows].T)[2]
+        B = dgesv(U.T, G[rows].T)[2]
         return float(np.linalg.svd(B, compute_uv=False)[-1] ** -2)
 
     def own(self, G: Array, rows: Array, lam: Array) -> Array:
         """Multipliers of all rows, (ng,), from those in use: of minimum norm when rows depend on each other."""
         if len(rows) == self.ng:
             return lam
-        return rowmath.minimum_norm(G, lam @ G[rows])
+        return rowmath.minimum_norm(G, lam.dot(G.take(rows, 0)))
 
     # -- the contract of mbdae.system ----------------------------------------------------------------------------
 
@@ -180,14 +179,14 @@ class Descriptor:
         if np.abs(q - self._last_q).max() <= 1e-15 * (1 + np.abs(q).max()):  # the last stage ended here
             U, G = self._last
         else:
-            U, G = self.inertia(t, q), self.closures()[1]
+            U, G = self.inertia(t, q), self.jacobian()
         return DescriptorChart(self, t, y, self.choose_rows(t, U, G))
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""
         q, v = self.split(y)
         U, (f, rates) = self.inertia(t, q), self.force(t, q, v, self.inner(y))
-        _, G = self.closures()
+        G = self.jacobian()
         rows = self.choose_rows(t, U, G)
         Gr = G[rows]
         rhs = -self.gamma(q, v, t)[rows] if self.ng else np.empty(0)
@@ -198,22 +197,20 @@ class Descriptor:
     def saddle(self, t: float, U: Array, G: Array, Ghat: Array, f: Array, rhs: Array) -> tuple[Array, Array]:
         """Solve M v' = f + G^T lam, Ghat v' = rhs by Cholesky of M = U^T U and LU of Ghat M^-1 G^T."""
         self.counts.solves += 1
-        X = dpotrs(U, np.column_stack([G.T, f]))[0]
+        X = dpotrs(U, np.concatenate((G, f[None])).T, overwrite_b=1)[0].T  # G M^-1, and a row (M^-1 f)^T below
         if not len(rhs):
-            return X[:, 0], rhs
-        self._MinvGT, self._G = X[:, :-1], G
-        S = Ghat @ self._MinvGT
-        lu, _, lam, info = dgesv(S, rhs - Ghat @ X[:, -1])
+            return X[-1], rhs
+        self._MinvGT, self._G = X[:-1].T, G
+        S = X.dot(Ghat.T).T
+        lu, _, lam, info = dgesv(S[:, :-1], rhs - S[:, -1], overwrite_a=1, overwrite_b=1)
         self.counts.factorizations += 1
-        pivot = np.abs(np.diagonal(lu))
-        self.weakest = min(self.weakest, pivot.min() / pivot.max())
-        if info or not pivot.min() > 1e-14 * pivot.max():
-            raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: {self._weakest(lu)}")
-        return X[:, -1] + self._MinvGT @ lam, lam
-
-    def _weakest(self, lu: Array) -> str:
-        index = self.rows[int(np.argmin(np.abs(np.diagonal(lu))))] if self.rows is not None else 0
-        return f"closure {self.mechanism.row_closure(int(index))!r}"
+        pivot = np.abs(lu.diagonal())
+        i, largest = pivot.argmin(), pivot[pivot.argmax()]
+        self.weakest = min(self.weakest, pivot[i] / largest)
+        if info or not pivot[i] > 1e-14 * largest:
+            name = self.mechanism.row_closure(int(self.rows[i] if self.rows is not None else 0))
+            raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
+        return X[-1] + lam.dot(X[:-1]), lam
 
     def carry(self, F: Array, z: Array) -> Array:
         """Keep (v', s', w'): not lam, because rows may be re-chosen."""
@@ -238,7 +235,7 @@ class Descriptor:
 
     def size(self, y: Array) -> Array:  # noqa: D102
         size = np.concatenate([self.manifold.size(y[: self.nq]), np.abs(y[self.nq :])])
-        if self.mechanism.drivers:
+        if self.driven:
             size[-1] += self.energy(*self.split(y))[0]
         return size
 
@@ -265,21 +262,25 @@ class DescriptorChart(ImplicitStages):
         s, m, nv = self.system, self.system.manifold, self.system.nv
         q, v = m.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
-        G = s.closures()[1]
-        Gr = G[self.rows]
+        G = s.jacobian()
+        Gr = G.take(self.rows, 0)
         dx, Ghat = self.meet(that, x[:nv], v, xhat[:nv], factor, U, Gr)
-        rhs = -(Ghat @ (self.v + xhat[nv : 2 * nv]) + s.g_t(that)[self.rows]) / factor
-        vdot, lam = s.saddle(t, U, Gr, Ghat, f, rhs)
-        rates[-1] -= lam @ s.g_t(t)[self.rows]
+        rate = Ghat.dot(self.v + xhat[nv : 2 * nv])
+        if s.driven:
+            rate += s.g_t(that)[self.rows]
+        vdot, lam = s.saddle(t, U, Gr, Ghat, f, rate / -factor)
+        if s.driven:
+            rates[-1] -= lam @ s.g_t(t)[self.rows]
         s._last_q, s._last = q, (U, G)
-        return np.concatenate([dx, vdot, rates]), lam
+        return np.concatenate((dx, vdot, rates)), lam
 
     def meet(
         self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
     ) -> tuple[Array, Array]:
         """Return x' = J(x) v (nv,) and G (r, nv) where the stage meets the constraint: q_n (+) (xhat + factor x')."""
-        dx = self.system.manifold.tangent(x, v)
-        return dx, self.system.closures(self.system.manifold.integrate(self.q, xhat + factor * dx))[1][self.rows]
+        m = self.system.manifold
+        dx = m.tangent(x, v)
+        return dx, self.system.jacobian(m.integrate(self.q, xhat + factor * dx)).take(self.rows, 0)
 
     def own(self, z: Array) -> Array:
         """Multipliers of all rows at the last stage's configuration."""
@@ -295,5 +296,5 @@ class DescriptorChart(ImplicitStages):
         if len(self.rows):
             e = e.copy()
             s.counts.projections += 1
-            e[nv : 2 * nv] -= s._MinvGT @ np.linalg.solve(s._G @ s._MinvGT, s._G @ e[nv : 2 * nv])
+            e[nv : 2 * nv] -= s._MinvGT.dot(dgesv(s._G.dot(s._MinvGT), s._G.dot(e[nv : 2 * nv]))[2])
         return e

@@ -113,7 +113,7 @@ class Laws:
         for actuator, part in self.stateful:
             tau, rates[part] = actuator.evaluate(t, q, v, s[part])
             other = other + tau
-        rates[-1] = other @ v
+        rates[-1] = other.dot(v)
         return conservative + other, rates
 
     def potential(self, q: Array) -> float:

@@ -29,8 +29,10 @@ def _so3(x: np.ndarray) -> np.ndarray:
 
 
 def _se3(x: np.ndarray) -> np.ndarray:
-    w = skew(x[3:])
-    return np.block([[w, skew(x[:3])], [np.zeros((3, 3)), w]])
+    out = np.zeros((6, 6))
+    out[:3, :3] = out[3:, 3:] = skew(x[3:])
+    out[:3, 3:] = skew(x[:3])
+    return out
 
 
 def _se2(x: np.ndarray) -> np.ndarray:
@@ -52,9 +54,7 @@ class Manifold:
         self.flat = model.nq == model.nv
         self.blocks: list[tuple[str, slice, Ad, slice]] = []
         self.circles: list[int] = []  # tangent indices of unbounded revolute joints
-        self.turning = np.zeros(
-            model.nv, bool
-        )  # tangent components that are angles without a magnitude of their own
+        self.turning = np.zeros(model.nv, bool)  # tangent components that are angles without a magnitude of their own
         for name, joint in zip(model.names[1:], list(model.joints)[1:], strict=True):
             self._collect(name, joint, joint.idx_v)
 
@@ -94,7 +94,8 @@ class Manifold:
             StepError: where a spherical, planar or free joint turns by more than 3 rad in one step.
         """
         for name, s, _, turn in self.blocks:
-            if np.linalg.norm(x[s][turn]) > LARGEST_TURN:
+            angles = x[s][turn]
+            if angles.dot(angles) > LARGEST_TURN**2:
                 raise StepError("chart", f"joint {name!r} turns by more than {LARGEST_TURN} rad in one step")
 
     def size(self, q: np.ndarray) -> np.ndarray:

@@ -32,7 +32,7 @@ def restore(system: "Descriptor", t: float, y: Array) -> Array:
     if not system.ng:
         return y
     q, v = system.split(y)
-    U = np.triu(system.inertia(t, q))
+    U = system.inertia(t, q)
     g, G = system.closures(None, t)
     system.counts.state_projections += 1
     move = 0.0

@@ -1,7 +1,9 @@
 """Dependent constraint rows: rank, and a well-conditioned choice of independent rows."""
 
 import numpy as np
-from scipy.linalg.lapack import dgeqp3
+from scipy.linalg.lapack import dgelss, dgeqp3
+
+from ..errors import StepError
 
 RANK_TOLERANCE = 1e-8
 WORST_CONDITIONING = 0.1
@@ -11,12 +13,12 @@ GROWN = 1e-2
 def pivots(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pivoted QR of B (nv, m): column order (m,) and |diag R| (min(nv, m),), decreasing."""
     qr, order, *_ = dgeqp3(B)
-    return order - 1, np.abs(np.diagonal(qr))
+    return order - 1, np.abs(qr.diagonal())
 
 
 def rank(diagonal: np.ndarray) -> int:
-    """Number of pivots above 1e-8 of the largest."""
-    return int((diagonal > RANK_TOLERANCE * diagonal.max(initial=0.0)).sum())
+    """Number of pivots above 1e-8 of the largest, which is the first."""
+    return int(np.count_nonzero(diagonal > RANK_TOLERANCE * diagonal[:1]))
 
 
 def grown(diagonal: np.ndarray, r: int) -> bool:
@@ -27,7 +29,31 @@ def grown(diagonal: np.ndarray, r: int) -> bool:
     return len(diagonal) > r and bool(diagonal[r] > GROWN * diagonal[0])
 
 
-def choose(B: np.ndarray, rows: np.ndarray | None, r: int) -> np.ndarray:
+def confirmed(diagonal: np.ndarray, r: int | None, t: float) -> int:
+    """Return the rank that decreasing pivots show, which must be r, the rank found before, if any.
+
+    Raises:
+        StepError: where the rank has changed, at time t.
+    """
+    now = rank(diagonal)
+    if r is None:
+        return now
+    if now < r:
+        raise StepError(
+            "rank", f"the rank of the closures falls from {r} to {now} at t = {t:.17g}: a singular configuration"
+        )
+    if grown(diagonal, r):
+        raise StepError(
+            "rank",
+            f"the rank of the closures rises above {r} at t = {t:.17g}: "
+            "the run began in a singular configuration, or rows that depended on others have drifted open",
+        )
+    return r
+
+
+def choose(
+    B: np.ndarray, rows: np.ndarray | None, r: int, found: tuple[np.ndarray, np.ndarray] | None = None
+) -> np.ndarray:
     """Choose r independent columns of B = M^{-1/2} G^T, (nv, ng): the rows in use as long as they serve.
 
     They are given up when their smallest pivot falls below a tenth of the best choice's.
@@ -36,18 +62,21 @@ def choose(B: np.ndarray, rows: np.ndarray | None, r: int) -> np.ndarray:
         B: scaled transposed constraint Jacobian.
         rows: the rows in use, (r,), or None at the start.
         r: how many.
+        found: `pivots` of B, if they were computed already.
 
     Returns:
         Sorted indices, (r,).
     """
-    order, best = pivots(B)
-    if rows is not None and (
-        len(rows) == B.shape[1] or pivots(B[:, rows])[1][r - 1] >= WORST_CONDITIONING * best[r - 1]
-    ):
+    if rows is not None and len(rows) == B.shape[1]:
+        return rows
+    order, best = found or pivots(B)
+    if rows is not None and pivots(B[:, rows])[1][r - 1] >= WORST_CONDITIONING * best[r - 1]:
         return rows
     return np.sort(order[:r])
 
 
 def minimum_norm(G: np.ndarray, force: np.ndarray) -> np.ndarray:
     """The multipliers of smallest norm, (ng,), with G^T lam = force (nv,) for dependent rows of G (ng, nv)."""
-    return np.linalg.lstsq(G.T, force, rcond=RANK_TOLERANCE)[0]
+    rhs = np.zeros(max(G.shape))
+    rhs[: len(force)] = force
+    return dgelss(G.T, rhs, cond=RANK_TOLERANCE)[1][: len(G)]

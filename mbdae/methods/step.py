@@ -27,18 +27,19 @@ def half_explicit_step(system: System, tableau: "Tableau", t: float, h: float, s
     n, first = len(a.c), int(tableau.explicit_first)
     chart = system.chart(t, state.y)
     F = np.zeros((n, system.ny))
+    A, Ahat = h * a.A, h * a.Ahat
+    times, met, factors = (t + a.c * h).tolist(), (t + a.chat * h).tolist(), Ahat.diagonal().tolist()
     if first:
         F[0], z = chart.first(state.carry)
-    for i in range(first, n):
-        x, xhat = h * (a.A[i, :i] @ F[:i]), h * (a.Ahat[i, :i] @ F[:i])
-        F[i], z = chart.stage(t + a.c[i] * h, x, t + a.chat[i] * h, xhat, h * a.Ahat[i, i])
-    x = h * (a.b @ F) if state.low is None else h * (a.b @ F) + state.low
+    for i in range(first, n):  # F_i and what follows are still zero
+        F[i], z = chart.stage(times[i], A[i].dot(F), met[i], Ahat[i].dot(F), factors[i])
+    x = h * a.b.dot(F) if state.low is None else h * a.b.dot(F) + state.low
     y = chart.point(x)
     carry = system.carry(F[-1], z) if first else None
-    errors = [h * (e @ F) for e in a.e]
+    errors = h * a.e.dot(F)
     if tableau.project_embedded:
-        errors = [chart.project(e) for e in errors]
-    return Step(State(y, carry, system.lost(state.y, x, y)), chart.own(z), np.array(errors))
+        errors = np.array([chart.project(e) for e in errors])
+    return Step(State(y, carry, system.lost(state.y, x, y)), chart.own(z), errors)
 
 
 def doubled_step(
