@@ -10,7 +10,7 @@ from .system import State, System
 
 if TYPE_CHECKING:
     from .pace import Pace
-    from .solve import _Run
+    from .run import Run
 
 SECONDS = 0.05  # of computing between looks at progress and Ctrl-C
 MANY = 2000  # steps
@@ -63,7 +63,7 @@ class Core:
         self.course = system.native.Course()
         self.course.project, self.course.seconds = project, SECONDS
 
-    def advance(self, run: "_Run", pace: "Pace", budget: int | None) -> int:
+    def advance(self, run: "Run", pace: "Pace", budget: int | None) -> int:
         """Take steps until something asks for Python: at most ``budget``, or some tenths of a second.
 
         Steps, rejections and the state are those of the run afterwards, also when this is interrupted.
@@ -89,7 +89,7 @@ class Core:
             self._record(run)
         return c.taken + c.rejected
 
-    def _record(self, run: "_Run") -> None:
+    def _record(self, run: "Run") -> None:
         c, watch = self.course, run.singular
         if not c.taken:
             return

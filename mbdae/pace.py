@@ -188,9 +188,7 @@ class Fixed:
 class Adaptive:
     """Steps under control: the error of q and v per step stays below atol + rtol max(|y_n|, |y_n+1|)."""
 
-    def __init__(
-        self, power: int, rtol: Any, atol: float | Array | None, first: float | None, largest: float
-    ) -> None:
+    def __init__(self, power: int, rtol: Any, atol: float | Array | None, first: float | None, largest: float) -> None:
         if not (isinstance(rtol, Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
             raise InputError(f"rtol = {rtol!r} cannot be met: it must be a finite number, at least {SMALLEST_RTOL:.2g}")
         self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)

@@ -145,12 +145,12 @@ class Solution:
         """
         if isinstance(self.system, Compiled):
             return self.system.multipliers(self.t, self.y)
-        if isinstance(self.system, Compiled):
-            return self.system.multipliers(self.t, self.y)
         out = np.full((len(self.t), self.system.nz), np.nan)
-        for i, near in enumerate(self.z_own):
+        if isinstance(self.system, Compiled):
+            out = self.system.multipliers(self.t, self.y)
+        for i in np.flatnonzero(np.isnan(out).any(axis=1)):
             with suppress(StepError):
-                out[i] = self.system.derivative(self.t[i], self.y[i], near)[1]
+                out[i] = self.system.derivative(self.t[i], self.y[i], self.z_own[i])[1]
         return out
 
     @property

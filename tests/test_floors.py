@@ -28,6 +28,8 @@ ROOMS = {  # files that were split off, and the room they belong to
     "jumps": "solve",
     "singular": "solve",
     "baseline": "solve",
+    "course": "solve",
+    "run": "solve",
     "console": "__main__",
     "study_commands": "__main__",
     "sweep_command": "__main__",

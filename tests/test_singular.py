@@ -11,7 +11,7 @@ import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import AssemblyError, StepError, UnknownNameError
 
-HORIZONTAL = [0.714355529, 1.228159387, 2.65687, 3.170674]  # s: when the cranks of two four-bars lie along x
+HORIZONTAL = [0.714355529, 1.228159387, 2.65687, 3.170674, 4.599385]  # s: when the cranks of two four-bars lie along x
 
 
 def cranks(sol):
@@ -54,7 +54,7 @@ def test_loops_that_have_drifted_open_stop_before(options):
     assert "project=True" in sol.message
     assert sol.t[-1] <= sol.singular[-1].t
     assert np.ptp(cranks(sol), axis=1).max() < 1e-4
-    np.testing.assert_allclose([x.t for x in sol.singular], HORIZONTAL[: len(sol.singular)], atol=0.01)
+    np.testing.assert_allclose([x.t for x in sol.singular], HORIZONTAL[: len(sol.singular)], atol=0.015)
 
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-8])
@@ -91,7 +91,7 @@ def test_a_velocity_that_jumps_in_a_singular_configuration_ends_the_run(monkeypa
         return honest(self, t, y)
 
     monkeypatch.setattr(Descriptor, "restore", jumping)
-    sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 1), step=0.001, project=True)
+    sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 1), step=0.001, project=True, backend="python")
     assert sol.status == "rank"
     assert "went over to another branch" in sol.message
     assert sol.t[-1] < jumped[0]

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae import MbdaeError
+from mbdae import MbdaeError, course, run
 from mbdae.studies.drift import drift
+
+LOOP = ("_march", "_one", "accept", "advance", "_record", "extend")
 
 
 @pytest.fixture(scope="module")
@@ -120,20 +122,37 @@ def test_interrupt_within_the_progress_bar(four_bar, times):
         if done > 0.4:
             raise KeyboardInterrupt
 
-    sol = consistent(mbdae.solve(four_bar, (0, 2), progress=press, t_eval=times))
+    sol = consistent(mbdae.solve(four_bar, (0, 2), progress=press, t_eval=times, backend="python"))
     assert sol.status == "interrupted"
     assert 0.7 < sol.t[-1] < 1.1
 
 
-def test_interrupt_at_any_line_of_the_loop(four_bar):
-    file = mbdae.solve.__code__.co_filename
+def test_interrupt_between_the_steps_of_the_compiled_core(four_bar):
+    """They come by the hundred, several times a second: all of them are kept."""
+
+    def press(done):
+        seen.append(done)
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+
+    seen = []
+    sol = mbdae.solve(four_bar, (0, 1000), step=1e-3, progress=press)
+    assert (sol.status, sol.stats["backend"]) == ("interrupted", "native")
+    assert sol.t[-1] == pytest.approx(1000 * seen[-1], rel=1e-9)
+    assert len(sol.t) == sol.stats["steps"] + 1 == len(sol.y) == len(sol.z_own)
+    assert np.isfinite(sol.y).all()
+
+
+@pytest.mark.parametrize(("backend", "lines"), [("python", range(60, 260, 3)), ("native", range(2, 32))])
+def test_interrupt_at_any_line_of_the_loop(four_bar, backend, lines):
+    files = {mbdae.solve.__code__.co_filename, course.__file__, run.__file__}
     statuses = set()
-    for line in range(60, 260, 3):  # the line at which the interrupt falls, counted in the loop and the record
+    for line in lines:  # the line at which the interrupt falls, counted in the loop and the record
         seen = 0
 
         def trace(frame, event, arg, line=line):
             nonlocal seen
-            if frame.f_code.co_filename != file or frame.f_code.co_name not in ("_march", "accept"):
+            if frame.f_code.co_filename not in files or frame.f_code.co_name not in LOOP:
                 return trace if frame.f_code.co_name == "solve" else None
             if event == "line":
                 seen += 1
@@ -144,7 +163,7 @@ def test_interrupt_at_any_line_of_the_loop(four_bar):
 
         sys.settrace(trace)
         try:
-            sol = mbdae.solve(four_bar, (0, 2), rtol=1e-6)
+            sol = mbdae.solve(four_bar, (0, 2), rtol=1e-6, backend=backend)
         finally:
             sys.settrace(None)
         statuses.add(sol.status)
@@ -156,7 +175,7 @@ def test_interrupt_at_any_line_of_the_loop(four_bar):
 def test_progress_rises_to_one(four_bar):
     for options in ({}, {"step": 0.03}):
         seen = []
-        mbdae.solve(four_bar, (0, 1), progress=seen.append, **options)
+        mbdae.solve(four_bar, (0, 1), progress=seen.append, backend="python", **options)
         assert seen == sorted(seen)
         assert seen[-1] == 1
         assert 0 < seen[0] < 1

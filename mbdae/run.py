@@ -1,0 +1,89 @@
+"""State and record of a run."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .jumps import Jumps
+from .singular import SingularWatch
+from .solution import Problem, Solution
+from .system import Array, State, Step, System
+
+if TYPE_CHECKING:
+    from .course import Core
+
+
+class Run:
+    """State and record of a run."""
+
+    def __init__(
+        self, problem: Problem, tableau: Any, t0: float, ahead: Jumps, start: Array, system: System, project: bool
+    ) -> None:
+        self.problem, self.tableau, self.t, self.t1 = problem, tableau, t0, ahead.t1
+        self.ahead, self.sign, self.crossed = ahead, ahead.sign, 0
+        self.system, self.project = system, project
+        self.state = State(start)
+        self.rejected: int | None = 0
+        self.ts, self.ys, self.zs = [t0], [start], [np.full(self.system.nz, np.nan)]
+        self.singular: SingularWatch | None = None
+        self.core: Core | None = None
+        self._record: Solution | None = None
+
+    def begin(self) -> None:
+        """Find the derivative at the start; a method with an explicit first stage carries it."""
+        self.ys[-1] = self.system.jump(self.t, self.ys[-1])
+        self.F, self.zs[-1] = self.system.derivative(self.t, self.ys[-1])
+        self.state = State(self.ys[-1], self.system.carry(self.F, self.zs[-1]))
+        self.leg = self.ahead.leg(self.t)
+
+    def cross(self, t: float) -> None:
+        """Begin again behind a jump, at time t: a second point of the solution, right after the one before."""
+        self.zs.append(self.zs[-1])
+        self.ys.append(self.ys[-1])
+        self.ts.append(t)
+        self.t, self.crossed = t, self.crossed + 1
+        self.begin()
+
+    @property
+    def steps(self) -> int:
+        """Number of accepted steps."""
+        return len(self.ts) - 1 - self.crossed
+
+    def left(self) -> float:
+        """Time left to the end of the leg, positive."""
+        return abs(self.leg.stop - self.t)
+
+    def to_go(self) -> float:
+        """Time left to the end of the span, positive."""
+        return abs(self.t1 - self.t)
+
+    def accept(self, t: float, step: Step) -> None:
+        """Record a step; the time comes last, so that an interrupt in between leaves the record readable."""
+        self.zs.append(step.z)
+        self.ys.append(step.state.y)
+        self.ts.append(t)
+        self.t, self.state = t, step.state
+
+    def extend(self, ts: list[float], ys: Array, zs: Array, state: State) -> None:
+        """Record several steps, after the last of which the state is known."""
+        if ts:
+            self.zs.extend(zs)
+            self.ys.extend(ys)
+            self.ts.extend(ts)
+            self.t, self.state = ts[-1], state
+
+    def end_at(self, t: float, y: Array) -> None:
+        """Replace the last step's end by an event inside it; leave the step out if the event is at its start."""
+        if t == self.ts[-2]:
+            for record in (self.ts, self.ys, self.zs):
+                record.pop()
+        self.t, self.ts[-1], self.ys[-1] = t, t, y
+        self.zs[-1] = self.system.derivative(t, y)[1]
+
+    def record(self) -> Solution:
+        """The run so far as a solution that shares the lists: its dense output serves the events."""
+        if self._record is None:
+            order = self.tableau.order_linear if hasattr(self.problem, "model") else self.tableau.order
+            settings = {"dense_order": max(1, order - 1)}
+            self._record = Solution(self.problem, self.ts, self.ys, self.zs, "finished", "", {}, settings)  # type: ignore[arg-type]
+        return self._record
