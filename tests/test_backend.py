@@ -5,7 +5,6 @@ import sys
 import warnings
 from importlib.metadata import version
 
-import numpy as np
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
@@ -121,14 +120,5 @@ def test_info_names_versions_and_back_end():
 
 
 @pytest.mark.skipif(backend.load() is None, reason=backend.status())
-def test_the_core_calls_this_pinocchio():
-    native = backend.load()
-    assert native.version() == HERE
-    model = mbdae.load("humanoid_stance").model
-    q = pin.integrate(model, pin.neutral(model), np.sin(np.arange(model.nv)))
-    upper = np.triu(pin.crba(model, model.createData(), q))
-    np.testing.assert_allclose(native.mass_matrix(model, q), upper + np.triu(upper, 1).T, atol=1e-12)
-    with pytest.raises(ValueError, match="q has the wrong size"):
-        native.mass_matrix(model, q[1:])
-    with pytest.raises(ValueError, match=r"expected a pinocchio\.Model"):
-        native.mass_matrix("model", q)
+def test_the_core_knows_what_it_was_built_for():
+    assert backend.load().version() == HERE
