@@ -146,11 +146,11 @@ class Manifold:
 
 def inverse_jacobian(X: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return J v = v + X v/2 + sum_k B_2k/(2k)! X^2k v, the inverse right Jacobian of exp for X = ad_x."""
-    out = v + 0.5 * (X @ v)
-    term, square = v, X @ X
+    out = v + 0.5 * X.dot(v)
+    term, square, small = v, X.dot(X), 1e-17 * (1e-300 + np.abs(v).max())
     for b in _EVEN:
-        term = square @ term
+        term = square.dot(term)
         out += b * term
-        if np.abs(term).max() * abs(b) < 1e-17 * (1e-300 + np.abs(v).max()):
+        if np.abs(term).max() * abs(b) < small:
             break
     return out
