@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .console import FAILED, RTOL, as_json, bar, emit, writable
+from .console import FAILED, PICTURES, RTOL, as_json, bar, emit, writable
 
 
 @click.command()
@@ -14,8 +14,9 @@ from .console import FAILED, RTOL, as_json, bar, emit, writable
 @click.option("--workers", type=int, help="Threads or processes; one for each processor when left out.")
 @click.option("--executor", type=click.Choice(["threads", "processes"]), help="Threads with the compiled core.")
 @click.option("--fresh", is_flag=True, help="Do not go on from the file, write it anew.")
+@click.option("--plot", type=click.Path(dir_okay=False), help="Draw the first output as .png, .svg or .pdf.")
 @as_json
-def sweep(file: str, output: str | None, fresh: bool, as_json: bool, **chosen: Any) -> None:
+def sweep(file: str, output: str | None, fresh: bool, plot: str | None, as_json: bool, **chosen: Any) -> None:
     """Run a model for many values of its parameters, as a file of TOML says: a grid, a list or a random sample.
 
     Runs that fail are rows with a status. Ctrl-C keeps what is finished; with -o the same command goes on from there.
@@ -24,13 +25,15 @@ def sweep(file: str, output: str | None, fresh: bool, as_json: bool, **chosen: A
     from .studies.sweep import sweep as study
     from .studies.sweep_toml import read_sweep
 
-    written = writable((output, (".parquet",)))
+    written = writable((output, (".parquet",)), (plot, PICTURES))
     arguments = {**read_sweep(file), **{key: value for key, value in chosen.items() if value is not None}}
     said = {*arguments, *(name.removeprefix("solve.") for name in swept(arguments["parameters"]))}
     if not said & {"rtol", "step"}:
         arguments["rtol"] = RTOL
     with bar("sweep", 1.0) as tell:
         result = study(**arguments, path=output, fresh=fresh, progress=tell)
+    if plot and result.complete:
+        result.plot(plot)
     wrote = written if result.complete else []
     emit({**result.to_dict(), "written": wrote}, "\n".join([str(result), *(f"wrote {p}" for p in wrote)]), as_json)
     if not result.complete:

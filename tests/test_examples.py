@@ -104,6 +104,17 @@ def test_energy_and_drift(tmp_path, capsys):
     assert "formulation" in capsys.readouterr().out
 
 
+def test_tolerance_sweep(tmp_path, capsys):
+    path, plot = tmp_path / "runs.parquet", tmp_path / "runs.png"
+    result = example("tolerance_sweep").main(n=12, end=1.0, path=path, plot=plot, executor="threads")
+    assert result.complete
+    assert not result.failed
+    force = result["peak force.wrist pin"]
+    assert 5e-4 < force.std() / force.mean() < 5e-3  # links that vary by two thousandths
+    assert plot.stat().st_size > 10_000
+    assert "standard deviation" in capsys.readouterr().out
+
+
 def test_own_method(capsys):
     try:
         study = example("own_method").main()
