@@ -11,7 +11,6 @@ import numpy as np
 
 from . import backend
 from .archive import read, write
-from .backend import load
 from .columns import signals
 from .errors import InputError, StepError
 from .events import Event
@@ -143,8 +142,6 @@ class Solution:
 
         NaN where they cannot be found, for instance in the singular configuration that ended a run.
         """
-        if isinstance(self.system, Compiled):
-            return self.system.multipliers(self.t, self.y)
         out = np.full((len(self.t), self.system.nz), np.nan)
         if isinstance(self.system, Compiled):
             out = self.system.multipliers(self.t, self.y)
