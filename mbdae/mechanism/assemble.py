@@ -66,7 +66,7 @@ def close_position(system: "Descriptor", q: Array, held: Array, t: float) -> Arr
         AssemblyError: if |g| falls below 1e-10 from nowhere; says what stays open from the start that came nearest.
         InputError: if a frame or axis is turned over in all that is found, or numbers are not finite.
     """
-    mech, free = system.mechanism, np.setdiff1d(np.arange(system.nv), held)
+    mech, free = system.mechanism, np.delete(np.arange(system.nv), held)
     if not mech.ng:
         return q
     g, G = system.closures(q, t)
@@ -183,7 +183,7 @@ def close_velocity(system: "Descriptor", q: Array, v: Array, held: Array, t: flo
         AssemblyError: if the held velocities contradict the closures.
         InputError: if a body without inertia makes the mass metric singular.
     """
-    mech, free = system.mechanism, np.setdiff1d(np.arange(system.nv), held)
+    mech, free = system.mechanism, np.delete(np.arange(system.nv), held)
     G, g_t = system.closures(q)[1], system.g_t(t)
     if not (G @ v + g_t).any():
         return v

@@ -1,6 +1,7 @@
 """Loop closures: joint constraints between two frames, and couplings between the coordinates of two joints."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -170,20 +171,10 @@ class Closure(Table):
     def rows(self) -> Sequence[Rows | Coordinate]:
         """The primitive rows that this closure is composed of."""
         if self.joints:
-            return [Coordinate(*self.joints, self.coefficients or ())]
+            return (Coordinate(*self.joints, self.coefficients or ()),)
         if self.kind == "distance":
-            return [Distance(float(self.length or 0))]
-        gap, direction = BETWEEN_FRAMES[self.kind]
-        axis, second = self._unit_axes()
-        normals, (x, y, z) = np.linalg.svd(axis[None])[2][1:].T, np.eye(3)
-        gaps = {"all": np.eye(3), "across": normals, "along": axis[:, None]}
-        axes = {
-            "axis": (normals, np.column_stack([second, second])),
-            "frame": (np.array([x, y, z]).T, np.array([y, z, x]).T),
-            "cross": (axis[:, None], second[:, None]),
-        }
-        out: list[Rows] = [Gap(gaps[gap])] if gap else []
-        return [*out, Axes(*axes[direction])] if direction else out
+            return (Distance(float(self.length or 0)),)
+        return _between_frames(self.kind, self.axis or Z, self._other_axis)
 
     def agreeing(self) -> tuple[np.ndarray, np.ndarray]:
         """Unit axes of frames a and b that point the same way where the closure is closed, (3, m) each; m may be 0."""
@@ -203,9 +194,31 @@ class Closure(Table):
         return bool((a * (relative @ b)).sum() < (a.shape[1] - 1) / 2)
 
     def _unit_axes(self) -> tuple[np.ndarray, np.ndarray]:
-        axis = self.axis or Z
-        other = self.second_axis or (X if self.kind == "universal" else axis)
-        return np.array(axis) / np.linalg.norm(axis), np.array(other) / np.linalg.norm(other)
+        return _unit(self.axis or Z), _unit(self._other_axis)
+
+    @property
+    def _other_axis(self) -> Axis:
+        return self.second_axis or (X if self.kind == "universal" else self.axis or Z)
+
+
+@lru_cache(maxsize=256)
+def _between_frames(kind: str, axis: Axis, other: Axis) -> tuple[Rows, ...]:
+    """Rows between frames; workspaces share them, and they hold nothing that changes."""
+    gap, direction = BETWEEN_FRAMES[kind]
+    first, second = _unit(axis), _unit(other)
+    normals, (x, y, z) = np.linalg.svd(first[None])[2][1:].T, np.eye(3)
+    gaps = {"all": np.eye(3), "across": normals, "along": first[:, None]}
+    axes = {
+        "axis": (normals, np.column_stack([second, second])),
+        "frame": (np.array([x, y, z]).T, np.array([y, z, x]).T),
+        "cross": (first[:, None], second[:, None]),
+    }
+    out: list[Rows] = [Gap(gaps[gap])] if gap else []
+    return (*out, Axes(*axes[direction])) if direction else tuple(out)
+
+
+def _unit(axis: Axis) -> np.ndarray:
+    return np.array(axis) / np.linalg.norm(axis)
 
 
 def keys(kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:

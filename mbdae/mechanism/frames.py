@@ -73,7 +73,7 @@ def find_joint(model: pin.Model, name: str) -> pin.JointModel:
     Raises:
         UnknownNameError: lists the names that exist.
     """
-    if name not in joint_names(model):
+    if not isinstance(name, str) or name == "universe" or not model.existJointName(name):
         raise UnknownNameError("joint", name, joint_names(model))
     return model.joints[model.getJointId(name)]
 
