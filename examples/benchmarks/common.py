@@ -56,11 +56,18 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
+def digits(x: float | None, n: int = 3) -> str:
+    """Return a number in at least n digits without an exponent, or a dash."""
+    if x is None:
+        return "-"
+    return f"{x:.0f}" if x >= 10**n else f"{x:.{n}g}"
+
+
 def ratio(a: float | None, b: float | None) -> str:
     """Return a / b in two digits, or a dash."""
-    return f"{a / b:.2g}" if a and b else "-"
+    return digits(a / b, 2) if a and b else "-"
 
 
 def microseconds(seconds: float | None) -> str:
     """Return microseconds in three digits, or a dash."""
-    return "-" if seconds is None else f"{1e6 * seconds:.3g}" if seconds < 1e-3 else f"{1e6 * seconds:.0f}"
+    return digits(None if seconds is None else 1e6 * seconds)

@@ -12,7 +12,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from common import brief, machine, medians, ratio, table
+from common import brief, digits, machine, medians, ratio, table
 
 import mbdae
 
@@ -53,8 +53,8 @@ def main(argv: Sequence[str] | None = None) -> dict[tuple[str, int], float]:
         [
             executor,
             str(workers),
-            f"{t:.3g}",
-            f"{n / t:.0f}",
+            digits(t),
+            digits(n / t),
             ratio(times[executor, 1], t),
             ratio(times["threads", 1], t),
         ]

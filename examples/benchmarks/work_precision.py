@@ -8,13 +8,13 @@ that the four-bar nearly rests at 10 s, where errors of the phase count little: 
 
 The settings. mbdae: atol = rtol; "projected" keeps g = 0 and G v = 0 after each step. scipy: DOP853, atol = rtol, on
 pin.constraintDynamics with Baumgarte's alpha = beta = 100 1/s (Kp = 1e4, Kd = 200; proximal accuracy 1e-12, mu =
-1e-10), and once more with the alpha that was the fastest of several from 0 to 5000 1/s; Andrews' spring by hand in
-terms of its angle. solve_dae: Radau, atol = rtol, on the GGL form in absolute angles, written by hand in a few matrix
-products, with the exact Jacobian. MuJoCo: RK4, solref = (2 steps, 1), solimp = (0.9999, 0.9999, 0.001), tolerance
-1e-14; its C loop is entered 20 times only. Exudyn: generalized alpha with spectral radius 1 on index 2, modified Newton
-to 1e-10, bodies in absolute coordinates. The double pendulum is a tree for mbdae, Pinocchio and MuJoCo; solve_dae keeps
-the elbow by a constraint, as "elbow cut" does in mbdae, and Exudyn all hinges. Largest |g| in m: over all steps; for
-MuJoCo and Exudyn over 20 times, and there without the hinges.
+1e-10); the four-bar once more with alpha = 10 1/s, the fastest of several, which on Andrews differ little; Andrews'
+spring by hand in terms of its angle. solve_dae: Radau, atol = rtol, on the GGL form in absolute angles, written by hand
+in a few matrix products, with the exact Jacobian. MuJoCo: RK4, solref = (2 steps, 1), solimp = (0.9999, 0.9999, 0.001),
+tolerance 1e-14; its C loop is entered 20 times only. Exudyn: generalized alpha with spectral radius 1 on index 2,
+modified Newton to 1e-10, bodies in absolute coordinates. The double pendulum is a tree for mbdae, Pinocchio and MuJoCo;
+solve_dae keeps the elbow by a constraint, as "elbow cut" does in mbdae, and Exudyn all hinges. Largest |g| in m: over
+all steps; for MuJoCo and Exudyn over 20 times, and there without the hinges.
 
 Run: python examples/benchmarks/work_precision.py [--brief]
 """
@@ -26,13 +26,14 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from common import brief, machine, medians, ratio, table
+from common import brief, digits, machine, medians, ratio, table
 from peers import Runner, solvers
 from planar import Problem
 from problems import PROBLEMS
 
 TARGETS = (1e-3, 1e-6, 1e-9)  # rad
 DRIFT = 1e-9  # m
+CAP, LONG, SHORT = 5.0, 1.0, 0.05  # s: no run is longer; longer ones are timed once; shorter ones always repeated
 PICTURE = Path(__file__).parent.parent / "pictures" / "work_precision_peers.png"
 TOLERANCES = np.logspace(-2, -13, 23)
 
@@ -53,7 +54,7 @@ def values(problem: Problem, stepped: bool) -> Iterable[float]:
 
 
 def curve(runner: Runner, values: Iterable[float], reference: np.ndarray, least: float, cap: float) -> Iterator[Point]:
-    """Run from coarse to fine until the least error is passed, or the next run would take longer than cap seconds."""
+    """Run from coarse to fine until least error and drift are passed, or a run would take longer than cap seconds."""
     last = 0.0
     for value in values:
         run = runner(value)
@@ -61,7 +62,9 @@ def curve(runner: Runner, values: Iterable[float], reference: np.ndarray, least:
             continue
         error = float(np.abs(run.end - reference).max())
         yield Point(value, run.seconds, error, run.g)
-        if error < least / 3 or max(2.0, run.seconds / max(last, run.seconds / 4)) * run.seconds > cap:
+        if (error < least / 3 and run.g <= DRIFT) or max(
+            2.0, run.seconds / max(last, run.seconds / 4)
+        ) * run.seconds > cap:
             return
         last = run.seconds
 
@@ -72,18 +75,19 @@ def cheapest(points: Sequence[Point], error: float, g: float = np.inf) -> Point 
 
 
 def measure(problem: Problem, targets: Sequence[float], cap: float, repeats: int) -> dict[str, list[Point]]:
-    """Points of each solver; those that count are timed again, in turn."""
+    """Points of each solver; those that count, and short ones, are timed again, in turn."""
     reference, runners, points = problem.reference(), {}, {}
     for name, (make, stepped) in solvers(problem).items():
         if (runner := make(problem)) is None:
             print(f"{name} is not installed: left out", file=sys.stderr)
             continue
+        print(f"{problem.title}: {name}", file=sys.stderr)
         runners[name] = runner
         points[name] = list(curve(runner, values(problem, stepped), reference, min(targets), cap))
-    chosen = {}
+    chosen = {(name, p.value): p for name, found in points.items() for p in found if p.seconds < SHORT}
     for name, found in points.items():
         for point in (cheapest(found, e, g) for e in targets for g in (np.inf, DRIFT)):
-            if point and point.seconds < 2.0:
+            if point and point.seconds < LONG:
                 chosen[name, point.value] = point
     again = {key: (lambda key=key: runners[key[0]](key[1]).seconds) for key in chosen}
     for key, seconds in medians(again, repeats).items():
@@ -98,7 +102,7 @@ def cells(points: Sequence[Point], targets: Sequence[float], g: float = np.inf) 
 
 def ms(times: Sequence[float | None]) -> str:
     """Return milliseconds in three digits."""
-    return " / ".join("n.r." if t is None else f"{1e3 * t:.3g}" for t in times)
+    return " / ".join("n.r." if t is None else digits(1e3 * t) for t in times)
 
 
 def power(x: float) -> str:
@@ -133,9 +137,13 @@ def draw(measured: dict[str, dict[str, list[Point]]], path: Path) -> None:
     for ax, (title, points) in zip(axes[0], measured.items(), strict=True):
         for name, found in points.items():
             i, ours = names.index(name), name.startswith(("pherk", "herk"))
-            style = {"color": f"C{i % 10}", "marker": "osD^v<>PX*"[i % 10], "ls": "-" if ours else "--"}
+            style = {
+                "color": f"C{i}" if i < 10 else "black",
+                "marker": "osD^v<>PX*"[i % 10],
+                "ls": "-" if ours else "--",
+            }
             ax.loglog([1e3 * p.seconds for p in found], [p.error for p in found], ms=3, lw=1, label=name, **style)
-        ax.set(title=title, xlabel="time (ms)", ylim=(1e-13, 10))
+        ax.set(title=title, xlabel="time (ms)", ylim=(1e-11, 10))
         ax.grid(alpha=0.3)
     axes[0, 0].set_ylabel("error of the joint angles at the end (rad)")
     handles = {t: h for ax in axes[0] for h, t in zip(*ax.get_legend_handles_labels(), strict=True)}
@@ -147,7 +155,7 @@ def draw(measured: dict[str, dict[str, list[Point]]], path: Path) -> None:
 def main(argv: Sequence[str] | None = None, picture: Path | None = None) -> dict[str, dict[str, list[Point]]]:
     """Print a table for each problem, draw the figure, and return the points."""
     short = brief(argv, __doc__)
-    targets, cap, repeats = ((1e-2, 1e-4), 0.15, 1) if short else (TARGETS, 30.0, 5)
+    targets, cap, repeats = ((1e-2, 1e-4), 0.15, 1) if short else (TARGETS, CAP, 5)
     print(machine("solve_dae", "mujoco", "exudyn"))
     measured = {}
     for title, problem in PROBLEMS.items():
