@@ -34,6 +34,9 @@ def test_python(code, tmp_path, monkeypatch):
 
 def test_commands(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    for language, code in BLOCKS:
+        if language == "toml" and (name := re.match(r"# (\S+\.toml)\n", code)):
+            (tmp_path / name[1]).write_text(code)
     first = next(c for c in COMMANDS if "mbdae run" in c and "install" in c)
     for command in [first.split("&&")[-1].strip(), *MBDAE]:
         result = CliRunner().invoke(cli, shlex.split(command)[1:])
