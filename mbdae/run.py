@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .jumps import Jumps
+from .rows import Rows
 from .singular import SingularWatch
 from .solution import Problem, Solution
 from .system import Array, State, Step, System
@@ -24,16 +25,16 @@ class Run:
         self.system, self.project = system, project
         self.state = State(start)
         self.rejected: int | None = 0
-        self.ts, self.ys, self.zs = [t0], [start], [np.full(self.system.nz, np.nan)]
+        self.ts, self.ys, self.zs = [t0], Rows(start), Rows(np.full(self.system.nz, np.nan))
         self.singular: SingularWatch | None = None
         self.core: Core | None = None
         self._record: Solution | None = None
 
     def begin(self) -> None:
         """Find the derivative at the start; a method with an explicit first stage carries it."""
-        self.ys[-1] = self.system.jump(self.t, self.ys[-1])
-        self.F, self.zs[-1] = self.system.derivative(self.t, self.ys[-1])
-        self.state = State(self.ys[-1], self.system.carry(self.F, self.zs[-1]))
+        y = self.ys[-1] = self.system.jump(self.t, self.ys[-1].copy())
+        self.F, z = self.system.derivative(self.t, y)
+        self.zs[-1], self.state = z, State(y, self.system.carry(self.F, z))
         self.leg = self.ahead.leg(self.t)
 
     def cross(self, t: float) -> None:
@@ -75,8 +76,7 @@ class Run:
     def end_at(self, t: float, y: Array) -> None:
         """Replace the last step's end by an event inside it; leave the step out if the event is at its start."""
         if t == self.ts[-2]:
-            for record in (self.ts, self.ys, self.zs):
-                record.pop()
+            del self.ts[-1:], self.ys[-1:], self.zs[-1:]
         self.t, self.ts[-1], self.ys[-1] = t, t, y
         self.zs[-1] = self.system.derivative(t, y)[1]
 

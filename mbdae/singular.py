@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 from .errors import StepError
 from .mechanism.descriptor import Descriptor
 from .mechanism.singular import Singular, ratio, singular
+from .rows import Rows
 from .solution import Solution
 from .system import Array
 
@@ -31,8 +32,8 @@ class Run(Protocol):
 
     system: Any
     ts: list[float]
-    ys: list[Array]
-    zs: list[Array]
+    ys: Rows
+    zs: Rows
 
     def record(self) -> Solution:
         """The run so far."""

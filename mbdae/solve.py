@@ -205,7 +205,7 @@ def _report(
     run: Run, watch: Watch, status: str, message: str, stats: dict, settings: dict, times: Array | None
 ) -> Solution:
     n = len(run.ts)
-    t, y, z = np.array(run.ts), np.array(run.ys[:n]), np.array(run.zs[:n])
+    t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
     hits = [[(w, p) for w, p in hits if (w - t[-1]) * run.sign <= 0] for hits in watch.found]
     found = [(np.array([w for w, _ in some]), np.array([p for _, p in some])) for some in hits]
     passed = run.singular.found if run.singular else []

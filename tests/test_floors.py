@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "mbdae"
 FLOORS = (  # a room imports from the floors below its own, never from rooms beside it
     ("errors",),
-    ("files", "linear", "dense", "events", "backend"),
+    ("files", "linear", "dense", "events", "rows", "backend"),
     ("system",),
     ("mechanism", "methods", "textbook"),
     ("solution",),

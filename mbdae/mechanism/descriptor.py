@@ -153,7 +153,7 @@ class Descriptor:
         """Multipliers of all rows, (ng,), from those in use: of minimum norm when rows depend on each other."""
         if len(rows) == self.ng:
             return lam
-        return rowmath.minimum_norm(G, lam.dot(G.take(rows, 0)))
+        return rowmath.minimum_norm(G, len(rows), lam.dot(G.take(rows, 0)))
 
     # -- the contract of mbdae.system ----------------------------------------------------------------------------
 

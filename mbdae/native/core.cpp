@@ -67,6 +67,11 @@ Core::Core(const void* model, bool flat, std::vector<Row> rows, std::vector<std:
     }
   }
   constraints.rows = std::move(rows);
+  for (Pair& p : constraints.pairs) p.turns_a = p.turns_b = false;
+  for (const Row& r : constraints.rows) {
+    if (r.kind == Row::gap || r.kind == Row::axes) constraints.pairs[r.pair].turns_a = true;
+    if (r.kind == Row::axes) constraints.pairs[r.pair].turns_b = true;
+  }
   all_.resize(ng), position_.assign(ng, -1), neighbours_.resize(ng);
   std::vector<std::vector<int>> users(nv);
   for (int k = 0; k < ng; ++k) {
@@ -82,7 +87,8 @@ Core::Core(const void* model, bool flat, std::vector<Row> rows, std::vector<std:
   for (Numbers* x : {&G_, &Z_, &Ghat_, &Zhat_}) x->assign(full, 0.0);
   for (Numbers* x : {&g_, &gt_, &gthat_, &lam_}) x->assign(ng, 0.0);
   for (Numbers* x : {&f_, &root_, &conservative_, &other_, &v_, &v0_, &tmp_, &probe_}) x->assign(nv, 0.0);
-  for (Numbers* x : {&dx_, &x_, &xhat_}) x->assign(ny, 0.0);
+  stride_ = (ny + 3) / 4 * 4;
+  for (Numbers* x : {&dx_, &x_, &xhat_}) x->assign(stride_, 0.0);
   for (Numbers* x : {&q_, &qhat_, &q0_, &neutral_}) x->assign(nq, 0.0);
   for (Numbers* x : {&s_, &s0_}) x->assign(ns + 1, 0.0);
   U_.assign(static_cast<size_t>(nv) * nv, 0.0);
@@ -230,28 +236,31 @@ void Core::own(const double* lam, double* z) {
   for (int k = 0; k < ng; ++k) z[k] = position_[k] >= 0 ? lam[k] : 0.0;
   const int d = static_cast<int>(dropped_.size()), r = static_cast<int>(rows_.size());
   if (!d || !r) return;
-  Numbers in(r), x(d, 0.0), res(d), p(d), Ap(d);
+  Numbers &in = own_[0], &x = own_[1], &res = own_[2], &p = own_[3], &Ap = own_[4];
+  in.resize(r), x.assign(d, 0.0), res.resize(d), p.resize(d), Ap.resize(d);
   auto product = [&](int k, int l) {
     double s = 0;
     for (int c : constraints.rows[k].columns)
       s += Z_[static_cast<size_t>(k) * nv + c] * Z_[static_cast<size_t>(l) * nv + c];
     return s;
   };
-  std::vector<std::vector<std::pair<int, double>>> cross(d);  // S_DR
+  struct Entry {
+    int i, j;
+    double s;
+  };
+  static thread_local std::vector<Entry> cross;  // S_DR
+  cross.clear();
   for (int i = 0; i < d; ++i)
     for (int l : neighbours_[dropped_[i]])
-      if (position_[l] >= 0) cross[i].emplace_back(position_[l], product(dropped_[i], l));
+      if (position_[l] >= 0) cross.push_back({i, position_[l], product(dropped_[i], l)});
   auto down = [&](Numbers& u, Numbers& out) {  // out = C u; u is lost
     lu_.solve(u.data());
-    for (int i = 0; i < d; ++i) {
-      out[i] = 0;
-      for (auto& [j, s] : cross[i]) out[i] += s * u[j];
-    }
+    std::fill(out.begin(), out.end(), 0.0);
+    for (const Entry& e : cross) out[e.i] += e.s * u[e.j];
   };
   auto up = [&](const Numbers& n, Numbers& out) {  // out = C^T n
     std::fill(out.begin(), out.end(), 0.0);
-    for (int i = 0; i < d; ++i)
-      for (auto& [j, s] : cross[i]) out[j] += s * n[i];
+    for (const Entry& e : cross) out[e.j] += e.s * n[e.i];
     lu_.solve(out.data());
   };
   for (int k : rows_) in[position_[k]] = lam[k];
@@ -325,10 +334,10 @@ void Core::choose_all() {  // where Z stands: see Descriptor.choose_rows and mbd
   if (chosen_) {
     if (rank == ng || !rank) return;
     const double best = diag_[rank - 1];
-    Numbers B(static_cast<size_t>(rank) * nv), d;
-    std::vector<int> o;
+    Numbers &B = own_[0], &d = own_[1];
+    B.resize(static_cast<size_t>(rank) * nv);
     for (int i = 0; i < rank; ++i) std::copy_n(&Z_[static_cast<size_t>(rows_[i]) * nv], nv, &B[static_cast<size_t>(i) * nv]);
-    pivots(nv, rank, B.data(), o, d, work_);
+    pivots(nv, rank, B.data(), spare_, d, work_);
     if (d[rank - 1] >= WORST_CONDITIONING * best) return;
   }
   std::vector<int> rows(order_.begin(), order_.begin() + rank);
@@ -482,20 +491,25 @@ void Core::step(const Tableau& a, double t, double h, const State& in, State& ou
   std::copy(y, y + nq, q0_.begin()), std::copy(y + nq, y + nq + nv, v0_.begin());
   std::copy(y + nq + nv, y + nq + nv + ns, s0_.begin());
   choose();
-  F_.resize(static_cast<size_t>(n) * ny);
+  const int stride = stride_;  // ny and some zeros: loops without remainders
+  if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
   double* F = F_.data();
   if (a.first) std::copy(v0_.begin(), v0_.end(), F), std::copy(in.carry.begin(), in.carry.end(), F + nv);
-  auto combine = [&](const double* w, int count, double* x) {
-    std::fill(x, x + ny, 0.0);
-    for (int j = 0; j < count; ++j)
-      if (w[j] != 0)
-        for (int k = 0; k < ny; ++k) x[k] += w[j] * F[static_cast<size_t>(j) * ny + k];
-    for (int k = 0; k < ny; ++k) x[k] *= h;
+  auto combine = [=](const double* w, int count, double* __restrict x) {
+    for (int k = 0; k < stride; ++k) x[k] = 0;
+    for (int j = 0; j < count; ++j) {
+      const double f = w[j];
+      if (f == 0) continue;
+      const double* __restrict from = F + static_cast<size_t>(j) * stride;
+      for (int k = 0; k < stride; k += 4)
+        x[k] += f * from[k], x[k + 1] += f * from[k + 1], x[k + 2] += f * from[k + 2], x[k + 3] += f * from[k + 3];
+    }
+    for (int k = 0; k < stride; ++k) x[k] *= h;
   };
   for (int i = a.first; i < n; ++i) {
     combine(&a.A[i * n], i, x_.data()), combine(&a.Ahat[i * n], i, xhat_.data());
     stage(t + a.c[i] * h, x_.data(), t + a.chat[i] * h, xhat_.data(), h * a.Ahat[i * n + i],
-          F + static_cast<size_t>(i) * ny, lam_.data(), i == n - 1);
+          F + static_cast<size_t>(i) * stride, lam_.data(), i == n - 1);
   }
   combine(a.b.data(), n, x_.data());
   if (!in.low.empty())
@@ -508,13 +522,14 @@ void Core::step(const Tableau& a, double t, double h, const State& in, State& ou
     const int i = k < nv ? k : k - nv + nq;
     out.low[k] = x_[k] - (out.y[i] - y[i]);
   }
-  if (a.first) out.carry.assign(F + static_cast<size_t>(n - 1) * ny + nv, F + static_cast<size_t>(n) * ny);
+  if (a.first) out.carry.assign(F + static_cast<size_t>(n - 1) * stride + nv, F + static_cast<size_t>(n - 1) * stride + ny);
   const bool dependent = !dropped_.empty() && !rows_.empty();
   if (!rows_.empty() && (a.project || dependent)) symmetric();
   errors.resize(static_cast<size_t>(a.errors) * ny);
   for (int e = 0; e < a.errors; ++e) {
     double* x = &errors[static_cast<size_t>(e) * ny];
-    combine(&a.e[e * n], n, x);
+    combine(&a.e[e * n], n, xhat_.data());
+    std::copy_n(xhat_.data(), ny, x);
     if (!a.project || rows_.empty()) continue;
     counts.projections += 1;
     const int r = static_cast<int>(rows_.size());
@@ -640,19 +655,9 @@ void Core::restore(double t, double* y) {
 double Core::bare(const double* q, const double* v, int repetitions) {
   evaluate(q, false);
   if (ng && !chosen_) choose_all();
-  const auto start = std::chrono::steady_clock::now();
-  for (int i = 0; i < repetitions; ++i) {
-    inertia(q);
-    m.bias(q, v, f_.data());
-    std::fill(lam_.begin(), lam_.end(), 0.0);
-    for (int k : rows_) {
-      const size_t at = static_cast<size_t>(k) * nv;
-      for (int c : constraints.rows[k].columns) Z_[at + c] = G_[at + c];
-      half(&Z_[at], constraints.rows[k].columns);
-    }
-    solve(Z_.data(), lam_.data(), f_.data());
-  }
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / repetitions;
+  Numbers G;
+  for (int k : rows_) G.insert(G.end(), &G_[static_cast<size_t>(k) * nv], &G_[static_cast<size_t>(k) * nv] + nv);
+  return m.bare(q, v, static_cast<int>(rows_.size()), G.data(), repetitions);
 }
 
 }  // namespace mbdae

@@ -85,7 +85,7 @@ class Core {
   void march(const Tableau& tableau, Course& course);
   void derivative(double t, const double* y, double* F, double* z);
   void restore(double t, double* y);
-  double bare(const double* q, const double* v, int repetitions);  // seconds of crba, nle, factorize and solve
+  double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
  private:
   // one point: M = U D U^T, G, and Z = D^-1/2 U^-1 G^T
@@ -133,7 +133,9 @@ class Core {
   double best_ = 0, now_ = 0;
   Numbers last_q_, U_, root_, G_, Z_, Ghat_, Zhat_, g_, gt_, gthat_, F_, q_, v_, s_, qhat_, q0_, v0_, s0_, f_, dx_, x_,
       xhat_, conservative_, other_, lam_, work_, diag_, neutral_, probe_, tmp_;
-  std::vector<int> order_;
+  Numbers own_[5];
+  std::vector<int> order_, spare_;
+  int stride_ = 0;
   BandLU lu_;
 };
 

@@ -1,6 +1,10 @@
 #include "mechanics.hpp"
 
+#include <chrono>
+
 #include <pinocchio/multibody.hpp>
+#include <Eigen/LU>
+#include <pinocchio/algorithm/cholesky.hpp>
 #include <pinocchio/algorithm/crba.hpp>
 #include <pinocchio/algorithm/jacobian.hpp>
 #include <pinocchio/algorithm/joint-configuration.hpp>
@@ -68,6 +72,29 @@ void Mechanics::integrate(const double* q, const double* x, double* out) {
 
 void Mechanics::difference(const double* q0, const double* q1, double* out) {
   Out(out, nv) = pinocchio::difference(w->model, VectorXd(In(q0, nq)), VectorXd(In(q1, nq)));
+}
+
+double Mechanics::bare(const double* q, const double* v, int r, const double* G_, int repetitions) {
+  using Matrix = Eigen::MatrixXd;
+  const Matrix GT = Eigen::Map<const Matrix>(G_, nv, r);
+  w->q = In(q, nq), w->v = In(v, nv);
+  Matrix X(nv, r + 1), S(r, r);
+  VectorXd lam(r), vdot(nv);
+  const auto start = std::chrono::steady_clock::now();
+  for (int i = 0; i < repetitions; ++i) {
+    pinocchio::crba(w->model, w->data, Vector(w->q), pinocchio::Convention::WORLD);
+    pinocchio::cholesky::decompose(w->model, w->data);
+    X.leftCols(r) = GT;
+    X.col(r) = -pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
+    pinocchio::cholesky::solve(w->model, w->data, X);
+    vdot = X.col(r);
+    if (r) {
+      S.noalias() = GT.transpose() * X.leftCols(r);
+      lam = S.partialPivLu().solve(-GT.transpose() * vdot);
+      vdot.noalias() += X.leftCols(r) * lam;
+    }
+  }
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / repetitions;
 }
 
 void Mechanics::neutral(double* q) { Out(q, nq) = pinocchio::neutral(w->model); }

@@ -25,6 +25,10 @@ class Mechanics {
   void difference(const double* q0, const double* q1, double* out);
   void neutral(double* q);
 
+  // Seconds of one crba, nle, Cholesky factorization of M and solve of the saddle-point system with G (r, nv) by rows,
+  // all with the routines of Pinocchio and Eigen: what a stage cannot do without.
+  double bare(const double* q, const double* v, int r, const double* G, int repetitions);
+
   const double* M() const;               // upper triangle by columns, (nv, nv)
   const double* J() const;               // at the world's origin by columns, (6, nv)
   const double* rotation(int joint) const;  // by columns

@@ -19,12 +19,17 @@ void turn(const double* R, const double* x, double* out) {
   for (int i = 0; i < 3; ++i) out[i] = R[3 * i] * x[0] + R[3 * i + 1] * x[1] + R[3 * i + 2] * x[2];
 }
 
-void place(const Mechanics& m, const Anchor& x, double* R, double* p) {
-  const double *o = m.rotation(x.joint), *at = m.position(x.joint);  // o by columns
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) R[3 * i + j] = o[i] * x.R[j] + o[3 + i] * x.R[3 + j] + o[6 + i] * x.R[6 + j];
-    p[i] = o[i] * x.p[0] + o[3 + i] * x.p[1] + o[6 + i] * x.p[2] + at[i];
+void place(const Mechanics& m, const Anchor& x, bool turns, double* __restrict R, double* __restrict p) {
+  if (!x.joint) return;  // fixed to the world: placed once
+  const double *__restrict o = m.rotation(x.joint), *__restrict at = m.position(x.joint);  // o by columns
+  for (int i = 0; i < 3; ++i) p[i] = o[i] * x.p[0] + o[3 + i] * x.p[1] + o[6 + i] * x.p[2] + at[i];
+  if (!turns) return;
+  if (x.straight) {
+    for (int i = 0; i < 3; ++i) R[3 * i] = o[i], R[3 * i + 1] = o[3 + i], R[3 * i + 2] = o[6 + i];
+    return;
   }
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) R[3 * i + j] = o[i] * x.R[j] + o[3 + i] * x.R[3 + j] + o[6 + i] * x.R[6 + j];
 }
 
 double angle(const double* q, int nq) { return nq == 1 ? q[0] : std::atan2(q[1], q[0]); }
@@ -42,9 +47,12 @@ Pair::Pair(const Mechanics&, const Anchor& a_, const Anchor& b_, const std::vect
   const std::set<int> of_a = all, of_b(supports[b.joint].begin(), supports[b.joint].end());
   all.insert(of_b.begin(), of_b.end());
   for (int i : all) columns.push_back(i), sign.push_back(static_cast<double>(of_b.count(i)) - of_a.count(i));
+  const double one[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  for (Anchor* x : {&a, &b}) x->straight = std::equal(one, one + 9, x->R);
+  std::copy(a.R, a.R + 9, Ra), std::copy(a.p, a.p + 3, pa), std::copy(b.R, b.R + 9, Rb), std::copy(b.p, b.p + 3, pb);
 }
 
-void Pair::locate(const Mechanics& m) { place(m, a, Ra, pa), place(m, b, Rb, pb); }
+void Pair::locate(const Mechanics& m) { place(m, a, turns_a, Ra, pa), place(m, b, turns_b, Rb, pb); }
 
 void Pair::twist(const Mechanics& m) {
   double other[6];

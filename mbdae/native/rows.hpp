@@ -13,6 +13,7 @@ struct Anchor {
   int joint = 0;
   double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // by rows
   double p[3] = {0, 0, 0};
+  bool straight = false;  // R = 1
 };
 
 // Two anchors, and the columns of J that move them: +1 where a joint moves b alone, -1 where it moves a alone.
@@ -25,9 +26,10 @@ struct Pair {
   void torque(const Mechanics& m, const double* wrench, double factor, double* tau) const;  // tau += factor J^T w
 
   Anchor a, b;
+  bool turns_a = true, turns_b = true;  // Ra, Rb are asked for
   std::vector<int> columns;   // that move a or b, in rising order, common ancestors included
   std::vector<double> sign;   // of each of them; 0 for common ancestors
-  double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];
+  double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
 };
 
 double unit_gap(const Pair& pair, double* n);  // distance, and the unit vector from a to b

@@ -1,0 +1,47 @@
+"""A table of numbers that grows at the end."""
+
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray
+
+
+class Rows:
+    """Rows of equal length, read like a list of them; as an array, `numpy` copies what is there.
+
+    A row counts when all of it is written, so that an interrupt in between leaves the table readable.
+    """
+
+    def __init__(self, first: Array) -> None:
+        self._data, self._n = np.array(first, float)[None], 1
+
+    def __len__(self) -> int:
+        return self._n
+
+    def __getitem__(self, i: Any) -> Array:
+        return self._data[: self._n][i]
+
+    def __setitem__(self, i: int, row: Array) -> None:
+        self._data[: self._n][i] = row
+
+    def __delitem__(self, i: slice) -> None:
+        """Take rows off at the end."""
+        self._n = i.indices(self._n)[0]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        return np.array(self._data[: self._n], dtype)
+
+    def append(self, row: Array) -> None:
+        """Add a row."""
+        self.extend(row[None])
+
+    def extend(self, rows: Array) -> None:
+        """Add several rows, (n, ...)."""
+        n = self._n + len(rows)
+        if n > len(self._data):
+            data = np.empty((2 * n, self._data.shape[1]))
+            data[: self._n] = self._data[: self._n]
+            self._data = data
+        self._data[self._n : n] = rows
+        self._n = n
