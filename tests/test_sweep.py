@@ -1,5 +1,7 @@
 """Sweeps: what a run computes, values and seeds of runs, failures as rows, and what is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.special import ellipk
@@ -9,7 +11,10 @@ import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.library import models_directory
 from mbdae.mechanism.template import Template
+from mbdae.studies.outputs import columns
 from mbdae.studies.plan import own_seed, tasks
+
+DATA = Path(__file__).parent / "data"
 
 PENDULUM = """
 title = "Pendulum"
@@ -70,7 +75,7 @@ def test_periods_of_a_spring(pendulum):
 def test_the_string_of_a_pendulum_carries_three_weights():
     # from horizontal rest, whatever its length; one sixth of that on the moon
     grid = {"gravity.2": [-9.81, -9.81 / 6], "body.ball.mass": [1.0, 3.0]}
-    result = mbdae.sweep("pendulum", grid, 4.0, outputs=["peak force.string"], executor="threads", max_step=2e-3)
+    result = mbdae.sweep("pendulum", grid, 1.6, outputs=["peak force.string"], executor="threads", max_step=4e-3)
     weight = -result["gravity.2"] * result["body.ball.mass"]
     np.testing.assert_allclose(result["peak force.string"], 3 * weight, rtol=1e-4)
 
@@ -91,6 +96,19 @@ def test_outputs_are_those_of_the_solution():
     np.testing.assert_array_equal(result["q.crank"], signals["q.crank"][None])
     np.testing.assert_allclose(result["lam.wrist pin.1"], signals["lam.wrist pin.1"][None], rtol=0, atol=1e-10)
     np.testing.assert_allclose(result["force.wrist pin"][0], np.linalg.norm(reaction.force, axis=1), rtol=1e-10)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "universal", "prismatic", "distance", "in_line"])
+def test_forces_of_closures_are_those_of_their_reactions(kind):
+    mech = mbdae.load(DATA / "closures" / f"{kind}.toml")
+    sol = mbdae.solve(mech, (0, 0.1))
+    name = mech.closures[0].name
+    reaction = sol.reaction(name)
+    forces = columns(sol, {f"force.{name}", f"torque.{name}"})
+    np.testing.assert_allclose(forces[f"force.{name}"], np.linalg.norm(reaction.force, axis=1), rtol=1e-9)
+    np.testing.assert_allclose(forces[f"torque.{name}"], np.linalg.norm(reaction.torque, axis=1), rtol=1e-9)
+    assert forces[f"force.{name}"].max() > 0.1
+    assert (np.abs(sol.lam).max(axis=0) > 1e-3).sum() > (kind != "distance")
 
 
 def test_joints_of_a_urdf_are_those_of_an_edited_urdf(tmp_path):
