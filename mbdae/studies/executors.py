@@ -69,7 +69,7 @@ def pool(executor: str | Executor | None, workers: int | None, job: Job) -> Iter
         context = get_context("spawn")
         event = context.Event()
         with _left(ProcessPoolExecutor(count, context, _prepare, (event,)), event.set) as processes:
-            yield Pool(lambda task: processes.submit(_run_here, job, task), AHEAD * count, event.set)
+            yield Pool(lambda task: _deaf(processes, job, task), AHEAD * count, event.set)
         return
     if not isinstance(kind, Executor):
         raise InputError(f"executor is one of {', '.join(KINDS)}, or one of concurrent.futures, got {kind!r:.60}")
@@ -95,12 +95,20 @@ def _left(executor: Any, stop: Callable[[], None]) -> Iterator[Any]:
         executor.shutdown(cancel_futures=True)
 
 
+def _deaf(processes: ProcessPoolExecutor, job: Job, task: Task) -> Future:
+    """Give a run to worker processes; one that begins with it is deaf to Ctrl-C: the parent sets the flag."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return processes.submit(_run_here, job, task)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _prepare(event: Any) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes: the parent decides and sets the flag
     _here["stop"] = event.is_set
 
 
