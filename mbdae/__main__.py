@@ -17,6 +17,7 @@ from .console import (
     USAGE,
     as_json,
     atol_option,
+    backend_option,
     bar,
     emit,
     finish,
@@ -119,6 +120,7 @@ def info(model: str | None, as_json: bool) -> None:
 @step_option
 @formulation_option
 @project_option
+@backend_option
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the solution as .npz, or as a .csv table.")
 @click.option("--html", type=click.Path(dir_okay=False), help="Write a replay as one HTML page.")
 @click.option("--plot", type=click.Path(dir_okay=False), help="Draw the run as .png, .svg or .pdf.")
@@ -154,7 +156,7 @@ def run(
     rejected = "-" if s["rejected"] is None else s["rejected"]
     lines = [
         f"{sol.status}: {sol.message}, t = {sol.t[-1]:g} s",
-        f"  {s['steps']} steps, {rejected} rejected, {s['solves']} solves, {s['seconds']:.2f} s",
+        f"  {s['steps']} steps, {rejected} rejected, {s['solves']} solves, {s['seconds']:.2f} s, {s['backend']}",
         str(found),
         *(f"  singular configuration: {x}" for x in sol.singular),
         *(f"wrote {p}" for p in written),

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from .backend import BACKENDS
 from .errors import InputError
 from .mechanism import Mechanism
 from .solution import Solution
@@ -33,6 +34,9 @@ formulation_option = click.option(
     help="index2; ggl: positions of closures kept too; index1: accelerations, -m RK45, DOP853, Radau or LSODA.",
 )
 project_option = click.option("--project", is_flag=True, help="Bring the state back to the closures after each step.")
+backend_option = click.option(
+    "--backend", type=click.Choice(BACKENDS), default="auto", show_default=True, help="The compiled core, or Python."
+)
 SPEEDS = click.FloatRange(min=0, min_open=True)
 speed_option = click.option("--speed", type=SPEEDS, default=1.0, show_default=True, help="Replay at this speed.")
 time_option = click.option("-t", "--time", "end", type=float, help="End time in s; the model's own when left out.")

@@ -11,7 +11,7 @@ from .solution import Problem, Solution
 from .system import Array, State, Step, System
 
 if TYPE_CHECKING:
-    from .course import Core
+    from .march import Core
 
 
 class Run:
@@ -85,5 +85,6 @@ class Run:
         if self._record is None:
             order = self.tableau.order_linear if hasattr(self.problem, "model") else self.tableau.order
             settings = {"dense_order": max(1, order - 1)}
-            self._record = Solution(self.problem, self.ts, self.ys, self.zs, "finished", "", {}, settings)  # type: ignore[arg-type]
+            stats = {"backend": "native" if self.core else "python"}
+            self._record = Solution(self.problem, self.ts, self.ys, self.zs, "finished", "", stats, settings)  # type: ignore[arg-type]
         return self._record

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from .errors import StepError
+from .mechanism import Compiled
 from .mechanism.descriptor import Descriptor
 from .mechanism.singular import Singular, ratio, singular
 from .rows import Rows
@@ -61,7 +62,8 @@ class SingularWatch:
 
     def __init__(self, system: Descriptor, kept: bool) -> None:
         self.system, self.kept = system, kept
-        self.own = system.mechanism.system()  # what is computed here is not counted
+        native = system.native if isinstance(system, Compiled) else None
+        self.own = system.mechanism.system(native=native)  # what is computed here is not counted
         self.found: list[Singular] = []
         self.restart(0)
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from .baseline import Scipy, find
-from .course import Core, bind
 from .errors import InputError, StepError, require
 from .events import Watch, as_events
 from .jumps import Jumps
+from .march import Core, bind
 from .mechanism import Compiled
 from .mechanism.descriptor import Descriptor
 from .pace import Adaptive, Fixed, Pace

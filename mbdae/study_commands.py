@@ -16,6 +16,7 @@ from .console import (
     UNJUDGED,
     as_json,
     atol_option,
+    backend_option,
     bar,
     emit,
     finish,
@@ -145,6 +146,7 @@ def drift(
 @click.option("--quantity", type=click.Choice(["q", "v", "lam"]), default="q", show_default=True, help="To be drawn.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Keep the runs here, .csv or .json.")
 @click.option("--fresh", is_flag=True, help="Do not go on from the file, write it anew.")
+@backend_option
 @plot_option
 @as_json
 def compare(

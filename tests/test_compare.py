@@ -63,7 +63,8 @@ def test_wrong_variants_are_refused_by_name(text, words):
 def test_errors_are_differences_to_the_motion(study, four_bar):
     truth = mbdae.solve(four_bar, (0, 1), method="DOP853", formulation="index1", rtol=1e-12)
     for p in study.points:
-        sol = mbdae.solve(four_bar, (0, 1), rtol=p.rtol, **Variant.parse(p.method).arguments())
+        options = Variant.parse(p.method).arguments()
+        sol = mbdae.solve(four_bar, (0, 1), rtol=p.rtol, backend=study.meta["backend"], **options)
         assert p.end_q == pytest.approx(np.abs(sol.q[-1] - truth.q[-1]).max(), abs=1e-9)
         assert p.end_v == pytest.approx(np.abs(sol.v[-1] - truth.v[-1]).max(), abs=1e-8)
         assert p.end_lam == pytest.approx(np.abs(sol.lam[-1] - truth.lam[-1]).max(), abs=1e-7)
@@ -260,3 +261,13 @@ def test_times_are_taken_in_turn(four_bar, monkeypatch):
     monkeypatch.setattr(bench, "LONG", 0.0)
     once = mbdae.compare(four_bar, (0, 0.2), **QUICK | {"repeats": 3})
     assert all(len(p.times) == 1 for p in once.points), "long runs are timed once"
+
+
+def test_one_back_end_for_all_runs(four_bar):
+    """Times compare: a method that the core does not have takes the others to Python."""
+    options = {"t_span": (0, 0.2), "rtol": [1e-4], "repeats": 1, "outputs": 2}
+    both = mbdae.compare(four_bar, methods=["pherk5", "radau5"], **options)
+    half = mbdae.compare(four_bar, methods=["pherk5", "project:herk5"], **options)
+    assert (both.meta["backend"], half.meta["backend"]) == ("python", "native")
+    with pytest.raises(InputError, match="does not have method 'radau5'"):
+        mbdae.compare(four_bar, methods=["radau5"], backend="native", **options)

@@ -28,7 +28,7 @@ ROOMS = {  # files that were split off, and the room they belong to
     "jumps": "solve",
     "singular": "solve",
     "baseline": "solve",
-    "course": "solve",
+    "march": "solve",
     "run": "solve",
     "console": "__main__",
     "study_commands": "__main__",

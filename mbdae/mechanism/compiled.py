@@ -80,7 +80,7 @@ class Compiled(Descriptor):
         return Step(State(y, carry, low), z, errors)
 
     def march(self, tableau: Any, course: Any) -> None:
-        """Take many steps, see `mbdae.course`; the course has them even if this is interrupted."""
+        """Take many steps, see `mbdae.march`; the course has them even if this is interrupted."""
         try:
             self.core.march(self.tableau(tableau), course)
         finally:
@@ -91,6 +91,10 @@ class Compiled(Descriptor):
         if len(t) and not self._begun:
             self.derivative(float(t[0]), y[0])
         return self.core.derivatives(np.ascontiguousarray(t), np.ascontiguousarray(y))
+
+    def ratio(self, q: Array) -> float | None:
+        """See `mbdae.mechanism.singular.ratio`; None where M is singular."""
+        return self.core.ratio(np.ascontiguousarray(q), self.rank or 1)
 
     def after(self) -> None:
         """Take over what the core counted."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import rows as rowmath
+from .compiled import Compiled
 from .reactions import scaled
 
 if TYPE_CHECKING:
@@ -49,6 +50,9 @@ class Singular:
 
 def ratio(system: "Descriptor", t: float, y: Array) -> float:
     """Smallest pivot of the independent rows of G M^-1/2 to the largest: 0 in a singular configuration."""
+    found = system.ratio(system.split(y)[0]) if isinstance(system, Compiled) else None
+    if found is not None:
+        return found
     diagonal = rowmath.pivots(scaled(system, t, system.split(y)[0]).T)[1]
     return float(diagonal[(system.rank or 1) - 1] / diagonal[0])
 

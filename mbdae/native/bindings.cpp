@@ -40,8 +40,11 @@ nb::object vector(const Numbers& x) {
   return nb::cast(nb::ndarray<nb::numpy, double>(data->data(), {data->size()}, owner));
 }
 
-nb::object view(const double* x, size_t n) {  // for the time of a call
-  return nb::cast(nb::ndarray<nb::numpy, const double>(x, {n}, nb::handle()), nb::rv_policy::reference);
+nb::object argument(const double* x, size_t n) {  // a copy: a Python function may keep it, but not change it
+  auto* data = new double[n];
+  std::copy(x, x + n, data);
+  nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+  return nb::cast(nb::ndarray<nb::numpy, const double>(data, {n}, owner));
 }
 
 // Call Python: what it raises ends the core's part of a run, and Python, where it is called again, says why.
@@ -51,12 +54,25 @@ void guarded(bool* interrupted, F&& f) {
   try {
     f();
   } catch (nb::python_error& e) {
-    if (!e.matches(PyExc_Exception)) *interrupted = true;
+    if (!e.matches(PyExc_Exception)) *interrupted = true, e.restore();  // Ctrl-C, exit: raised again at the end
     throw Trouble();
   } catch (const nb::cast_error&) {
     throw Trouble();
   }
 }
+
+// What the C++ side of a core holds of Python: functions, which the garbage collector must see, for they may lead back
+// to the core; and whether one of them was interrupted.
+struct Callbacks {
+  std::vector<nb::object> functions;
+  bool interrupted = false;
+
+  PyObject* add(const nb::dict& d) {  // borrowed: lives as long as the core
+    if (!d.contains("call")) refuse("missing key call");
+    functions.push_back(nb::borrow(d["call"]));
+    return functions.back().ptr();
+  }
+};
 
 template <class T>
 T get(const nb::dict& d, const char* key) {
@@ -71,17 +87,16 @@ K kind(const std::map<std::string, K>& known, const std::string& name) {
   return it->second;
 }
 
-Signal signal(const nb::dict& d, bool* interrupted) {
+Signal signal(const nb::dict& d, Callbacks& callbacks) {
   static const std::map<std::string, Signal::Kind> kinds = {
       {"constant", Signal::constant}, {"harmonic", Signal::harmonic}, {"polynomial", Signal::polynomial},
       {"pieces", Signal::pieces},     {"steps", Signal::steps},       {"python", Signal::python}};
   Signal s;
   s.kind = kind(kinds, get<std::string>(d, "kind"));
   if (s.kind == Signal::python) {
-    nb::object f = d["call"];
-    s.call = [f, interrupted](double t, int k) {
+    s.call = [f = callbacks.add(d), interrupted = &callbacks.interrupted](double t, int k) {
       double out = NAN;
-      guarded(interrupted, [&] { out = nb::cast<double>(f(t, k)); });
+      guarded(interrupted, [&] { out = nb::cast<double>(nb::handle(f)(t, k)); });
       return out;
     };
     return s;
@@ -154,7 +169,7 @@ Row row(const nb::dict& d, const Sizes& n, int pair_count) {
   return r;
 }
 
-Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, bool* interrupted) {
+Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Callbacks& callbacks) {
   static const std::map<std::string, Law::Kind> kinds = {
       {"damping", Law::damping}, {"friction", Law::friction}, {"spring", Law::spring}, {"curve", Law::curve},
       {"torque", Law::torque}, {"pd", Law::pd}, {"pid", Law::pid}, {"resistance", Law::resistance},
@@ -170,7 +185,7 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, bo
   pair = -1;
   maybe("pair", pair);
   if (d.contains("signals"))
-    for (nb::handle h : nb::cast<nb::list>(d["signals"])) out.signals.push_back(signal(nb::cast<nb::dict>(h), interrupted));
+    for (nb::handle h : nb::cast<nb::list>(d["signals"])) out.signals.push_back(signal(nb::cast<nb::dict>(h), callbacks));
   within(out.iq, n.nq, "coordinate"), within(out.iv, n.nv, "velocity");
   if (out.state < 0 || out.states < 0 || out.state + out.states > ns) refuse("states out of range");
   struct Needs {
@@ -198,13 +213,13 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, bo
   if (out.kind == Law::held) fits = fits && static_cast<int>(out.iv.size()) <= out.states;
   if (!fits) refuse("the numbers of a force law do not fit its kind");
   if (out.kind == Law::python || out.kind == Law::actuator) {
-    if (!d.contains("call")) refuse("missing key call");
-    nb::object f = d["call"];
+    const nb::handle f = callbacks.add(d);
+    bool* interrupted = &callbacks.interrupted;
     const int nq = n.nq, v = n.nv, k = out.states;
     const bool rates = out.kind == Law::actuator;
     out.call = [=](double t, const double* q, const double* qd, const double* s, double* tau, double* ds) {
       guarded(interrupted, [&] {
-        nb::object result = rates ? f(t, view(q, nq), view(qd, v), view(s, k)) : f(t, view(q, nq), view(qd, v));
+        nb::object result = rates ? f(t, argument(q, nq), argument(qd, v), argument(s, k)) : f(t, argument(q, nq), argument(qd, v));
         auto add = [](nb::handle x, size_t size, double* out, bool sum) {
           auto a = nb::cast<Array>(x);
           if (a.size() != size) throw Trouble();
@@ -223,7 +238,7 @@ struct PyCore {
   PyCore(nb::handle model_, bool flat, const nb::list& pair_list, const nb::list& row_list, const nb::list& driver_list,
          const nb::list& law_pair_list, const nb::list& law_list, int ns, const nb::list& block_list,
          std::vector<int> turning)
-      : model(nb::borrow(model_)), interrupted(new bool(false)) {
+      : model(nb::borrow(model_)), callbacks(new Callbacks) {
     const void* m = model_pointer(model_.ptr());
     const auto size = model_sizes(m);
     const Sizes n{size[0], size[1], size[2]};
@@ -237,13 +252,13 @@ struct PyCore {
       auto d = nb::cast<nb::dict>(h);
       const int at = get<int>(d, "row");
       within({at}, static_cast<int>(rows.size()), "row");
-      drivers.push_back({at, get<bool>(d, "length"), signal(nb::cast<nb::dict>(d["motion"]), interrupted.get())});
+      drivers.push_back({at, get<bool>(d, "length"), signal(nb::cast<nb::dict>(d["motion"]), *callbacks)});
     }
     std::vector<Law> laws;
     std::vector<int> pair_of;
     for (nb::handle h : law_list) {
       int pair;
-      laws.push_back(law(nb::cast<nb::dict>(h), n, ns, static_cast<int>(force_pairs.size()), pair, interrupted.get()));
+      laws.push_back(law(nb::cast<nb::dict>(h), n, ns, static_cast<int>(force_pairs.size()), pair, *callbacks));
       pair_of.push_back(pair);
     }
     static const std::map<std::string, Block::Kind> kinds = {{"so3", Block::so3}, {"se3", Block::se3}, {"se2", Block::se2}};
@@ -264,9 +279,39 @@ struct PyCore {
   }
 
   nb::object model;  // kept alive
-  std::unique_ptr<bool> interrupted;
+  bool busy = false;
+  std::unique_ptr<Callbacks> callbacks;
   std::unique_ptr<Core> core;
 };
+
+// A core computes one thing at a time: not in two threads, nor for a force law that it has called.
+struct Turn {
+  explicit Turn(PyCore& c) : busy(c.busy) {
+    if (busy) throw std::runtime_error("the core is in use: bind a workspace of its own by Mechanism.system()");
+    busy = true;
+  }
+  ~Turn() { busy = false; }
+  bool& busy;
+};
+
+int traverse(PyObject* self, visitproc visit, void* arg) {
+  Py_VISIT(Py_TYPE(self));
+  if (!nb::inst_ready(self)) return 0;
+  const auto* core = nb::inst_ptr<PyCore>(self);
+  for (const nb::object& f : core->callbacks->functions) Py_VISIT(f.ptr());
+  return 0;
+}
+
+int clear(PyObject* self) {
+  if (!nb::inst_ready(self)) return 0;
+  nb::inst_ptr<PyCore>(self)->core.reset();
+  std::vector<nb::object>().swap(nb::inst_ptr<PyCore>(self)->callbacks->functions);
+  return 0;
+}
+
+PyType_Slot collected[] = {{Py_tp_traverse, reinterpret_cast<void*>(traverse)},
+                           {Py_tp_clear, reinterpret_cast<void*>(clear)},
+                           {0, nullptr}};
 
 Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat, const Array& e,
                      bool first, bool project, int doubled) {
@@ -349,7 +394,7 @@ NB_MODULE(_native, m) {
              },
              "Return t (n,), y (n, ...), z (n, ng) and the smallest ratios of pivots (n,) of the steps taken.");
 
-  nb::class_<PyCore>(m, "Core", "A mechanism in a workspace of its own.")
+  nb::class_<PyCore>(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.")
       .def(nb::init<nb::handle, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
                     int, const nb::list&, std::vector<int>>(),
            nb::arg("model"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"), nb::arg("law_pairs"),
@@ -361,6 +406,7 @@ NB_MODULE(_native, m) {
                    [](PyCore& c, double x) { c.core->weakest = x; })
       .def("use",
            [](PyCore& c, const std::vector<int>& rows, int rank) {
+             const Turn turn(c);
              within(rows, c.core->ng, "row");
              if (rank != static_cast<int>(rows.size()) || !std::is_sorted(rows.begin(), rows.end()) ||
                  std::adjacent_find(rows.begin(), rows.end()) != rows.end())
@@ -371,15 +417,16 @@ NB_MODULE(_native, m) {
       .def("step",
            [](PyCore& c, const Tableau& tableau, double t, double h, const Array& y, const nb::object& carry,
               const nb::object& low) -> nb::object {
+             const Turn turn(c);
              State in = state(y, carry, low), out;
              c.check(in, tableau);
              Numbers z(c.core->ng), errors;
-             *c.interrupted = false;
+             c.callbacks->interrupted = false;
              try {
                nb::gil_scoped_release release;
                c.core->step(tableau, t, h, in, out, z.data(), errors);
              } catch (const Trouble&) {
-               if (*c.interrupted) PyErr_SetNone(PyExc_KeyboardInterrupt), throw nb::python_error();
+               if (c.callbacks->interrupted) throw nb::python_error();
                return nb::none();
              }
              return nb::make_tuple(vector(out.y), maybe(out.carry), maybe(out.low), vector(z),
@@ -389,29 +436,31 @@ NB_MODULE(_native, m) {
            "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
       .def("march",
            [](PyCore& c, const Tableau& tableau, Course& course) {
+             const Turn turn(c);
              c.check(course.state, tableau);
              const size_t m = c.core->ny - c.core->constraints.drivers.empty();
              if (course.adaptive && course.atol.size() != 1 && course.atol.size() != m) refuse("atol has the wrong length");
              if (course.adaptive && !tableau.doubled && !tableau.errors) refuse("the tableau has no error estimate");
              course.ts.clear(), course.ys.clear(), course.zs.clear(), course.weakest.clear();
              course.taken = course.rejected = 0, course.stuck = false;
-             *c.interrupted = false;
+             c.callbacks->interrupted = false;
              {
                nb::gil_scoped_release release;
                c.core->march(tableau, course);
              }
-             if (*c.interrupted) PyErr_SetNone(PyExc_KeyboardInterrupt), throw nb::python_error();
+             if (c.callbacks->interrupted) throw nb::python_error();
            },
            nb::arg("tableau"), nb::arg("course"), "Take many steps.")
       .def("derivative",
            [](PyCore& c, double t, const Array& y) -> nb::object {
+             const Turn turn(c);
              Numbers at = numbers(y, c.core->length, "y"), F(c.core->ny), z(c.core->ng);
-             *c.interrupted = false;
+             c.callbacks->interrupted = false;
              try {
                nb::gil_scoped_release release;
                c.core->derivative(t, at.data(), F.data(), z.data());
              } catch (const Trouble&) {
-               if (*c.interrupted) PyErr_SetNone(PyExc_KeyboardInterrupt), throw nb::python_error();
+               if (c.callbacks->interrupted) throw nb::python_error();
                return nb::none();
              }
              return nb::make_tuple(vector(F), vector(z));
@@ -419,26 +468,44 @@ NB_MODULE(_native, m) {
            nb::arg("t"), nb::arg("y"), "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
       .def("derivatives",
            [](PyCore& c, const Array& t, const Array& y) -> nb::object {
+             const Turn turn(c);
              const size_t n = t.size(), len = c.core->length, ng = c.core->ng;
              Numbers at = numbers(y, n * len, "y"), F(c.core->ny), z(n * ng + 1, NAN);
              std::vector<double> ts(t.data(), t.data() + n);
-             *c.interrupted = false;
+             c.callbacks->interrupted = false;
              {
                nb::gil_scoped_release release;
                for (size_t i = 0; i < n; ++i) try {
                    c.core->derivative(ts[i], &at[i * len], F.data(), &z[i * ng]);
                  } catch (const Trouble&) {
                    std::fill_n(z.begin() + i * ng, ng, NAN);
-                   if (*c.interrupted) break;
+                   if (c.callbacks->interrupted) break;
                  }
              }
-             if (*c.interrupted) PyErr_SetNone(PyExc_KeyboardInterrupt), throw nb::python_error();
+             if (c.callbacks->interrupted) throw nb::python_error();
              z.pop_back();
              return array(z, n, ng);
            },
            nb::arg("t"), nb::arg("y"), "Return lam (n, ng) at many points; nan where it cannot be found.")
+      .def("ratio",
+           [](PyCore& c, const Array& q, int rank) -> nb::object {
+             Numbers a = numbers(q, c.core->nq, "q");
+             if (rank < 1 || rank > std::min(c.core->ng, c.core->nv)) refuse("rank out of range");
+             const int before = c.core->rank;
+             c.core->rank = rank;
+             try {
+               const double r = c.core->ratio(a.data());
+               c.core->rank = before;
+               return nb::float_(r);
+             } catch (const Trouble&) {
+               c.core->rank = before;
+               return nb::none();
+             }
+           },
+           nb::arg("q"), nb::arg("rank"), "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
       .def("bare",
            [](PyCore& c, const Array& q, const Array& v, int repetitions) {
+             const Turn turn(c);
              Numbers a = numbers(q, c.core->nq, "q"), b = numbers(v, c.core->nv, "v");
              try {
                return c.core->bare(a.data(), b.data(), repetitions);

@@ -360,8 +360,8 @@ void Core::choose() {
   suspicious_ = false, best_ = 0;
 }
 
-double Core::ratio(const double* y) {  // see mbdae/mechanism/singular.py
-  if (!at_last(y)) evaluate(y, false);
+double Core::ratio(const double* q) {
+  if (!at_last(q)) evaluate(q, false);
   pivots(nv, ng, Z_.data(), order_, diag_, work_);
   return diag_[std::max(rank, 1) - 1] / diag_[0];
 }

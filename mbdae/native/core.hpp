@@ -85,6 +85,7 @@ class Core {
   void march(const Tableau& tableau, Course& course);
   void derivative(double t, const double* y, double* F, double* z);
   void restore(double t, double* y);
+  double ratio(const double* q);  // see mbdae/mechanism/singular.py; uncounted
   double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
  private:
@@ -103,7 +104,6 @@ class Core {
   void choose_all();
   void set_rows(std::vector<int> rows);
   bool at_last(const double* q) const;
-  double ratio(const double* y);
 
   // the step
   void stage(double t, const double* x, double that, const double* xhat, double factor, double* F, double* lam,

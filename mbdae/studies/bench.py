@@ -55,7 +55,8 @@ class Bench:
         self.uncertainty: dict[str, float] = {}
         self.samples: Samples | None = None
         machine = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
-        self.meta = {"key": self.key(), "versions": versions(), "command": sys.argv, "machine": machine}
+        about = {"versions": versions(), "command": sys.argv, "machine": machine, "backend": course.backend}
+        self.meta = {"key": self.key(), **about}
         if path and path.exists() and not fresh:
             self._read(path)
 
@@ -64,7 +65,7 @@ class Bench:
         c = self.course
         what = (
             describe(c.mechanism), c.q.tolist(), c.v.tolist(), c.t_span, c.times.tolist(), [str(v) for v in self.pair],
-            self.rtol, c.max_steps, versions()["mbdae"],
+            self.rtol, c.max_steps, c.backend, versions()["mbdae"],
         )  # fmt: skip
         return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()
 

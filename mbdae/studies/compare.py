@@ -1,11 +1,15 @@
 """One mechanism, many methods and tolerances: errors against a reference, work, and time."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from ..backend import choose
+from ..baseline import find
 from ..errors import InputError, require
+from ..march import lacking
 from ..mechanism import Mechanism
 from .bench import Bench, Progress
 from .comparison import Comparison
@@ -38,6 +42,7 @@ def compare(
     progress: Progress | None = None,
     resume: str | Path | None = None,
     fresh: bool = False,
+    backend: str = "auto",
 ) -> Comparison:
     """Run many methods on one mechanism and measure errors, drift, work and time.
 
@@ -68,6 +73,8 @@ def compare(
         progress: called with the fraction of runs done and the name of the next.
         resume: a .json or .csv file that is kept up to date, and read first if it is there.
         fresh: do not read it; it is replaced when the first run is done.
+        backend: of all runs, so that their times compare: ``"auto"`` takes the compiled core if it has every method
+            of the comparison, and Python otherwise.
 
     Raises:
         InputError: for wrong arguments, a reference that cannot be computed, or a file with another comparison.
@@ -76,6 +83,7 @@ def compare(
     require(mech, Mechanism, "compare takes a Mechanism (see mbdae.load)")
     course = _course(mech, t_span, q, v, outputs, max_steps)
     tasks = _tasks(variants(methods, formulations), rtol, steps)
+    course = replace(course, backend=_backend(mech, tasks, backend))
     pair = variants(reference)
     if len(pair) != 2 or not 1e-14 < reference_rtol < 1e-5:
         raise InputError(f"a reference is two methods and a tolerance below 1e-5, got {reference!r}, {reference_rtol}")
@@ -94,6 +102,17 @@ def compare(
         if not bench.uncertainty:
             raise
     return bench.result(complete)
+
+
+def _backend(mech: Mechanism, tasks: list[Task], backend: str) -> str:
+    """One back end for all runs."""
+    kinds = {(t.variant.formulation, t.variant.method) for t in tasks}
+    without = {lacking(mech, find(*kind), kind[0]) for kind in kinds} - {""}
+    if backend == "native" and without:
+        raise InputError(f"backend='native' does not have {', '.join(sorted(without))}: take 'auto' or 'python'")
+    if backend == "auto" and without:
+        return "python"
+    return "native" if choose(backend) else "python"
 
 
 def _course(

@@ -58,6 +58,7 @@ class Course:
         t_span: start and end in s.
         times: common times in s, without the start, (m,).
         max_steps: a run that takes more is given up.
+        backend: of all runs, see `mbdae.solve`.
     """
 
     mechanism: Mechanism
@@ -66,6 +67,7 @@ class Course:
     t_span: tuple[float, float]
     times: Array
     max_steps: int
+    backend: str = "auto"
 
     def solve(self, task: Task, stop: Callable[[], bool] | None = None) -> Solution:
         """Run a method.
@@ -80,7 +82,7 @@ class Course:
 
         t0, t1 = self.t_span
         pace = {"rtol": task.rtol, "max_steps": self.max_steps} if task.n is None else {"step": abs(t1 - t0) / task.n}
-        options = {**task.variant.arguments(), **pace}
+        options = {**task.variant.arguments(), **pace, "backend": self.backend}
         tell = check if stop else None
         sol = solve(self.mechanism, self.t_span, self.q, self.v, progress=tell, **options)  # type: ignore[arg-type]
         if sol.status == "interrupted":
@@ -134,7 +136,7 @@ class Course:
         """
         while rtol <= LOOSEST:
             task = Task(variant, rtol)
-            sol = replace(self, max_steps=100 * self.max_steps).solve(task)
+            sol = replace(self, max_steps=100 * self.max_steps, backend="auto").solve(task)
             if sol.success:
                 return task, self.sample(sol)
             if sol.status == "rank" and variant.formulation == "index2" and not variant.project:

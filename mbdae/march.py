@@ -28,7 +28,7 @@ def bind(
         InputError: for ``backend="native"`` where the core is missing or does not have what is asked for.
         UnknownNameError: for a back end or a formulation that does not exist.
     """
-    missing = _missing(problem, tableau, formulation)
+    missing = lacking(problem, tableau, formulation)
     native = None if missing and backend in ("auto", "native") else choose(backend)
     if native:
         try:
@@ -41,7 +41,8 @@ def bind(
     return problem.system(formulation, baumgarte), why
 
 
-def _missing(problem: Any, tableau: Any, formulation: str) -> str:
+def lacking(problem: Any, tableau: Any, formulation: str) -> str:
+    """Say in words what the core does not have of a run; "" where it may have it all."""
     if not isinstance(problem, Mechanism):
         return "textbook problems"
     if formulation != "index2":
