@@ -62,10 +62,22 @@ class SingularWatch:
 
     def __init__(self, system: Descriptor, kept: bool) -> None:
         self.system, self.kept = system, kept
-        native = system.native if isinstance(system, Compiled) else None
-        self.own = system.mechanism.system(native=native)  # what is computed here is not counted
+        self._own: Descriptor | None = None
         self.found: list[Singular] = []
         self.restart(0)
+
+    @property
+    def own(self) -> Descriptor:
+        """A workspace of the watch's own, made when there is something to look at: what it computes is not counted."""
+        if self._own is None:
+            native = self.system.native if isinstance(self.system, Compiled) else None
+            self._own = self.system.mechanism.system(native=native)
+        self._own.rank = self.system.rank
+        return self._own
+
+    def _ratio(self, t: float, y: Array) -> float:
+        """See `mbdae.mechanism.singular.ratio`; the core does not count it."""
+        return ratio(self.system if isinstance(self.system, Compiled) else self.own, t, y)
 
     def restart(self, first: int) -> None:
         """Steps begin anew at node ``first``, behind a jump."""
@@ -74,7 +86,7 @@ class SingularWatch:
 
     def begin_step(self) -> None:
         """Forget what solves outside of the next step tell; the rank is that of the run."""
-        self.system.weakest, self.own.rank = 1.0, self.system.rank
+        self.system.weakest = 1.0
 
     def refuse_landing(self, t: float, y: Array) -> None:
         """Refuse a step that has a stage in a singular configuration, or ends there at (t, y).
@@ -86,7 +98,7 @@ class SingularWatch:
         """
         nearest = float(np.sqrt(self.system.weakest))
         limit = LANDED * min(self.largest, self.ratios[-1])
-        if nearest < limit or (nearest < SUSPECT * self.largest and ratio(self.own, t, y) < limit):
+        if nearest < limit or (nearest < SUSPECT * self.largest and self._ratio(t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
 
     def limits(self) -> tuple[float, float, float, float]:
@@ -117,7 +129,7 @@ class SingularWatch:
         self.largest = max(self.largest, self.ratios[-1])
         self._look(run, len(self.ratios) - 2)
         if last:
-            if ratio(self.own, run.ts[-1], run.ys[-1]) < ENDED * self.largest:
+            if self._ratio(run.ts[-1], run.ys[-1]) < ENDED * self.largest:
                 text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding decides"
                 self._end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
             self.ratios.append(np.inf)

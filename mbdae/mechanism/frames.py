@@ -9,6 +9,7 @@ import pinocchio as pin
 from ..errors import UnknownNameError
 
 WORLD = "world"
+LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
 _NEXT, _LAST = np.array([1, 2, 0, 2, 0, 1]), np.array([2, 0, 1, 1, 2, 0])  # a_2 b_3 - a_3 b_2, ...
 
 
@@ -29,11 +30,10 @@ def find_frame(model: pin.Model, name: str) -> pin.Frame:
     """
     if name == WORLD:
         return model.frames[0]
-    found = [f for f in model.frames if f.name == name]
-    links = [f for f in found if f.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)]
-    if not found:
+    links = [model.getFrameId(name, kind) for kind in LINKS if model.existFrame(name, kind)]
+    if not links and not model.existFrame(name):
         raise UnknownNameError("frame", name, frame_names(model))
-    return (links or found)[0]
+    return model.frames[min(links, default=model.getFrameId(name))]
 
 
 def frame_names(model: pin.Model) -> list[str]:
@@ -128,9 +128,10 @@ class Pair:
 
 def _support(model: pin.Model, joint: int) -> np.ndarray:
     mask = np.zeros(model.nv)
-    for j in model.supports[joint]:
-        if j:
-            mask[model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv] = 1.0
+    starts, sizes, parents = model.idx_vs, model.nvs, model.parents
+    while joint:
+        mask[starts[joint] : starts[joint] + sizes[joint]] = 1.0
+        joint = parents[joint]
     return mask
 
 
