@@ -7,6 +7,7 @@ sweep raises the order by one (Enright, Jackson, Noersett, Thomsen, ACM TOMS 12 
 
 from collections.abc import Callable
 from functools import cache
+from math import factorial
 
 import numpy as np
 
@@ -47,6 +48,20 @@ def fit(ends: list[tuple[Array, Array]], inner: Array) -> Array:
     """
     data = np.array([v for pair in ends for v in pair] + list(inner))
     return _inverse(len(ends) - 1, len(inner)) @ data
+
+
+def fits(ends: list[tuple[Array, Array]], inner: list[Array]) -> Array:
+    """Coefficients (m, degree + 1, n) of m polynomials at once: as `fit`, with vectors (m, n) for vectors (n,)."""
+    data = np.array([v for pair in ends for v in pair] + inner)
+    return np.einsum("ij,jmn->min", _inverse(len(ends) - 1, len(inner)), data)
+
+
+def values(c: Array, theta: Array, derivative: int = 0) -> Array:
+    """Values (m, n), or a derivative, of m polynomials c (m, degree + 1, n), each at its own theta (m,)."""
+    out = np.zeros((len(c), c.shape[2]))
+    for k in range(c.shape[1] - 1, derivative - 1, -1):
+        out = out * theta[:, None] + factorial(k) // factorial(k - derivative) * c[:, k]
+    return out
 
 
 def refine(ends: list[tuple[Array, Array]], rate: Callable[[float, Array], Array], sweeps: int) -> Array:

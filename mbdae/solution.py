@@ -1,6 +1,6 @@
 """What a run returns: times, states, multipliers, statistics, and the solution between the steps."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,6 +15,7 @@ from .columns import signals
 from .errors import InputError, StepError
 from .events import Event
 from .mechanism import Compiled, Effort, Mechanism, NotCompiled, Reaction, Singular, effort, reaction, redundant
+from .mechanism.path import plain, sampled
 from .mechanism.user import called, checked, function_name
 from .textbook import Hessenberg
 
@@ -199,6 +200,38 @@ class Solution:
             return ys[i] if t == ts[i] else ys[i + 1]
         return self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
 
+    def points(self, times: Array) -> Iterator[Array]:
+        """Return y at several times of the run, one after another; all are computed at once where that can be.
+
+        Raises:
+            InputError: for a time outside.
+            StepError: for a point that cannot be found; those before are given first.
+        """
+        found = None
+        with suppress(StepError):
+            found = self._sampled(np.asarray(times, float))
+        yield from (self.point(float(t)) for t in times) if found is None else found
+
+    def _sampled(self, times: Array) -> Array | None:
+        """All points at once, (n, ...); None for one at a time."""
+        ts, ys, _ = map(np.asarray, self.nodes)
+        known = isinstance(self.problem, Mechanism) and len(ts) > 1 and len(times) > 1
+        if not known or not plain(self.system, self.settings["dense_order"]):
+            return None
+        sign = 1.0 if ts[-1] > ts[0] else -1.0
+        if not ((sign * times >= sign * ts[0]) & (sign * times <= sign * ts[-1])).all():
+            return None  # the first one outside is refused
+        step = np.clip(np.searchsorted(sign * ts, sign * times, side="right") - 1, 0, len(ts) - 2)
+        used, which = np.unique(step, return_inverse=True)
+        rates = [np.array([self._rate(int(i)) for i in nodes]) for nodes in (used, used + 1)]
+        theta = (times - ts[step]) / (ts[step + 1] - ts[step])
+        ends, h = (ys[used], ys[used + 1]), ts[used + 1] - ts[used]
+        out = sampled(self.system, ts[used], h, ends, (rates[0], rates[1]), which, theta)
+        for node in (step, step + 1):
+            there = times == ts[node]
+            out[there] = ys[node[there]]
+        return out
+
     def dense(self, i: int) -> Callable[[float], Array]:
         """Return theta -> y on step i, theta in [0, 1], of one order below the method's."""
         if i not in self._dense:
@@ -229,7 +262,7 @@ class Solution:
             InputError: for a time outside, or a textbook problem, which has `point`.
         """
         m, times = self.mechanism, np.asarray(t, float)
-        y = np.array([self.point(float(x)) for x in times.flat]).reshape(*times.shape, self.y.shape[1])
+        y = np.array(list(self.points(times.ravel()))).reshape(*times.shape, self.y.shape[1])
         return Sample(y[..., : m.nq], y[..., m.nq : m.nq + m.nv])
 
     def signals(self) -> dict[str, Array]:

@@ -215,8 +215,8 @@ def _report(
     reached = times[(times - t[-1]) * run.sign <= 0]
     read: list[Array] = []
     with suppress(StepError):  # a method without a stage there may end a step where the forces fail
-        for s in reached:
-            read.append(full.point(s))
+        for point in full.points(reached):
+            read.append(point)
     reached, points = reached[: len(read)], np.array(read).reshape(len(read), y.shape[1])
     own = np.array([np.interp(run.sign * reached, run.sign * t, column) for column in z.T]).T.reshape(
         len(reached), z.shape[1]

@@ -42,3 +42,21 @@ def test_problems_offer_every_order(order):
         sol.settings["dense_order"] = order
         sol._dense.clear()
         np.testing.assert_allclose(sol.point(0.5123), exact, atol=1e-6)
+
+
+@pytest.mark.parametrize("model", ["slider_crank", "four_bar", "panda_handle", "jansen_walker", "stewart_platform"])
+@pytest.mark.parametrize("span", [(0.0, 0.3), (0.3, 0.0)])
+def test_points_at_once_are_points_one_by_one(model, span):
+    forces = [mbdae.JointDamping(joint="crank", damping=0.1)] if model == "slider_crank" else []
+    mech = mbdae.load(model, forces=forces)  # with work of damping, and of the walker's driver; a platform is not flat
+    sol = mbdae.solve(mech, span, rtol=1e-6)
+    times = np.concatenate([np.linspace(*span, 23), sol.t[3:5]])
+    together = np.array(list(sol.points(times)))
+    apart = np.array([sol.point(t) for t in times])
+    size = np.abs(apart).max(axis=0)
+    assert (np.abs(together - apart) <= 1e-11 * (1 + size)).all()
+    np.testing.assert_array_equal(together[-2:], sol.y[3:5])
+    np.testing.assert_allclose(sol(times).v, apart[:, mech.nq : mech.nq + mech.nv], rtol=0, atol=1e-9)
+    for outside in (0.4, np.nan):
+        with pytest.raises(mbdae.MbdaeError, match="outside the solution"):
+            sol(np.array([0.1, outside]))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..dense import fit, nodes, powers
+from ..dense import fit, fits, nodes, powers, values
 
 if TYPE_CHECKING:
     from .descriptor import Descriptor
@@ -74,10 +74,7 @@ def interpolant(
 
     def power(theta: float) -> Array:
         _, _, q, v = state(theta, c)
-        if system.mechanism.drivers:  # their power needs lam
-            return h * system.derivative(t + theta * h, np.concatenate([q, v, [0.0]]))[0][2 * nv :]
-        system.inertia(t + theta * h, q)
-        return h * system.force(t + theta * h, q, v, np.empty(0))[1]
+        return h * _power(system, t + theta * h, q, v)
 
     def at(theta: float) -> Array:
         if not tails:
@@ -86,3 +83,58 @@ def interpolant(
         return np.concatenate([q, v, powers(theta, len(tails[0]) - 1) @ tails[0]])
 
     return at
+
+
+def plain(system: "Descriptor", order: int) -> bool:
+    """True where `sampled` serves: coordinates in a vector space, no states of actuators, no refinement."""
+    return system.manifold.flat and not system.ns and order <= PLAIN_ORDER
+
+
+def sampled(
+    system: "Descriptor",
+    t: Array,
+    h: Array,
+    ends: tuple[Array, Array],
+    rates: tuple[Array, Array],
+    which: Array,
+    theta: Array,
+) -> Array:
+    """Return y (k, ny) at k points of n steps at once: what `interpolant` gives, where the system is `plain`.
+
+    Args:
+        system: workspace for forces.
+        t: starts of the steps, (n,).
+        h: their sizes, (n,).
+        ends: y at both ends of each, (n, ny).
+        rates: tangent rates there, (n, 2 nv + 1).
+        which: number of each point's step, (k,).
+        theta: and where on it, (k,).
+    """
+    nv, size = system.nv, h[:, None]
+    (y0, y1), (F0, F1) = ends, rates
+    c = fits(
+        [(np.zeros_like(F0[:, :nv]), y1[:, :nv] - y0[:, :nv])]
+        + [(size**k * F0[:, s], size**k * F1[:, s]) for k, s in ((1, slice(0, nv)), (2, slice(nv, 2 * nv)))],
+        [],
+    )
+
+    def state(theta: Array, which: Array) -> tuple[Array, Array]:
+        return y0[which, :nv] + values(c[which], theta), values(c[which], theta, 1) / size[which]
+
+    inner = []
+    for x in nodes(WORK_NODES):
+        power = np.zeros((len(h), 1))
+        if system.laws.plain or system.driven:
+            points = zip(t + x * h, *state(np.full(len(h), x), np.arange(len(h))), strict=True)
+            power[:] = [_power(system, *point) for point in points]
+        inner.append(size * power)
+    tail = fits([(y0[:, -1:], y1[:, -1:]), (size * F0[:, -1:], size * F1[:, -1:])], inner)
+    return np.hstack([*state(theta, which), values(tail[which], theta)])
+
+
+def _power(system: "Descriptor", t: float, q: Array, v: Array) -> Array:
+    """Power of what has no potential, (1,), of a system without states of its own."""
+    if system.driven:  # their power needs lam
+        return system.derivative(t, np.concatenate([q, v, [0.0]]))[0][-1:]
+    system.inertia(t, q)
+    return system.force(t, q, v, np.empty(0))[1]
