@@ -102,6 +102,8 @@ class Core {
   void own(const double* lam, double* z);
   void choose();
   void choose_all();
+  void probe();
+  bool fallen() const;  // the rows in use are much worse than they were
   void set_rows(std::vector<int> rows);
   bool at_last(const double* q) const;
 
