@@ -12,7 +12,11 @@ from .console import FAILED, PICTURES, RTOL, as_json, bar, emit, writable
 @click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.toml")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Keep the runs here, .parquet; takes pyarrow.")
 @click.option("--workers", type=int, help="Threads or processes; one for each processor when left out.")
-@click.option("--executor", type=click.Choice(["threads", "processes"]), help="Threads with the compiled core.")
+@click.option(
+    "--executor",
+    type=click.Choice(["threads", "processes"]),
+    help="Threads when left out, with the core; else processes.",
+)
 @click.option("--fresh", is_flag=True, help="Do not go on from the file, write it anew.")
 @click.option("--plot", type=click.Path(dir_okay=False), help="Draw the first output as .png, .svg or .pdf.")
 @as_json

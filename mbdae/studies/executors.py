@@ -4,6 +4,7 @@ import os
 import pickle
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -66,6 +67,7 @@ def pool(executor: str | Executor | None, workers: int | None, job: Job) -> Iter
     except (pickle.PicklingError, AttributeError, TypeError) as e:
         raise InputError(f"the sweep cannot be sent to another process, use executor='threads': {e}") from None
     if kind == "processes":
+        backend.choose(job.settings.get("backend", "auto"))  # its warning is said here, once, and not by every worker
         context = get_context("spawn")
         event = context.Event()
         with _left(ProcessPoolExecutor(count, context, _prepare, (event,)), event.set) as processes:
@@ -109,6 +111,7 @@ def _processors() -> int:
 
 
 def _prepare(event: Any) -> None:
+    warnings.filterwarnings("ignore", backend.SLOW)
     _here["stop"] = event.is_set
 
 
