@@ -4,7 +4,9 @@ import os
 import signal
 import warnings
 
-from mbdae import backend
+import pytest
+
+from mbdae import Mechanism, backend, march
 
 signal.signal(
     signal.SIGINT, signal.default_int_handler
@@ -20,3 +22,28 @@ if backend.load() is None:  # said in the header, not by a warning that fails th
 def pytest_report_header():
     """The line of `mbdae info`."""
     return f"mbdae: {backend.status()}"
+
+
+@pytest.fixture(params=["native", "python"])
+def back_end(request, monkeypatch):
+    """Run a test on both back ends: runs and, by `Mechanism.system()`, single points and steps."""
+    core, system = backend.choose(request.param) if backend.load() else None, Mechanism.system
+    if core is None and request.param == "native":
+        pytest.skip(backend.status())
+
+    def bound(self, *args, **named):
+        return system(self, *args, **named) if core is None or args or named else system(self, native=core)
+
+    monkeypatch.setattr(march, "choose", lambda asked: core if asked == "auto" else backend.choose(asked))
+    monkeypatch.setattr(Mechanism, "system", bound)
+    return request.param
+
+
+def pytest_collection_modifyitems(items):
+    """What the core does not have runs once, on Python."""
+
+    def twice(item):
+        given = getattr(getattr(item, "callspec", None), "params", {})
+        return given.get("back_end") == "native" and any(x in str(given) for x in ("radau", "ggl"))
+
+    items[:] = [item for item in items if not twice(item)]

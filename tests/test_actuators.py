@@ -17,6 +17,7 @@ def reference(rate, y0, t_end, **settings):
     return solve_ivp(rate, (0, t_end), y0, method="DOP853", rtol=1e-13, atol=1e-13, **settings)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_dc_motor_on_a_link():
     wave = Harmonic(amplitude=6.0, omega=4.0, offset=3.0)
     numbers = {"resistance": R, "inductance": L, "constant": K, "gear": N, "current": 0.2}
@@ -35,6 +36,7 @@ def test_dc_motor_on_a_link():
         np.testing.assert_allclose([*sol.q[-1], *sol.v[-1], *sol.s[-1]], end, rtol=1e-9)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_dc_motor_without_inductance_is_the_limit():
     ends = []
     for inductance in (0.0, 1e-5, 2e-5):  # stiff: the current follows within 5 microseconds
@@ -46,6 +48,7 @@ def test_dc_motor_without_inductance_is_the_limit():
     assert (ends[2] - ends[0]) / (ends[1] - ends[0]) == pytest.approx(2, rel=0.01)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_speed_controller_with_an_integral():
     pi = JointPID(joint="arm", kp=2.0, ki=5.0, controls="velocity", reference=1.5, integral=-0.1)
 
@@ -58,6 +61,7 @@ def test_speed_controller_with_an_integral():
     np.testing.assert_allclose([*sol.q[-1], *sol.v[-1], *sol.s[-1]], end, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_pid_to_a_moving_reference():
     pid = JointPID(joint="arm", kp=20.0, ki=8.0, kd=2.0, reference=Function(function=np.sin, rate=np.cos))
 
@@ -70,6 +74,7 @@ def test_pid_to_a_moving_reference():
     np.testing.assert_allclose([*sol.q[-1], *sol.v[-1], *sol.s[-1]], end, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_python_actuator_is_the_ready_one():
     ready = DCMotor(joint="arm", voltage=5.0, resistance=R, inductance=L, constant=K, gear=N, name="m")
     python = Actuator(
@@ -111,6 +116,7 @@ def exact():
 STARTS = {"pherk5": 20, "herk5": 20, "herk3": 40, "hedop5": 20, "pherk6": 10, "radau5": 10}
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(("method", "n"), STARTS.items())
 def test_full_order_in_the_states(method, n, exact):
     """Slopes of q, v, s and the work."""
@@ -122,6 +128,7 @@ def test_full_order_in_the_states(method, n, exact):
     assert (slopes > mbdae.METHODS[method].order_linear - 0.2).all(), (slopes, errors)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_all_formulations_agree():
     mech = drive()
     ref = mbdae.solve(mech, (0, 1), method="pherk6", rtol=1e-12)
@@ -137,6 +144,7 @@ def test_all_formulations_agree():
         np.testing.assert_allclose(sol.y[-1], ref.y[-1], atol=1e-6, err_msg=str(settings))
 
 
+@pytest.mark.usefixtures("back_end")
 def test_states_between_steps():
     """Dense output is continuous in s and of the order of v."""
     mech, t = drive(), np.linspace(0.05, 0.95, 37)
@@ -151,6 +159,7 @@ def test_states_between_steps():
     assert np.log2(errors[0] / errors[-1]) / 2 > 3.8
 
 
+@pytest.mark.usefixtures("back_end")
 def test_states_count_in_the_error_control():
     """A state that nothing feels, s' = cos(50 t), still is computed to the tolerance."""
     swing = Actuator(lambda t, q, v, s: 0 * v, lambda t, q, v, s: np.cos([50 * t]), {"x": 0.0}, "swing")
@@ -199,6 +208,7 @@ FAILING = {
 }
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(("words", "force"), FAILING.items())
 def test_functions_that_fail_are_named(words, force):
     try:

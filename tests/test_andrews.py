@@ -25,16 +25,20 @@ def reference(mech):
     return (np.array([float(x) for x in DATA["end"][key]])[order] for key in "qv")
 
 
+both = pytest.mark.parametrize("backend", ["native", "python"])
+
+
 @cache
-def run(method, rtol, atol=None):
+def run(backend, method, rtol, atol=None):
     mech = mbdae.load("andrews_squeezer")
-    sol = mbdae.solve(mech, (0, END), method=method, rtol=rtol, atol=atol)
+    sol = mbdae.solve(mech, (0, END), method=method, rtol=rtol, atol=atol, backend=backend)
     q, v = reference(mech)
     return sol, np.abs(sol.q[-1] - q).max(), np.abs(sol.v[-1] - v).max()
 
 
-def test_pherk5_reaches_the_quadruple_reference():
-    sol, error_q, error_v = run("pherk5", 1e-10)
+@both
+def test_pherk5_reaches_the_quadruple_reference(backend):
+    sol, error_q, error_v = run(backend, "pherk5", 1e-10)
     assert sol.success
     assert error_q <= 1e-8
     assert error_v <= 1e-5
@@ -45,26 +49,29 @@ def test_pherk5_reaches_the_quadruple_reference():
     assert d.work_end == pytest.approx(0.033 * turned, rel=1e-9)
 
 
+@both
 @pytest.mark.parametrize("method", ["herk5", "pherk6", "hedop5"])
-def test_other_methods_reach_it_too(method):
-    _, error_q, error_v = run(method, 1e-8 if method == "herk5" else 1e-11)
+def test_other_methods_reach_it_too(method, backend):
+    _, error_q, error_v = run(backend, method, 1e-8 if method == "herk5" else 1e-11)
     assert error_q <= 1e-8
     assert error_v <= 1e-5
 
 
-def test_fixed_steps_reach_it():
+@both
+def test_fixed_steps_reach_it(backend):
     mech = mbdae.load("andrews_squeezer")
     q, _ = reference(mech)
-    sol = mbdae.solve(mech, (0, END), method="pherk5", step=END / 1000)
+    sol = mbdae.solve(mech, (0, END), method="pherk5", step=END / 1000, backend=backend)
     assert np.abs(sol.q[-1] - q).max() < 1e-8
 
 
+@both
 @pytest.mark.parametrize("method", FORTRAN)
-def test_work_at_equal_error_is_that_of_the_fortran_codes(method):
+def test_work_at_equal_error_is_that_of_the_fortran_codes(method, backend):
     # at equal error, never at equal tolerance; atol = rtol as there
     points = []
     for rtol in TOLERANCES[method]:
-        sol, error, _ = run(method, rtol, rtol)
+        sol, error, _ = run(backend, method, rtol, rtol)
         points.append((np.log(error), np.log(sol.stats["solves"])))
     errors, solves = np.array(sorted(points)).T
     for error, theirs in FORTRAN[method]:
@@ -73,8 +80,9 @@ def test_work_at_equal_error_is_that_of_the_fortran_codes(method):
         assert ours <= 1.1 * theirs, (error, ours, theirs)
 
 
-def test_work_is_counted_as_the_tableau_says():
-    sol, _, _ = run("pherk5", 1e-8)
+@both
+def test_work_is_counted_as_the_tableau_says(backend):
+    sol, _, _ = run(backend, "pherk5", 1e-8)
     tableau = mbdae.METHODS["pherk5"]
     stages = tableau.solves * (sol.stats["steps"] + sol.stats["rejected"])
     assert 0 <= sol.stats["solves"] - stages <= 2  # consistent start, guess of the first step

@@ -63,6 +63,7 @@ def test_jacobian_is_the_derivative_of_g(model, closure):
             np.testing.assert_allclose(mech.residual(q, v)[1], rate, atol=1e-9 * (1 + np.abs(rate).max()))
 
 
+@pytest.mark.usefixtures("back_end")
 @every_closure
 @every_model
 def test_accelerations_meet_the_hidden_constraint(model, closure):
@@ -77,6 +78,7 @@ def test_accelerations_meet_the_hidden_constraint(model, closure):
             np.testing.assert_allclose(mech.residual(q, vdot)[1] + gamma, 0, atol=2e-8 * size)
 
 
+@pytest.mark.usefixtures("back_end")
 @every_closure
 @every_model
 def test_multipliers_act_on_the_mechanism(model, closure):
@@ -91,6 +93,7 @@ def test_multipliers_act_on_the_mechanism(model, closure):
         assert power == pytest.approx(-v @ (model.damping * v))
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("pair", PAIRS.values(), ids=PAIRS.keys())
 def test_reaction_is_equal_and_opposite(pair):
     # the same force, put on both links as external wrenches by hand
@@ -120,6 +123,7 @@ def ball(mass=2.0, com=(0.0, 0.0, 0.0), joint=None):
     return model
 
 
+@pytest.mark.usefixtures("back_end")
 def test_signs_of_reactions_at_rest():
     weight = 2.0 * 9.81
     q, v = pin.neutral(ball()), np.zeros(6)
@@ -134,6 +138,7 @@ def test_signs_of_reactions_at_rest():
     np.testing.assert_allclose(rates(rod, above, v)[1], [weight])
 
 
+@pytest.mark.usefixtures("back_end")
 def test_moments_of_a_clamp():
     # lam 4 to 6 belong to the products of axes x.y', y.z', z.x' (first frame, second frame): the moment on the second
     # frame is -lam_4 z - lam_5 x - lam_6 y when the frames coincide
@@ -145,6 +150,7 @@ def test_moments_of_a_clamp():
     np.testing.assert_allclose([-lam[4], -lam[5], -lam[3]], moment, atol=1e-12)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_centripetal_force_of_a_rod():
     mech = Mechanism(ball(joint=pin.JointModelTranslation()), [Closure.distance("world", "centre", 0.5)])
     mech.model.gravity.linear = np.zeros(3)
@@ -213,6 +219,7 @@ def test_springs_pull_down_their_potential(force):
         assert power == 0
 
 
+@pytest.mark.usefixtures("back_end")
 def test_dampers_take_energy_at_the_rate_they_say():
     model = MODELS["revolute"]
     damper = SpringDamper(frames=("tip_3", "tip_6"), damping=4.0)
@@ -228,6 +235,7 @@ def test_dampers_take_energy_at_the_rate_they_say():
         assert rates(Mechanism(model, [], [damper]), q, v)[2] == pytest.approx(-4.0 * speed**2, rel=1e-8)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_joint_damping_torque_and_function():
     model = MODELS["revolute"]
     rng = np.random.default_rng(7)
@@ -252,6 +260,7 @@ def test_joint_damping_torque_and_function():
         assert power == pytest.approx(tau @ v)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_damping_of_the_model_counts_once():
     model = pin.Model(MODELS["revolute"])
     model.damping = np.full(model.nv, 0.2)

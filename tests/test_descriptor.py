@@ -30,6 +30,7 @@ def dense_solution(mech, q, v, tau=0.0):
     return x[: mech.nv], x[mech.nv :]
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("name", ["pendulum", "slider_crank", "four_bar"])
 def test_accelerations_and_multipliers_against_a_dense_solve(name):
     mech, q, v = moving(name)
@@ -39,6 +40,7 @@ def test_accelerations_and_multipliers_against_a_dense_solve(name):
     np.testing.assert_allclose(lam, expected_lam, rtol=0, atol=1e-8 * (1 + np.abs(lam).max()))
 
 
+@pytest.mark.usefixtures("back_end")
 def test_panda_handle_against_a_dense_solve():
     mech, q, v = moving("panda_handle")
     damping = np.ones(8)
@@ -50,6 +52,7 @@ def test_panda_handle_against_a_dense_solve():
     assert power == pytest.approx(-v @ (damping * v))
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(
     ("name", "rank"),
     [("pendulum", 1), ("four_bar", 2), ("slider_crank", 2), ("andrews_squeezer", 6), ("panda_handle", 5)],
@@ -63,6 +66,7 @@ def test_rank_is_found(name, rank):
     assert np.linalg.matrix_rank(jacobian(mech, mech.start[0]), tol=1e-9) == rank
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "andrews_squeezer"])
 def test_multipliers_of_dependent_rows_have_the_smallest_norm(name):
     sol = mbdae.solve(mbdae.load(name), (0, 1e-3), step=1e-4)
@@ -112,15 +116,15 @@ def rod_directions(mech, q):
     return np.array([data.oMi[mech.model.getJointId(f"rod {i}")].rotation for i in range(5)])
 
 
-def fall(cut, gravity, rtol=1e-10):
-    mech = bricard(cut, gravity)
-    return mbdae.solve(mech, (0, 10), np.zeros(5), np.zeros(5), rtol=rtol, t_eval=np.linspace(0, 10, 21))
+def fall(cut, gravity, backend):
+    mech, times = bricard(cut, gravity), np.linspace(0, 10, 21)
+    return mbdae.solve(mech, (0, 10), np.zeros(5), np.zeros(5), rtol=1e-10, t_eval=times, backend=backend)
 
 
 @pytest.fixture(scope="module")
 def other_cut():
     """The same motion with the loop cut elsewhere, which needs other rows."""
-    return fall(5, [9.81, 0, 0])
+    return fall(5, [9.81, 0, 0], "auto")
 
 
 def test_rows_are_chosen_anew_on_the_way(other_cut, monkeypatch):
@@ -135,19 +139,21 @@ def test_rows_are_chosen_anew_on_the_way(other_cut, monkeypatch):
     monkeypatch.setattr(rowmath, "choose", record)
     for cut, gravity in ((5, [9.81, 0, 0]), (3, [0, 0, -9.81])):
         chosen.clear()
-        sol = fall(cut, gravity)
+        sol = fall(cut, gravity, "python")
         assert {m for m, _ in chosen} == {5}
         assert len({rows for _, rows in chosen}) > 1
         assert all(len(rows) == 4 for _, rows in chosen)
         d = drift(sol)
         assert d.g_max < 1e-9
         assert d.energy_relative < 1e-8
-    first = fall(3, [9.81, 0, 0])
-    for a, b in zip(first.q, other_cut.q, strict=True):
-        directions = rod_directions(first.mechanism, a), rod_directions(other_cut.mechanism, b)
-        np.testing.assert_allclose(*directions, atol=2e-8)
+    for backend in ("python", "native"):
+        first = fall(3, [9.81, 0, 0], backend)
+        for a, b in zip(first.q, other_cut.q, strict=True):
+            directions = rod_directions(first.mechanism, a), rod_directions(other_cut.mechanism, b)
+            np.testing.assert_allclose(*directions, atol=2e-8)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_rows_that_share_their_load(other_cut):
     # in the plane the dependent rows are zero; here five rows of rank four all carry some of it
     for sol in (other_cut, mbdae.solve(bricard(3, [9.81, 0, 0]), (0, 0.5), np.zeros(5), np.zeros(5), step=1e-3)):
@@ -168,7 +174,7 @@ def test_rows_fixed_at_the_start_lose_the_way(other_cut, monkeypatch):
     # shows that the test above can fail: without a new choice a row that is not in use opens
     choose = rowmath.choose
     monkeypatch.setattr(rowmath, "choose", lambda B, rows, *more: choose(B, None, *more) if rows is None else rows)
-    sol = fall(5, [9.81, 0, 0])
+    sol = fall(5, [9.81, 0, 0], "python")
     assert not sol.success or drift(sol).g_max > 1e-3 or np.abs(sol.q - other_cut.q).max() > 1e-3
 
 
@@ -187,6 +193,7 @@ def turned(angle, rate=2.0):
     return angle * sign, rate * sign
 
 
+@pytest.mark.usefixtures("back_end")
 def test_a_step_that_would_land_on_a_singular_position_goes_over_it():
     mech, angle = parallelogram(), np.pi / 4
     flat = (np.pi - angle) / 2.0
@@ -198,6 +205,7 @@ def test_a_step_that_would_land_on_a_singular_position_goes_over_it():
     np.testing.assert_allclose(sol.v, [turned(0.0)[1]] * len(sol.t), atol=1e-8)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_a_run_that_ends_in_a_singular_position_stops_before():
     mech, angle = parallelogram(), np.pi / 4
     flat = (np.pi - angle) / 2.0
@@ -208,12 +216,14 @@ def test_a_run_that_ends_in_a_singular_position_stops_before():
     np.testing.assert_allclose(sol.v, [turned(0.0)[1]] * len(sol.t), atol=1e-8)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_steps_over_a_singular_position_stay_on_their_branch():
     sol = mbdae.solve(parallelogram(), (0, 3), *turned(np.pi / 4), rtol=1e-8)
     assert sol.success
     np.testing.assert_allclose(sol.q[-1], turned(np.pi / 4 + 6.0)[0], atol=1e-9)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_a_start_in_a_singular_position_is_found_out():
     sol = mbdae.solve(parallelogram(), (0, 1), *turned(0.0), rtol=1e-8)
     assert sol.status == "rank"
@@ -221,6 +231,7 @@ def test_a_start_in_a_singular_position_is_found_out():
     assert drift(sol).g_max < 1e-5
 
 
+@pytest.mark.usefixtures("back_end")
 def test_a_body_without_inertia_is_named():
     model = parallelogram().model
     joint, _ = rod(model, 3, pin.SE3.Identity(), 1.0, "ghost", mass=0.0)
@@ -231,6 +242,7 @@ def test_a_body_without_inertia_is_named():
     assert "'ghost'" in sol.message
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(("method", "order"), [("herk3", 3), ("pherk4", 4), ("pherk5", 5)])
 def test_work_has_the_order_of_the_method(method, order):
     def drive(t, q, v):
@@ -248,6 +260,7 @@ def test_work_has_the_order_of_the_method(method, order):
     assert (np.log2(np.array(errors[:-1]) / errors[1:]) > order - 0.2).all(), errors
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("name", ["pendulum", "slider_crank", "four_bar"])
 def test_energy_is_kept(name):
     sol = mbdae.solve(mbdae.load(name), (0, 2), rtol=1e-10)

@@ -112,8 +112,8 @@ def sample(sol):
 def reference(request):
     mech, (T, ns) = DRIVEN[request.param](), CASES[request.param]
 
-    def run(name, n):
-        return sample(mbdae.solve(mech, (T0, T0 + T), method=name, step=T / n))
+    def run(name, n, backend="auto"):
+        return sample(mbdae.solve(mech, (T0, T0 + T), method=name, step=T / n, backend=backend))
 
     q, v, _, lam, work = best = run("pherk6", 720)
     other = run("herk5", 1280)
@@ -122,17 +122,19 @@ def reference(request):
 
 
 @pytest.mark.parametrize("name", ["pherk6", "pherk5", "herk5", "arnold4", "pherk3"])
-def test_orders_with_time_dependent_constraints(name, reference):
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_orders_with_time_dependent_constraints(name, reference, backend):
     run, ns, exact = reference
     m = method(name)
     p = m.order_linear
     ns = ns if p > 4 else [2 * n for n in ns]
-    errors = np.array([[np.abs(a - b).max() for a, b in zip(run(name, n), exact, strict=True)] for n in ns])
+    errors = np.array([[np.abs(a - b).max() for a, b in zip(run(name, n, backend), exact, strict=True)] for n in ns])
     slopes = -np.polyfit(np.log(ns), np.log(errors), 1)[0]
     for what, slope, claim in zip(("q", "v", "own lam", "lam", "work"), slopes, (p, p, m.order_own, p, p), strict=True):
         assert slope >= claim - 0.2, f"{what}: {slopes}"
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("name", DRIVEN)
 @pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}], ids=str)
 def test_the_drivers_work_closes_the_energy_balance(name, options):
@@ -150,6 +152,7 @@ def test_the_drivers_work_closes_the_energy_balance(name, options):
     assert middle[-1] == pytest.approx(change, abs=1e-8 * drift.energy_scale)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_all_formulations_and_methods_agree():
     q = [
         mbdae.solve(crane(), (T0, T0 + 1), method=name, rtol=1e-9, **options).q[-1]
@@ -165,6 +168,7 @@ def test_all_formulations_and_methods_agree():
     assert np.ptp(q, axis=0).max() < 1e-6
 
 
+@pytest.mark.usefixtures("back_end")
 def test_no_degree_of_freedom_is_legal():
     mech = linkage()
     sol = mbdae.solve(mech, (0, 1), rtol=1e-9)
@@ -174,6 +178,7 @@ def test_no_degree_of_freedom_is_legal():
     assert sol.v[:, 0] == pytest.approx([du for _, du, _ in crank], abs=1e-13)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_a_length_driven_to_nothing_stops_by_name():
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelTranslation(), pin.SE3.Identity(), "load")

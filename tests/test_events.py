@@ -13,6 +13,7 @@ def run(**options):
     return mbdae.solve(mbdae.load("pendulum"), (0, 6), rtol=1e-12, atol=1e-14, **options)
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("method", ["pherk5", "herk5", "pherk6", "radau5"])
 def test_turning_points(method):
     turning = mbdae.Event(lambda t, q, v: v[0] * q[2] - v[2] * q[0])  # the angular velocity changes its sign
@@ -28,6 +29,7 @@ def test_turning_points(method):
     assert np.abs(points[:, 0]).max() < 1e-10
 
 
+@pytest.mark.usefixtures("back_end")
 def test_direction_and_terminal():
     rising = mbdae.Event(lambda t, q, v: q[0], direction=1, terminal=True)
     falling = mbdae.Event(lambda t, q, v: q[0], direction=-1)
@@ -40,6 +42,7 @@ def test_direction_and_terminal():
     assert abs(again.t[-1] - 5 * QUARTER) < 1e-8  # a run may start on the surface where another one ended
 
 
+@pytest.mark.usefixtures("back_end")
 def test_several_in_one_step():
     marks = [mbdae.Event(lambda t, q, v, c=c: t - c) for c in (0.311, 0.312, 0.313)]
     sol = mbdae.solve(mbdae.load("pendulum"), (0, 1), method="herk3", step=0.1, events=marks)

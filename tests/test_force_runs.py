@@ -51,6 +51,7 @@ ON_FOUR_BAR = {
 }
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("force", ON_FOUR_BAR.values(), ids=ON_FOUR_BAR.keys())
 def test_energy_balance_closes(force):
     mech = mbdae.load("four_bar", forces=[force])
@@ -66,6 +67,7 @@ def test_every_kind_is_on_the_four_bar():
     assert kinds == {f.model_fields["kind"].default for f in mbdae.mechanism.forces.FORCES}
 
 
+@pytest.mark.usefixtures("back_end")
 def test_power_of_a_run_is_the_work():
     """The work of one force alone, integrated along a run, against a quadrature of its power."""
     torque = JointTorque(joint="crank", torque=Harmonic(amplitude=3.0, omega=5.0))
@@ -154,6 +156,7 @@ def test_wrong_files_are_one_line(tmp_path, text, words):
     assert "\n" not in str(e.value)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_functions_that_fail_are_named():
     odd = {"nan": lambda t: np.nan, "shape": lambda t: [1, 2], "ZeroDivisionError": lambda t: 1 / 0}
     for words, value in odd.items():

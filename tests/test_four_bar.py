@@ -101,6 +101,7 @@ def test_the_one_coordinate_equation_keeps_its_energy():
     assert np.ptp(theta) > 1
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(("method", "rtol"), [("pherk5", 1e-11), ("pherk6", 1e-10), ("herk5", 1e-9)])
 def test_agrees_with_the_one_coordinate_equation(method, rtol):
     times, theta, rate, (phi, psi) = one_coordinate()
@@ -112,6 +113,7 @@ def test_agrees_with_the_one_coordinate_equation(method, rtol):
     np.testing.assert_allclose(sol.v[:, 0], rate, rtol=0, atol=1e-7)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_the_model_file_is_the_same_linkage():
     times, theta, _, (phi, psi) = one_coordinate()
     mech = mbdae.load("four_bar")

@@ -62,6 +62,7 @@ def test_mu_is_carried_from_step_to_step():
     np.testing.assert_allclose(step.state.carry[: mech.nv], G.T @ mu, atol=1e-15)  # a unit mass: M = 1
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(
     "options", [{"formulation": "ggl"}, {"formulation": "ggl", "method": "radau5"}, {"project": True}]
 )
@@ -75,6 +76,7 @@ def test_dependent_rows_are_all_kept(options):
     assert np.abs(sol.q[-1] - other.q[-1]).max() < 1e-6
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("kinds", [["free", "spherical"], ["revolute", "rx"]])
 def test_trees_move_alike_in_every_formulation(kinds):
     mech = Mechanism(tree(kinds, [0, 1]))
@@ -100,6 +102,7 @@ def two_four_bars():
     return Mechanism(model, closures=[Closure.point(f"bar{k}_tip", f"crank{k + 1}_tip") for k in range(2)])
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(("options", "stays"), [({}, False), ({"project": True}, True), ({"formulation": "ggl"}, True)])
 def test_branch_at_a_singular_position(options, stays):
     mech = two_four_bars()
@@ -114,6 +117,7 @@ def test_branch_at_a_singular_position(options, stays):
 # -- projection ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{"rtol": 1e-6}, {"step": 0.01}])
 @pytest.mark.parametrize("method", ["pherk5", "herk3", "radau5"])
 def test_projection_stops_the_drift(method, options):
@@ -126,6 +130,7 @@ def test_projection_stops_the_drift(method, options):
     assert distance(mech, plain, projected)[0] < 0.1  # the same motion
 
 
+@pytest.mark.usefixtures("back_end")
 def test_projection_keeps_the_order_without_new_solves():
     mech, steps = mbdae.load("pendulum"), (20, 40, 80, 160, 320)
     assert min(slopes(mech, 2.0, steps, method="pherk5", project=True)) >= 4.8

@@ -52,6 +52,7 @@ def governor_equations():
     return rate
 
 
+@pytest.mark.usefixtures("back_end")
 def test_governor_follows_its_equations_in_two_coordinates():
     mech, t = mbdae.load("flyball_governor"), np.linspace(0, 2, 41)
     sol = mbdae.solve(mech, (0, 2), method="radau5", rtol=1e-8, t_eval=t)
@@ -83,6 +84,7 @@ def test_hexapod_legs_are_as_long_as_the_platform_says():
 # -- delta_robot ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("back_end")
 def test_delta_robot_keeps_its_platform_level_by_parallelograms_alone():
     mech = mbdae.load("delta_robot")
     sol = mbdae.solve(mech, (0, 2), rtol=1e-7)
@@ -121,6 +123,7 @@ def test_both_hands_keep_their_places_on_the_bar():
 # -- humanoid_stance -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("back_end")
 def test_the_feet_carry_what_gravity_and_the_motion_ask_for():
     mech = mbdae.load("humanoid_stance")
     assert mech.nv > 30

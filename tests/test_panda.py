@@ -10,10 +10,10 @@ import mbdae
 from mbdae.studies.drift import drift
 
 
-@pytest.fixture(scope="module")
-def runs():
+@pytest.fixture(scope="module", params=["native", "python"])
+def runs(request):
     mech = mbdae.load("panda_handle")
-    return {rtol: mbdae.solve(mech, (0, 5), rtol=rtol) for rtol in (1e-8, 1e-10)}
+    return {rtol: mbdae.solve(mech, (0, 5), rtol=rtol, backend=request.param) for rtol in (1e-8, 1e-10)}
 
 
 def test_it_moves(runs):

@@ -26,6 +26,7 @@ def piecewise(t_end, period, sample, y0, memory=0.0):
 RATES = [10.0, 7.0, 1 / 0.3]
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("settings", [{"rtol": 1e-10}, {"step": 1 / 300}, {"rtol": 1e-10, "first_step": 1.0}])
 def test_sampled_controller(rate, settings):
@@ -44,6 +45,7 @@ def test_sampled_controller(rate, settings):
         assert sol.stats["rejected"] > 0
 
 
+@pytest.mark.usefixtures("back_end")
 def test_sampled_pid_with_memory():
     pid = JointPID(joint="arm", kp=20.0, ki=8.0, kd=2.0, reference=0.5, rate=25.0, integral=0.05, name="pid")
 
@@ -63,6 +65,7 @@ def test_sampled_pid_with_memory():
         np.testing.assert_allclose(sol.s[-1], [pieces[-1][1], pieces[-1][2]], rtol=1e-9)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_a_sampled_run_goes_on_from_any_state():
     """A state holds all: two runs in a row are the run in one piece; the torque is held across the joint."""
     mech = arm(Sampled(lambda t, q, v, x: (-3 * v + x, 0.5 * x + 1), rate=10.0, memory={"x": 0.0}))
@@ -93,6 +96,7 @@ def test_all_formulations_sample():
         np.testing.assert_array_equal(again.y, sol.y)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_events_between_and_at_jumps():
     brake = Sampled(lambda t, q, v: -6 * v, rate=8.0, name="brake")
     sol = mbdae.solve(arm(brake), (0, 3), rtol=1e-9, events=[lambda t, q, v: t - 0.375, lambda t, q, v: q[0] - 1.2])
@@ -125,6 +129,7 @@ def test_sampled_controllers_run_forwards():
         mbdae.solve(arm(Sampled(lambda t, q, v: -v, rate=10, name="brake")), (1, 0))
 
 
+@pytest.mark.usefixtures("back_end")
 def test_two_rates_and_an_actuator_between():
     """A sampled set point, held, drives a motor; each law sees the states before the jump."""
     slow = Sampled(lambda t, q, v: -v, rate=4.0, name="slow")
@@ -137,6 +142,7 @@ def test_two_rates_and_an_actuator_between():
     assert mbdae.drift(sol).energy_relative < 1e-9
 
 
+@pytest.mark.usefixtures("back_end")
 def test_jumps_of_a_python_force():
     """Told where it jumps, a force of t gives the full order; the same as the one that tells by itself."""
     times, values = (0.31, 0.77), (2.0, -4.0, 1.0)

@@ -30,6 +30,7 @@ def fall():
     return [quad(rate, 0, a, epsabs=1e-13)[0] for a in (np.pi / 2, 3 * np.pi / 2)]
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{"project": True}, {"formulation": "ggl"}, {"project": True, "method": "herk4"}])
 def test_passed_and_reported_where_positions_are_kept(options):
     sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 2), rtol=1e-8, **options)
@@ -42,6 +43,7 @@ def test_passed_and_reported_where_positions_are_kept(options):
         np.testing.assert_allclose(x.v[0], sol(x.t).v[0], rtol=1e-12)
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize(
     "options", [{}, {"rtol": 1e-3}, {"rtol": 1e-9}, {"method": "DOP853", "formulation": "index1"}, {"step": 0.011}]
 )
@@ -110,6 +112,7 @@ def test_commands_and_files(tmp_path):
     assert json.loads(stopped.stdout)["singular"][0]["rank_there"] == 2
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}])
 def test_a_start_in_a_singular_configuration_is_refused_when_the_rank_rises(options):
     mech = mbdae.load("n_four_bar", N=1)
@@ -123,6 +126,7 @@ def test_regular_motions_have_none(name):
     assert mbdae.solve(mbdae.load(name), (0, 2), rtol=1e-6).singular == []
 
 
+@pytest.mark.usefixtures("back_end")
 def test_backwards():
     mech = mbdae.load("n_four_bar", N=1)
     there = mbdae.solve(mech, (0, 1), rtol=1e-8, project=True)
@@ -148,6 +152,7 @@ def test_errors_come_home_from_other_processes():
         assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("method", ["herk3", "herk5", "pherk5", "radau5"])
 @pytest.mark.parametrize("step", [0.25, 0.1])
 def test_fixed_steps_that_would_land_there_step_over(method, step):

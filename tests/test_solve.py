@@ -23,6 +23,7 @@ def exact(four_bar):
     return mbdae.solve(four_bar, (0, 2), method="pherk6", rtol=1e-13, atol=1e-13)
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("method", ["herk3", "herk5", "pherk3", "pherk4", "pherk5", "pherk6", "hedop5"])
 def test_errors_follow_the_tolerance(four_bar, exact, method):
     errors = []
@@ -34,6 +35,7 @@ def test_errors_follow_the_tolerance(four_bar, exact, method):
     assert errors[1] < 0.1 * errors[0]
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("method", ["herk5", "pherk4", "pherk5", "pherk6"])
 def test_between_steps_the_solution_is_as_good_as_at_them(four_bar, exact, method):
     sol = mbdae.solve(four_bar, (0, 2), method=method, rtol=1e-8)
@@ -45,6 +47,7 @@ def test_between_steps_the_solution_is_as_good_as_at_them(four_bar, exact, metho
         assert np.abs(four_bar.residual(q, v)[1]).max() < 1e-5
 
 
+@pytest.mark.usefixtures("back_end")
 def test_the_solution_is_continuous_and_its_rate_is_v(four_bar):
     sol = mbdae.solve(four_bar, (0, 1), method="pherk5", step=0.05)
     for t in sol.t[1:-1]:
@@ -56,6 +59,7 @@ def test_the_solution_is_continuous_and_its_rate_is_v(four_bar):
         np.testing.assert_allclose(sol(t).v, rate, atol=1e-7)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_times_on_demand(four_bar):
     times = np.array([0.0, 0.1, 0.25, 1.0])
     plain = mbdae.solve(four_bar, (0, 1), rtol=1e-8)
@@ -72,6 +76,7 @@ def test_times_on_demand(four_bar):
             plain(t)
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("options", [{"rtol": 1e-10}, {"step": 1e-3}])
 def test_there_and_back(four_bar, options):
     there = mbdae.solve(four_bar, (0, 1), **options)
@@ -86,12 +91,14 @@ def test_there_and_back(four_bar, options):
     np.testing.assert_allclose(asked.q, [there(0.9).q, there(0.5).q], atol=1e-7)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_a_run_that_is_cut_in_two_is_the_same_run(four_bar, exact):
     first = mbdae.solve(four_bar, (0, 0.7), rtol=1e-11)
     second = mbdae.solve(four_bar, (0.7, 2), first.q[-1], first.v[-1], rtol=1e-11)
     np.testing.assert_allclose(second.q[-1], exact.q[-1], atol=1e-8)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_fixed_steps_end_at_the_end(four_bar):
     sol = mbdae.solve(four_bar, (0, 1), method="herk2", step=0.3)
     np.testing.assert_allclose(sol.t, [0, 0.3, 0.6, 0.9, 1.0], rtol=1e-15)
@@ -101,12 +108,14 @@ def test_fixed_steps_end_at_the_end(four_bar):
     assert (still.status, len(still.t)) == ("finished", 1)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_step_limits_are_kept(four_bar):
     sol = mbdae.solve(four_bar, (0, 1), rtol=1e-4, max_step=0.01, first_step=0.002)
     assert np.diff(sol.t).max() <= 0.01 * (1 + 1e-12)
     assert sol.t[1] == pytest.approx(0.002)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_a_wheel_that_turns_many_times_within_a_step():
     model = tree(["ruby"], [0])
     model.inertias[1].lever = np.zeros(3)
@@ -118,6 +127,7 @@ def test_a_wheel_that_turns_many_times_within_a_step():
         np.testing.assert_allclose(q, [np.cos(3 * t), np.sin(3 * t)], atol=1e-11)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_a_mechanism_may_be_shared_between_threads(four_bar):
     alone = mbdae.solve(four_bar, (0, 1), rtol=1e-7)
     gate = threading.Barrier(3)

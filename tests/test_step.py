@@ -130,6 +130,7 @@ def mechanism_step(system, method, t, h, y):
     return tableau.step(system, t, h, State(y, carry))
 
 
+@pytest.mark.usefixtures("back_end")
 @every
 def test_a_step_is_a_function_of_its_arguments(tableau):
     mech = mbdae.load("slider_crank")
@@ -162,6 +163,7 @@ def test_a_textbook_step_is_a_function_of_its_arguments(method):
     np.testing.assert_allclose(again.z, first.z, rtol=1e-11)
 
 
+@pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("name", [n for n, m in TABLEAUS.items() if m.b_embedded])
 def test_the_error_estimate_has_the_order_it_is_used_with(name):
     tableau, mech = TABLEAUS[name], mbdae.load("four_bar")
@@ -178,6 +180,7 @@ def test_the_error_estimate_has_the_order_it_is_used_with(name):
         assert np.abs(mech.residual(step.state.y[:3], velocity)[1]).max() < 1e-3 * np.abs(velocity).max()
 
 
+@pytest.mark.usefixtures("back_end")
 def test_rejected_steps_leave_no_trace():
     # a run that starts with a hopeless first step is, from its first accepted step on, the run with that step given
     mech = mbdae.load("four_bar")
@@ -188,6 +191,7 @@ def test_rejected_steps_leave_no_trace():
     np.testing.assert_allclose(smooth.v[1], forced.v[1], rtol=0, atol=1e-13)
 
 
+@pytest.mark.usefixtures("back_end")
 def test_own_multipliers_of_a_mechanism_have_their_order():
     mech, end = mbdae.load("pendulum"), 0.5
     exact_end = mbdae.solve(mech, (0, end), method="pherk6", step=end / 400)

@@ -152,7 +152,7 @@ void Core::march(const Tableau& tableau, Course& c) {
     c.zs.insert(c.zs.end(), z.begin(), z.begin() + ng);
     c.weakest.push_back(weakest);
     if (c.watched) c.before = std::sqrt(weakest), c.usual = std::max(c.usual, c.before);
-    if (std::chrono::duration<double>(Clock::now() - started).count() > c.seconds) return;
+    if (!(std::chrono::duration<double>(Clock::now() - started).count() <= c.seconds)) return;
   }
 }
 
