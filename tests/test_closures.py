@@ -34,9 +34,7 @@ def models():
     for i, joint in ((0, "root_joint"), (3, "rleg_wrist2_joint"), (6, "rarm_wrist2_joint")):
         at = pin.SE3(pin.exp3(np.array([0.3, -0.5, 0.8])), np.array([0.1, 0.2 * i, -0.1]))
         humanoid.addFrame(pin.Frame(f"tip_{i}", humanoid.getJointId(joint), at, pin.FrameType.OP_FRAME))
-    humanoid.addFrame(
-        pin.Frame("ground", 0, pin.SE3(np.eye(3), np.array([0.2, 0.1, 0.3])), pin.FrameType.OP_FRAME)
-    )
+    humanoid.addFrame(pin.Frame("ground", 0, pin.SE3(np.eye(3), np.array([0.2, 0.1, 0.3])), pin.FrameType.OP_FRAME))
     yield "humanoid", humanoid
 
 
@@ -87,9 +85,7 @@ def test_multipliers_act_on_the_mechanism(model, closure):
         vdot, lam, power = rates(mech, q, v)
         M, f = free_force(model, q, v)
         f = f - model.damping * v
-        np.testing.assert_allclose(
-            M @ vdot, f + jacobian(mech, q).T @ lam, atol=1e-9 * (1 + np.abs(M @ vdot).max())
-        )
+        np.testing.assert_allclose(M @ vdot, f + jacobian(mech, q).T @ lam, atol=1e-9 * (1 + np.abs(M @ vdot).max()))
         assert power == pytest.approx(-v @ (model.damping * v))
 
 
