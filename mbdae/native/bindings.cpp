@@ -423,7 +423,6 @@ NB_MODULE(_native, m) {
              Numbers z(c.core->ng), errors;
              c.callbacks->interrupted = false;
              try {
-               nb::gil_scoped_release release;
                c.core->step(tableau, t, h, in, out, z.data(), errors);
              } catch (const Trouble&) {
                if (c.callbacks->interrupted) throw nb::python_error();
@@ -445,7 +444,7 @@ NB_MODULE(_native, m) {
              course.taken = course.rejected = 0, course.stuck = false;
              c.callbacks->interrupted = false;
              {
-               nb::gil_scoped_release release;
+               nb::gil_scoped_release release;  // other threads may go on; not for single points, which take less
                c.core->march(tableau, course);
              }
              if (c.callbacks->interrupted) throw nb::python_error();
@@ -457,7 +456,6 @@ NB_MODULE(_native, m) {
              Numbers at = numbers(y, c.core->length, "y"), F(c.core->ny), z(c.core->ng);
              c.callbacks->interrupted = false;
              try {
-               nb::gil_scoped_release release;
                c.core->derivative(t, at.data(), F.data(), z.data());
              } catch (const Trouble&) {
                if (c.callbacks->interrupted) throw nb::python_error();
