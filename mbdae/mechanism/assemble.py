@@ -75,13 +75,14 @@ def close_position(system: "Descriptor", q: Array, held: Array, t: float) -> Arr
         raise InputError(f"closure {worst!r} is not finite: numbers in the model are too large")
     reach = 1.2 * float(np.linalg.norm(_newton(G, g, free))) + NEAR
     tries = [_gauss_newton(system, q, free, t)]
-    widths = iter(WIDTHS)
-    while not any(_closed(system, x, t) and _distance(mech, q, x) <= reach for x in tries):
-        width = next(widths, None)
-        if width is None or (width > WIDTHS[1] and any(_closed(system, x, t) for x in tries)):
-            break
-        tries += [_gauss_newton(system, start, free, t) for start in _displaced(mech, q, free, width)]
     closed = [x for x in tries if _closed(system, x, t)]
+    widths = iter(WIDTHS)
+    while not any(_distance(mech, q, x) <= reach for x in closed):
+        width = next(widths, None)
+        if width is None or (width > WIDTHS[1] and closed):
+            break
+        more = [_gauss_newton(system, start, free, t) for start in _displaced(mech, q, free, width)]
+        tries, closed = tries + more, closed + [x for x in more if _closed(system, x, t)]
     if not closed and any(_open(system, x, t) <= ACCEPT for x in tries):  # a frame is turned over: turn it back first
         starts = (q, *(x for width in WIDTHS[1:3] for x in _displaced(mech, q, free, width)))
         turned = (_gauss_newton(system, _gauss_newton(system, x, free, t, upright), free, t) for x in starts)
@@ -90,7 +91,7 @@ def close_position(system: "Descriptor", q: Array, held: Array, t: float) -> Arr
         return _slide(system, q, min(closed, key=lambda x: _distance(mech, q, x)), free, t)
     best = min(tries, key=lambda x: _open(system, x, t))
     if _open(system, best, t) <= ACCEPT:
-        name = turned_over(mech, best)
+        name = turned_over(system)
         raise InputError(f"closure {name!r} closes with its second frame turned over: change the guess")
     raise open_closure(mech, widest(mech, system.closures(best, t)[0]), held, "configuration")
 
@@ -173,7 +174,7 @@ def _open(system: "Descriptor", q: Array, t: float) -> float:
 
 
 def _closed(system: "Descriptor", q: Array, t: float) -> bool:
-    return _open(system, q, t) <= ACCEPT and not turned_over(system.mechanism, q)
+    return _open(system, q, t) <= ACCEPT and not turned_over(system)
 
 
 def close_velocity(system: "Descriptor", q: Array, v: Array, held: Array, t: float) -> Array:

@@ -4,13 +4,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from .closure_rows import Axes
 
 if TYPE_CHECKING:
     from .descriptor import Descriptor
-    from .mechanism import Mechanism
 
 Array = np.ndarray
 Rows = Callable[["Descriptor", Array, float], tuple[Array, Array]]
@@ -39,11 +37,13 @@ def upright(system: "Descriptor", q: Array, t: float) -> tuple[Array, Array]:
     return np.concatenate(values), np.vstack(slopes)
 
 
-def turned_over(mech: "Mechanism", q: Array) -> str:
-    """Name of a closure whose products of axes vanish because a frame is turned over; empty for none."""
-    data = mech.model.createData()
-    pin.forwardKinematics(mech.model, data, q)
-    for closure, (a, b) in mech.closure_anchors:
+def turned_over(system: "Descriptor") -> str:
+    """Name of a closure whose products of axes vanish because a frame is turned over; empty for none.
+
+    The kinematics of the workspace stand.
+    """
+    data = system.data
+    for closure, (a, b) in system.mechanism.closure_anchors:
         relative = (data.oMi[a.joint].rotation @ a.R).T @ (data.oMi[b.joint].rotation @ b.R)
         if closure.turned_over(relative):
             return closure.name
