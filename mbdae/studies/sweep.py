@@ -5,9 +5,10 @@ import inspect
 import json
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from concurrent.futures import CancelledError, Executor, Future
 from itertools import islice
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -138,16 +139,17 @@ def _work(workshop: Pool, plan: Iterable[Task], keep: Callable[[dict[str, Any]],
     Raises:
         MbdaeError: when a run does not come back.
     """
-    waiting, under_way = iter(plan), dict[Future, Task]()
+    waiting, under_way, finished = iter(plan), dict[Future, Task](), SimpleQueue[Future]()
     try:
         while True:
             for task in islice(waiting, workshop.bound - len(under_way)):
-                under_way[workshop.submit(task)] = task
+                future = workshop.submit(task)
+                under_way[future] = task
+                future.add_done_callback(finished.put)
             if not under_way:
                 return
-            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                keep(_result(future, under_way[future]))
-                del under_way[future]
+            future = finished.get()
+            keep(_result(future, under_way.pop(future)))
     except KeyboardInterrupt:
         workshop.stop()
         for future, task in under_way.items():
