@@ -67,7 +67,7 @@ def choose(
     Returns:
         Sorted indices, (r,).
     """
-    if rows is not None and len(rows) == B.shape[1]:
+    if rows is not None and len(rows) in (0, B.shape[1]):
         return rows
     order, best = found or pivots(B)
     if rows is not None and pivots(B[:, rows])[1][r - 1] >= WORST_CONDITIONING * best[r - 1]:
