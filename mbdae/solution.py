@@ -11,11 +11,11 @@ import numpy as np
 
 from . import backend
 from .archive import read, write
+from .between import at_once
 from .columns import signals
 from .errors import InputError, StepError
 from .events import Event
 from .mechanism import Compiled, Effort, Mechanism, NotCompiled, Reaction, Singular, effort, reaction, redundant
-from .mechanism.path import plain, sampled
 from .mechanism.user import called, checked, function_name
 from .textbook import Hessenberg
 
@@ -209,39 +209,20 @@ class Solution:
         """
         found = None
         with suppress(StepError):
-            found = self._sampled(np.asarray(times, float))
+            found = at_once(self, np.asarray(times, float))
         yield from (self.point(float(t)) for t in times) if found is None else found
-
-    def _sampled(self, times: Array) -> Array | None:
-        """All points at once, (n, ...); None for one at a time."""
-        ts, ys, _ = map(np.asarray, self.nodes)
-        known = isinstance(self.problem, Mechanism) and len(ts) > 1 and len(times) > 1
-        if not known or not plain(self.system, self.settings["dense_order"]):
-            return None
-        sign = 1.0 if ts[-1] > ts[0] else -1.0
-        if not ((sign * times >= sign * ts[0]) & (sign * times <= sign * ts[-1])).all():
-            return None  # the first one outside is refused
-        step = np.clip(np.searchsorted(sign * ts, sign * times, side="right") - 1, 0, len(ts) - 2)
-        used, which = np.unique(step, return_inverse=True)
-        rates = [np.array([self._rate(int(i)) for i in nodes]) for nodes in (used, used + 1)]
-        theta = (times - ts[step]) / (ts[step + 1] - ts[step])
-        ends, h = (ys[used], ys[used + 1]), ts[used + 1] - ts[used]
-        out = sampled(self.system, ts[used], h, ends, (rates[0], rates[1]), which, theta)
-        for node in (step, step + 1):
-            there = times == ts[node]
-            out[there] = ys[node[there]]
-        return out
 
     def dense(self, i: int) -> Callable[[float], Array]:
         """Return theta -> y on step i, theta in [0, 1], of one order below the method's."""
         if i not in self._dense:
             ts, ys, _ = self.nodes
-            rates = self._rate(i), self._rate(i + 1)
+            rates = self.rate(i), self.rate(i + 1)
             order = self.settings["dense_order"]
             self._dense[i] = self.system.interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
         return self._dense[i]
 
-    def _rate(self, i: int) -> Array:
+    def rate(self, i: int) -> Array:
+        """The tangent rate of y at the end of step i, computed once; 0 is the start."""
         if i not in self._rates:
             ts, ys, zs = self.nodes
             self._rates[i] = self.system.derivative(ts[i], ys[i], zs[i])[0]

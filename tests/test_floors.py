@@ -23,6 +23,7 @@ FLOORS = (  # a room imports from the floors below its own, never from rooms bes
 ROOMS = {  # files that were split off, and the room they belong to
     "textbook_stages": "textbook",
     "archive": "solution",
+    "between": "solution",
     "columns": "solution",
     "pace": "solve",
     "jumps": "solve",
