@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .mechanism import Mechanism
+from .mechanism import Compiled, Mechanism
 from .mechanism.path import plain, sampled
 
 if TYPE_CHECKING:
@@ -29,6 +29,10 @@ def at_once(sol: "Solution", times: Array) -> Array | None:
         return None  # the first one outside is refused
     step = np.clip(np.searchsorted(sign * ts, sign * times, side="right") - 1, 0, len(ts) - 2)
     used, which = np.unique(step, return_inverse=True)
+    if isinstance(sol.system, Compiled):
+        nodes = np.union1d(used, used + 1)
+        rates = sol.system.derivatives(ts[nodes], ys[nodes])[0]
+        sol.rates |= {int(i): F for i, F in zip(nodes, rates, strict=True) if not np.isnan(F).any()}
     starts, ends = (np.array([sol.rate(int(i)) for i in nodes]) for nodes in (used, used + 1))
     h, theta = ts[used + 1] - ts[used], (times - ts[step]) / (ts[step + 1] - ts[step])
     out = sampled(sol.system, ts[used], h, (ys[used], ys[used + 1]), (starts, ends), which, theta)

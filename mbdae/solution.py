@@ -76,7 +76,7 @@ class Solution:
     viewer: ClassVar[Callable[["Solution"], str] | None] = None  # the page for notebooks, set by the package
 
     def __post_init__(self) -> None:
-        self._rates: dict[int, Array] = {}
+        self.rates: dict[int, Array] = {}
         self._dense: dict[int, Callable[[float], Array]] = {}
 
     @property
@@ -145,7 +145,7 @@ class Solution:
         """
         out = np.full((len(self.t), self.system.nz), np.nan)
         if isinstance(self.system, Compiled):
-            out = self.system.multipliers(self.t, self.y)
+            out = self.system.derivatives(self.t, self.y)[1]
         for i in np.flatnonzero(np.isnan(out).any(axis=1)):
             with suppress(StepError):
                 out[i] = self.system.derivative(self.t[i], self.y[i], self.z_own[i])[1]
@@ -223,10 +223,10 @@ class Solution:
 
     def rate(self, i: int) -> Array:
         """The tangent rate of y at the end of step i, computed once; 0 is the start."""
-        if i not in self._rates:
+        if i not in self.rates:
             ts, ys, zs = self.nodes
-            self._rates[i] = self.system.derivative(ts[i], ys[i], zs[i])[0]
-        return self._rates[i]
+            self.rates[i] = self.system.derivative(ts[i], ys[i], zs[i])[0]
+        return self.rates[i]
 
     def multipliers(self, t: float) -> Array:
         """Return z (nz,) at any time of the run from the hidden constraint; the first ng are lam."""

@@ -86,8 +86,8 @@ class Compiled(Descriptor):
         finally:
             self.after()
 
-    def multipliers(self, t: Array, y: Array) -> Array:
-        """Return lam (n, ng) from the hidden constraint at points (n, ...); nan where it cannot be found."""
+    def derivatives(self, t: Array, y: Array) -> tuple[Array, Array]:
+        """Return y' (n, ny) and lam (n, ng) at points (n, ...), see `derivative`; nan where they cannot be found."""
         if len(t) and not self._begun:
             self.derivative(float(t[0]), y[0])
         return self.core.derivatives(np.ascontiguousarray(t), np.ascontiguousarray(y))

@@ -109,7 +109,7 @@ Signal signal(const nb::dict& d, Callbacks& callbacks) {
   if (s.kind == Signal::steps) fits = n >= 1 && s.b.size() == n;
   if (s.kind == Signal::pieces) {
     s.degree = get<int>(d, "degree");
-    fits = s.degree >= 0 && s.b.size() >= 2 && n == (s.b.size() - 1) * (s.degree + 1);
+    fits = s.degree >= 0 && s.b.size() >= 2 && n == (s.b.size() - 1) * (static_cast<size_t>(s.degree) + 1);
   }
   if (!fits) refuse("the numbers of a function of time do not fit its kind");
   return s;
@@ -117,6 +117,7 @@ Signal signal(const nb::dict& d, Callbacks& callbacks) {
 
 Anchor anchor(const nb::tuple& x, int joints) {
   Anchor a;
+  if (x.size() != 3) refuse("a frame is a joint, a rotation and a position");
   a.joint = nb::cast<int>(x[0]);
   const auto R = nb::cast<Numbers>(x[1]), p = nb::cast<Numbers>(x[2]);
   if (a.joint < 0 || a.joint >= joints || R.size() != 9 || p.size() != 3) refuse("a frame does not fit the model");
@@ -187,7 +188,7 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Ca
   if (d.contains("signals"))
     for (nb::handle h : nb::cast<nb::list>(d["signals"])) out.signals.push_back(signal(nb::cast<nb::dict>(h), callbacks));
   within(out.iq, n.nq, "coordinate"), within(out.iv, n.nv, "velocity");
-  if (out.state < 0 || out.states < 0 || out.state + out.states > ns) refuse("states out of range");
+  if (out.state < 0 || out.states < 0 || out.states > ns || out.state > ns - out.states) refuse("states out of range");
   struct Needs {
     size_t a, signals, iv;
     int states;
@@ -227,6 +228,7 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Ca
         };
         if (!rates) return add(result, v, tau, true);
         auto both = nb::cast<nb::tuple>(result);
+        if (both.size() != 2) throw Trouble();
         add(both[0], v, tau, true), add(both[1], k, ds, false);
       });
     };
@@ -242,7 +244,7 @@ struct PyCore {
     const void* m = model_pointer(model_.ptr());
     const auto size = model_sizes(m);
     const Sizes n{size[0], size[1], size[2]};
-    if (ns < 0 || static_cast<int>(turning.size()) != n.nv) refuse("sizes do not fit the model");
+    if (ns < 0 || ns > 1000000 || static_cast<int>(turning.size()) != n.nv) refuse("sizes do not fit the model");
     if (flat && n.nq != n.nv) refuse("a flat manifold has nq = nv");
     auto closure_pairs = pairs(pair_list, n.joints), force_pairs = pairs(law_pair_list, n.joints);
     std::vector<Row> rows;
@@ -467,24 +469,23 @@ NB_MODULE(_native, m) {
       .def("derivatives",
            [](PyCore& c, const Array& t, const Array& y) -> nb::object {
              const Turn turn(c);
-             const size_t n = t.size(), len = c.core->length, ng = c.core->ng;
-             Numbers at = numbers(y, n * len, "y"), F(c.core->ny), z(n * ng + 1, NAN);
+             const size_t n = t.size(), len = c.core->length, ng = c.core->ng, ny = c.core->ny;
+             Numbers at = numbers(y, n * len, "y"), F(n * ny, NAN), z(n * ng, NAN);
              std::vector<double> ts(t.data(), t.data() + n);
              c.callbacks->interrupted = false;
              {
                nb::gil_scoped_release release;
                for (size_t i = 0; i < n; ++i) try {
-                   c.core->derivative(ts[i], &at[i * len], F.data(), &z[i * ng]);
+                   c.core->derivative(ts[i], &at[i * len], &F[i * ny], z.data() + i * ng);
                  } catch (const Trouble&) {
-                   std::fill_n(z.begin() + i * ng, ng, NAN);
+                   std::fill_n(F.begin() + i * ny, ny, NAN), std::fill_n(z.begin() + i * ng, ng, NAN);
                    if (c.callbacks->interrupted) break;
                  }
              }
              if (c.callbacks->interrupted) throw nb::python_error();
-             z.pop_back();
-             return array(z, n, ng);
+             return nb::make_tuple(array(F, n, ny), array(z, n, ng));
            },
-           nb::arg("t"), nb::arg("y"), "Return lam (n, ng) at many points; nan where it cannot be found.")
+           nb::arg("t"), nb::arg("y"), "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be found.")
       .def("ratio",
            [](PyCore& c, const Array& q, int rank) -> nb::object {
              Numbers a = numbers(q, c.core->nq, "q");
