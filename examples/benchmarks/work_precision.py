@@ -28,6 +28,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from common import brief, digits, machine, medians, ratio, table
 from peers import Runner, solvers
+from PIL import Image
 from planar import Problem
 from problems import PROBLEMS
 
