@@ -196,6 +196,20 @@ def test_wrong_mechanisms_are_refused_or_computed(given):
     assert found is None or found[0].shape == (len(y),)
 
 
+def test_indices_that_overflow_are_refused():
+    for index, change in ((6, {"state": 2**31 - 1, "states": 1}), (6, {"state": 1, "states": 2**31 - 1})):
+        wrong = [list(x) if isinstance(x, list) else x for x in RIGHT]
+        wrong[index] = [{**law, **change} for law in wrong[index]]
+        with pytest.raises(ValueError, match="out of range"):
+            backend.load().Core(*wrong)
+    for frame in ((), (0,), (0, [1.0] * 9)):
+        wrong = [*RIGHT[:2], [(frame, frame)], *RIGHT[3:]]
+        with pytest.raises(ValueError, match="a frame is"):
+            backend.load().Core(*wrong)
+    with pytest.raises(ValueError, match="sizes"):
+        backend.load().Core(*RIGHT[:7], 2**31 - 1, *RIGHT[8:])
+
+
 @pytest.mark.parametrize("model", [None, 3, "four_bar", object(), pin.Data(pin.Model()), pin.Model])
 def test_what_is_no_model_is_refused(model):
     with pytest.raises(REFUSED):
