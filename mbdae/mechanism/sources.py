@@ -49,7 +49,7 @@ def restored(record: Mapping[str, Any]) -> Part:
         return read_urdf(r["urdf"], "URDF", r["free_flyer"], r["packages"], kinds=r["kinds"], lock=r["lock"])
     model = pin.Model()
     model.loadFromString(record["model"])
-    return Part(model, unpack(record["visuals"]), lambda: dict(record))
+    return Part(model, unpack(record["visuals"]), dict(record).copy)
 
 
 def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, tuple[Motor, ...], tuple[str, ...]]:

@@ -55,7 +55,7 @@ def read_urdf(
     return Part(
         model,
         visuals,
-        lambda: record,
+        record.copy,
         mimics=tuple(m for m in mimics if m.joint not in lock),
         left_out=(listed("mimicry of joints that do not move, by", lost),) if lost else (),
     )
