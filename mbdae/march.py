@@ -32,7 +32,7 @@ def bind(
     native = None if missing and backend in ("auto", "native") else choose(backend)
     if native:
         try:
-            return problem.system(native=native), ""
+            return problem.system(formulation, baumgarte, native), ""
         except NotCompiled as e:
             missing = str(e)
     if missing and backend == "native":

@@ -178,11 +178,13 @@ COMMANDS = [
     "compare double_pendulum -t 0.2 -m pherk5 -m ggl:herk3 --rtol 1e-4,1e-6 --repeats 1 -o c.csv --plot c.png",
     "animate run.npz -o again.html",
     "report double_pendulum -t 0.2 -m pherk5 --repeats 1 -o report.html",
+    "sweep sweep.toml -o sweep.parquet",
 ]
 
 
 def test_a_mechanism_without_closures_runs_through_every_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "sweep.toml").write_text('model = "double_pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
     for command in COMMANDS:
         result = CliRunner().invoke(cli, [*command.split(), "--json"])
         assert result.exit_code == 0, (command, result.output, result.exception)

@@ -90,12 +90,14 @@ EVERY = (
     "compare pendulum -t 0.1 -m pherk5,herk3 --rtol 1e-3 --repeats 1",
     "report pendulum -t 0.2 -m ggl:herk3 --rtol 1e-4 --repeats 1 -o report.html",
     "animate run.npz -o run.html",
+    "sweep sweep.toml",
 )
 
 
 def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeypatch, capsys):
     assert {arguments.split()[0] for arguments in EVERY} == set(command_line.cli.commands)
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "sweep.toml").write_text('model = "pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
     monkeypatch.setenv("FORCE_COLOR", "1")  # as machines that run tests set it
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # main() sets its own
     for arguments in EVERY:

@@ -184,10 +184,8 @@ class Mechanism:
         """
         if formulation not in SYSTEMS:
             raise UnknownNameError("formulation", formulation, SYSTEMS)
-        if native and formulation == "index2":
-            return Compiled(self, native)
         if baumgarte is None:
-            return SYSTEMS[formulation](self)
+            return Compiled(self, native) if native and formulation == "index2" else SYSTEMS[formulation](self)
         if formulation != "index1":
             raise InputError(f"baumgarte belongs to formulation 'index1', got it with {formulation!r}")
         return Index1(self, baumgarte)
