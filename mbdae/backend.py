@@ -55,7 +55,7 @@ def choose(backend: str) -> ModuleType | None:
 
 @cache
 def _warn() -> None:
-    warnings.warn(f"{SLOW}, several times slower than with its compiled core; {status()}", stacklevel=4)
+    warnings.warn(f"{SLOW}, ten to forty times slower than with its compiled core; {status()}", stacklevel=4)
 
 
 @cache
