@@ -1,7 +1,7 @@
 """Dependent constraint rows: rank, and a well-conditioned choice of independent rows."""
 
 import numpy as np
-from scipy.linalg.lapack import dgeqp3
+from scipy.linalg.lapack import dgeqp3, dgesdd
 
 from ..errors import StepError
 
@@ -80,5 +80,5 @@ def minimum_norm(G: np.ndarray, rank: int, force: np.ndarray) -> np.ndarray:
 
     Not of the rank that rounding shows: rows that depend on each other on 0 = g do so only nearly beside it.
     """
-    left, sizes, right = np.linalg.svd(G, full_matrices=False)
+    left, sizes, right, _ = dgesdd(G, full_matrices=0)
     return left[:, :rank].dot(right[:rank].dot(force) / sizes[:rank])
