@@ -23,7 +23,8 @@ using Array = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 [[noreturn]] void refuse(const std::string& text) { throw std::invalid_argument(text); }
 
 Numbers numbers(const Array& x, size_t n, const char* name) {
-  if (x.size() != n) refuse(std::string(name) + " has " + std::to_string(x.size()) + " numbers, expected " + std::to_string(n));
+  if (x.size() != n)
+    refuse(std::string(name) + " has " + std::to_string(x.size()) + " numbers, expected " + std::to_string(n));
   return Numbers(x.data(), x.data() + n);
 }
 
@@ -171,11 +172,21 @@ Row row(const nb::dict& d, const Sizes& n, int pair_count) {
 }
 
 Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Callbacks& callbacks) {
-  static const std::map<std::string, Law::Kind> kinds = {
-      {"damping", Law::damping}, {"friction", Law::friction}, {"spring", Law::spring}, {"curve", Law::curve},
-      {"torque", Law::torque}, {"pd", Law::pd}, {"pid", Law::pid}, {"resistance", Law::resistance},
-      {"motor", Law::motor}, {"held", Law::held}, {"spring_damper", Law::spring_damper}, {"bushing", Law::bushing},
-      {"wrench", Law::wrench}, {"python", Law::python}, {"actuator", Law::actuator}};
+  static const std::map<std::string, Law::Kind> kinds = {{"damping", Law::damping},
+                                                         {"friction", Law::friction},
+                                                         {"spring", Law::spring},
+                                                         {"curve", Law::curve},
+                                                         {"torque", Law::torque},
+                                                         {"pd", Law::pd},
+                                                         {"pid", Law::pid},
+                                                         {"resistance", Law::resistance},
+                                                         {"motor", Law::motor},
+                                                         {"held", Law::held},
+                                                         {"spring_damper", Law::spring_damper},
+                                                         {"bushing", Law::bushing},
+                                                         {"wrench", Law::wrench},
+                                                         {"python", Law::python},
+                                                         {"actuator", Law::actuator}};
   Law out;
   out.kind = kind(kinds, get<std::string>(d, "kind"));
   auto maybe = [&](const char* key, auto& target) {
@@ -186,7 +197,8 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Ca
   pair = -1;
   maybe("pair", pair);
   if (d.contains("signals"))
-    for (nb::handle h : nb::cast<nb::list>(d["signals"])) out.signals.push_back(signal(nb::cast<nb::dict>(h), callbacks));
+    for (nb::handle h : nb::cast<nb::list>(d["signals"]))
+      out.signals.push_back(signal(nb::cast<nb::dict>(h), callbacks));
   within(out.iq, n.nq, "coordinate"), within(out.iv, n.nv, "velocity");
   if (out.state < 0 || out.states < 0 || out.states > ns || out.state > ns - out.states) refuse("states out of range");
   struct Needs {
@@ -196,13 +208,13 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Ca
   };
   const size_t nv = n.nv, any = 0;
   const std::map<Law::Kind, Needs> needs = {
-      {Law::damping, {nv, 0, 0, 0, false}},    {Law::friction, {nv + 1, 0, 0, 0, false}},
-      {Law::spring, {3, 0, any, 0, false}},    {Law::curve, {3, 1, any, 0, false}},
-      {Law::torque, {1, any, 1, 0, false}},    {Law::pd, {3, 1, 1, 0, false}},
-      {Law::pid, {3, 1, 1, 1, false}},         {Law::resistance, {2, 1, 1, 0, false}},
-      {Law::motor, {3, 1, 1, 1, false}},       {Law::held, {0, 0, 0, 0, false}},
+      {Law::damping, {nv, 0, 0, 0, false}},     {Law::friction, {nv + 1, 0, 0, 0, false}},
+      {Law::spring, {3, 0, any, 0, false}},     {Law::curve, {3, 1, any, 0, false}},
+      {Law::torque, {1, any, 1, 0, false}},     {Law::pd, {3, 1, 1, 0, false}},
+      {Law::pid, {3, 1, 1, 1, false}},          {Law::resistance, {2, 1, 1, 0, false}},
+      {Law::motor, {3, 1, 1, 1, false}},        {Law::held, {0, 0, 0, 0, false}},
       {Law::spring_damper, {3, 1, 0, 0, true}}, {Law::bushing, {12, 0, 0, 0, true}},
-      {Law::wrench, {0, 6, 0, 0, true}},       {Law::python, {0, 0, 0, 0, false}},
+      {Law::wrench, {0, 6, 0, 0, true}},        {Law::python, {0, 0, 0, 0, false}},
       {Law::actuator, {0, 0, 0, 0, false}}};
   const Needs& need = needs.at(out.kind);
   const bool spring = out.kind == Law::spring || out.kind == Law::curve;
@@ -220,7 +232,8 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Ca
     const bool rates = out.kind == Law::actuator;
     out.call = [=](double t, const double* q, const double* qd, const double* s, double* tau, double* ds) {
       guarded(interrupted, [&] {
-        nb::object result = rates ? f(t, argument(q, nq), argument(qd, v), argument(s, k)) : f(t, argument(q, nq), argument(qd, v));
+        nb::object result =
+            rates ? f(t, argument(q, nq), argument(qd, v), argument(s, k)) : f(t, argument(q, nq), argument(qd, v));
         auto add = [](nb::handle x, size_t size, double* out, bool sum) {
           auto a = nb::cast<Array>(x);
           if (a.size() != size) throw Trouble();
@@ -263,7 +276,8 @@ struct PyCore {
       laws.push_back(law(nb::cast<nb::dict>(h), n, ns, static_cast<int>(force_pairs.size()), pair, *callbacks));
       pair_of.push_back(pair);
     }
-    static const std::map<std::string, Block::Kind> kinds = {{"so3", Block::so3}, {"se3", Block::se3}, {"se2", Block::se2}};
+    static const std::map<std::string, Block::Kind> kinds = {
+        {"so3", Block::so3}, {"se3", Block::se3}, {"se2", Block::se2}};
     std::vector<Block> blocks;
     for (nb::handle h : block_list) {
       auto x = nb::cast<std::pair<std::string, int>>(h);
@@ -276,7 +290,8 @@ struct PyCore {
 
   void check(const State& s, const Tableau& t) const {
     if (static_cast<int>(s.y.size()) != core->length) refuse("y has the wrong length");
-    if (t.first && static_cast<int>(s.carry.size()) != core->ny - core->nv) refuse("the method needs a carried derivative");
+    if (t.first && static_cast<int>(s.carry.size()) != core->ny - core->nv)
+      refuse("the method needs a carried derivative");
     if (!s.low.empty() && static_cast<int>(s.low.size()) != core->ny) refuse("low has the wrong length");
   }
 
@@ -311,12 +326,11 @@ int clear(PyObject* self) {
   return 0;
 }
 
-PyType_Slot collected[] = {{Py_tp_traverse, reinterpret_cast<void*>(traverse)},
-                           {Py_tp_clear, reinterpret_cast<void*>(clear)},
-                           {0, nullptr}};
+PyType_Slot collected[] = {
+    {Py_tp_traverse, reinterpret_cast<void*>(traverse)}, {Py_tp_clear, reinterpret_cast<void*>(clear)}, {0, nullptr}};
 
-Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat, const Array& e,
-                     bool first, bool project, int doubled) {
+Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat,
+                     const Array& e, bool first, bool project, int doubled) {
   Tableau t;
   t.n = static_cast<int>(b.size());
   const size_t n = t.n;
@@ -332,7 +346,8 @@ Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Ar
       if (!std::isfinite(v)) refuse("a tableau is finite");
   for (size_t i = 0; i < n; ++i)
     for (size_t j = i; j < n; ++j)
-      if (t.A[i * n + j] != 0 || (j > i && t.Ahat[i * n + j] != 0)) refuse("A is strictly lower triangular, Ahat lower");
+      if (t.A[i * n + j] != 0 || (j > i && t.Ahat[i * n + j] != 0))
+        refuse("A is strictly lower triangular, Ahat lower");
   for (size_t i = first; i < n; ++i)
     if (t.Ahat[i * n + i] == 0) refuse("Ahat has a regular diagonal");
   if (doubled < 0) refuse("an order is not negative");
@@ -359,13 +374,13 @@ NB_MODULE(_native, m) {
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
 
   nb::class_<Tableau>(m, "Tableau", "Coefficients of a half-explicit method.")
-      .def("__init__",
-           [](Tableau* self, const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat,
-              const Array& e, bool first, bool project, int doubled) {
-             new (self) Tableau(make_tableau(A, Ahat, b, c, chat, e, first, project, doubled));
-           },
-           nb::arg("A"), nb::arg("Ahat"), nb::arg("b"), nb::arg("c"), nb::arg("chat"), nb::arg("e"), nb::arg("first"),
-           nb::arg("project"), nb::arg("doubled"));
+      .def(
+          "__init__",
+          [](Tableau* self, const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat,
+             const Array& e, bool first, bool project,
+             int doubled) { new (self) Tableau(make_tableau(A, Ahat, b, c, chat, e, first, project, doubled)); },
+          nb::arg("A"), nb::arg("Ahat"), nb::arg("b"), nb::arg("c"), nb::arg("chat"), nb::arg("e"), nb::arg("first"),
+          nb::arg("project"), nb::arg("doubled"));
 
   nb::class_<Counts>(m, "Counts", "Work done so far.")
       .def_ro("f", &Counts::f)
@@ -376,7 +391,8 @@ NB_MODULE(_native, m) {
       .def_ro("projections", &Counts::projections)
       .def_ro("state_projections", &Counts::state_projections);
 
-  auto course = nb::class_<Course>(m, "Course", "A run's state and pace, and the steps that were taken.").def(nb::init<>());
+  auto course =
+      nb::class_<Course>(m, "Course", "A run's state and pace, and the steps that were taken.").def(nb::init<>());
 #define FIELD(name) course.def_rw(#name, &Course::name)
   FIELD(t), FIELD(t1), FIELD(sign), FIELD(stop), FIELD(end), FIELD(project), FIELD(adaptive), FIELD(watched);
   FIELD(seconds), FIELD(budget), FIELD(h), FIELD(largest), FIELD(cut), FIELD(last), FIELD(rtol), FIELD(atol);
@@ -384,134 +400,149 @@ NB_MODULE(_native, m) {
   FIELD(step), FIELD(t0), FIELD(near), FIELD(tolerated), FIELD(n), FIELD(i), FIELD(on_grid);
   FIELD(usual), FIELD(before), FIELD(suspect), FIELD(landed), FIELD(taken), FIELD(rejected), FIELD(stuck);
 #undef FIELD
-  course.def("begin", [](Course& c, const Array& y, const nb::object& carry, const nb::object& low) { c.state = state(y, carry, low); },
-             nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none(), "Set the state.");
-  course.def("state", [](const Course& c) { return nb::make_tuple(vector(c.state.y), maybe(c.state.carry), maybe(c.state.low)); },
-             "Return y, carry and low.");
-  course.def("steps",
-             [](const Course& c) {
-               const size_t n = c.ts.size();
-               return nb::make_tuple(vector(c.ts), array(c.ys, n, n ? c.ys.size() / n : 0),
-                                     array(c.zs, n, n ? c.zs.size() / n : 0), vector(c.weakest));
-             },
-             "Return t (n,), y (n, ...), z (n, ng) and the smallest ratios of pivots (n,) of the steps taken.");
+  course.def(
+      "begin",
+      [](Course& c, const Array& y, const nb::object& carry, const nb::object& low) { c.state = state(y, carry, low); },
+      nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none(), "Set the state.");
+  course.def(
+      "state",
+      [](const Course& c) { return nb::make_tuple(vector(c.state.y), maybe(c.state.carry), maybe(c.state.low)); },
+      "Return y, carry and low.");
+  course.def(
+      "steps",
+      [](const Course& c) {
+        const size_t n = c.ts.size();
+        return nb::make_tuple(vector(c.ts), array(c.ys, n, n ? c.ys.size() / n : 0),
+                              array(c.zs, n, n ? c.zs.size() / n : 0), vector(c.weakest));
+      },
+      "Return t (n,), y (n, ...), z (n, ng) and the smallest ratios of pivots (n,) of the steps taken.");
 
   nb::class_<PyCore>(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.")
-      .def(nb::init<nb::handle, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
-                    int, const nb::list&, std::vector<int>>(),
-           nb::arg("model"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"), nb::arg("law_pairs"),
-           nb::arg("laws"), nb::arg("ns"), nb::arg("blocks"), nb::arg("turning"))
+      .def(nb::init<nb::handle, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
+                    const nb::list&, int, const nb::list&, std::vector<int>>(),
+           nb::arg("model"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"),
+           nb::arg("law_pairs"), nb::arg("laws"), nb::arg("ns"), nb::arg("blocks"), nb::arg("turning"))
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->rows(); })
       .def_prop_ro("rank", [](const PyCore& c) { return c.core->rank; })
       .def_prop_ro("counts", [](const PyCore& c) { return c.core->counts; })
-      .def_prop_rw("weakest", [](const PyCore& c) { return c.core->weakest; },
-                   [](PyCore& c, double x) { c.core->weakest = x; })
-      .def("use",
-           [](PyCore& c, const std::vector<int>& rows, int rank) {
-             const Turn turn(c);
-             within(rows, c.core->ng, "row");
-             if (rank != static_cast<int>(rows.size()) || !std::is_sorted(rows.begin(), rows.end()) ||
-                 std::adjacent_find(rows.begin(), rows.end()) != rows.end())
-               refuse("rows are sorted, different, and as many as the rank");
-             c.core->use(rows, rank);
-           },
-           nb::arg("rows"), nb::arg("rank"), "Say which rows are in use.")
-      .def("step",
-           [](PyCore& c, const Tableau& tableau, double t, double h, const Array& y, const nb::object& carry,
-              const nb::object& low) -> nb::object {
-             const Turn turn(c);
-             State in = state(y, carry, low), out;
-             c.check(in, tableau);
-             Numbers z(c.core->ng), errors;
-             c.callbacks->interrupted = false;
-             try {
-               c.core->step(tableau, t, h, in, out, z.data(), errors);
-             } catch (const Trouble&) {
-               if (c.callbacks->interrupted) throw nb::python_error();
-               return nb::none();
-             }
-             return nb::make_tuple(vector(out.y), maybe(out.carry), maybe(out.low), vector(z),
-                                   array(errors, errors.size() / c.core->ny, c.core->ny));
-           },
-           nb::arg("tableau"), nb::arg("t"), nb::arg("h"), nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none(),
-           "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
-      .def("march",
-           [](PyCore& c, const Tableau& tableau, Course& course) {
-             const Turn turn(c);
-             c.check(course.state, tableau);
-             const size_t m = c.core->ny - c.core->constraints.drivers.empty();
-             if (course.adaptive && course.atol.size() != 1 && course.atol.size() != m) refuse("atol has the wrong length");
-             if (course.adaptive && !tableau.doubled && !tableau.errors) refuse("the tableau has no error estimate");
-             course.ts.clear(), course.ys.clear(), course.zs.clear(), course.weakest.clear();
-             course.taken = course.rejected = 0, course.stuck = false;
-             c.callbacks->interrupted = false;
-             {
-               nb::gil_scoped_release release;  // other threads may go on; not for single points, which take less
-               c.core->march(tableau, course);
-             }
-             if (c.callbacks->interrupted) throw nb::python_error();
-           },
-           nb::arg("tableau"), nb::arg("course"), "Take many steps.")
-      .def("derivative",
-           [](PyCore& c, double t, const Array& y) -> nb::object {
-             const Turn turn(c);
-             Numbers at = numbers(y, c.core->length, "y"), F(c.core->ny), z(c.core->ng);
-             c.callbacks->interrupted = false;
-             try {
-               c.core->derivative(t, at.data(), F.data(), z.data());
-             } catch (const Trouble&) {
-               if (c.callbacks->interrupted) throw nb::python_error();
-               return nb::none();
-             }
-             return nb::make_tuple(vector(F), vector(z));
-           },
-           nb::arg("t"), nb::arg("y"), "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
-      .def("derivatives",
-           [](PyCore& c, const Array& t, const Array& y) -> nb::object {
-             const Turn turn(c);
-             const size_t n = t.size(), len = c.core->length, ng = c.core->ng, ny = c.core->ny;
-             Numbers at = numbers(y, n * len, "y"), F(n * ny, NAN), z(n * ng, NAN);
-             std::vector<double> ts(t.data(), t.data() + n);
-             c.callbacks->interrupted = false;
-             {
-               nb::gil_scoped_release release;
-               for (size_t i = 0; i < n; ++i) try {
-                   c.core->derivative(ts[i], &at[i * len], &F[i * ny], z.data() + i * ng);
-                 } catch (const Trouble&) {
-                   std::fill_n(F.begin() + i * ny, ny, NAN), std::fill_n(z.begin() + i * ng, ng, NAN);
-                   if (c.callbacks->interrupted) break;
-                 }
-             }
-             if (c.callbacks->interrupted) throw nb::python_error();
-             return nb::make_tuple(array(F, n, ny), array(z, n, ng));
-           },
-           nb::arg("t"), nb::arg("y"), "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be found.")
-      .def("ratio",
-           [](PyCore& c, const Array& q, int rank) -> nb::object {
-             Numbers a = numbers(q, c.core->nq, "q");
-             if (rank < 1 || rank > std::min(c.core->ng, c.core->nv)) refuse("rank out of range");
-             const int before = c.core->rank;
-             c.core->rank = rank;
-             try {
-               const double r = c.core->ratio(a.data());
-               c.core->rank = before;
-               return nb::float_(r);
-             } catch (const Trouble&) {
-               c.core->rank = before;
-               return nb::none();
-             }
-           },
-           nb::arg("q"), nb::arg("rank"), "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
-      .def("bare",
-           [](PyCore& c, const Array& q, const Array& v, int repetitions) {
-             const Turn turn(c);
-             Numbers a = numbers(q, c.core->nq, "q"), b = numbers(v, c.core->nv, "v");
-             try {
-               return c.core->bare(a.data(), b.data(), repetitions);
-             } catch (const Trouble&) {
-               refuse("the point is singular");
-             }
-           },
-           nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
-           "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
+      .def_prop_rw(
+          "weakest", [](const PyCore& c) { return c.core->weakest; }, [](PyCore& c, double x) { c.core->weakest = x; })
+      .def(
+          "use",
+          [](PyCore& c, const std::vector<int>& rows, int rank) {
+            const Turn turn(c);
+            within(rows, c.core->ng, "row");
+            if (rank != static_cast<int>(rows.size()) || !std::is_sorted(rows.begin(), rows.end()) ||
+                std::adjacent_find(rows.begin(), rows.end()) != rows.end())
+              refuse("rows are sorted, different, and as many as the rank");
+            c.core->use(rows, rank);
+          },
+          nb::arg("rows"), nb::arg("rank"), "Say which rows are in use.")
+      .def(
+          "step",
+          [](PyCore& c, const Tableau& tableau, double t, double h, const Array& y, const nb::object& carry,
+             const nb::object& low) -> nb::object {
+            const Turn turn(c);
+            State in = state(y, carry, low), out;
+            c.check(in, tableau);
+            Numbers z(c.core->ng), errors;
+            c.callbacks->interrupted = false;
+            try {
+              c.core->step(tableau, t, h, in, out, z.data(), errors);
+            } catch (const Trouble&) {
+              if (c.callbacks->interrupted) throw nb::python_error();
+              return nb::none();
+            }
+            return nb::make_tuple(vector(out.y), maybe(out.carry), maybe(out.low), vector(z),
+                                  array(errors, errors.size() / c.core->ny, c.core->ny));
+          },
+          nb::arg("tableau"), nb::arg("t"), nb::arg("h"), nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none(),
+          "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
+      .def(
+          "march",
+          [](PyCore& c, const Tableau& tableau, Course& course) {
+            const Turn turn(c);
+            c.check(course.state, tableau);
+            const size_t m = c.core->ny - c.core->constraints.drivers.empty();
+            if (course.adaptive && course.atol.size() != 1 && course.atol.size() != m)
+              refuse("atol has the wrong length");
+            if (course.adaptive && !tableau.doubled && !tableau.errors) refuse("the tableau has no error estimate");
+            course.ts.clear(), course.ys.clear(), course.zs.clear(), course.weakest.clear();
+            course.taken = course.rejected = 0, course.stuck = false;
+            c.callbacks->interrupted = false;
+            {
+              nb::gil_scoped_release release;  // other threads may go on; not for single points, which take less
+              c.core->march(tableau, course);
+            }
+            if (c.callbacks->interrupted) throw nb::python_error();
+          },
+          nb::arg("tableau"), nb::arg("course"), "Take many steps.")
+      .def(
+          "derivative",
+          [](PyCore& c, double t, const Array& y) -> nb::object {
+            const Turn turn(c);
+            Numbers at = numbers(y, c.core->length, "y"), F(c.core->ny), z(c.core->ng);
+            c.callbacks->interrupted = false;
+            try {
+              c.core->derivative(t, at.data(), F.data(), z.data());
+            } catch (const Trouble&) {
+              if (c.callbacks->interrupted) throw nb::python_error();
+              return nb::none();
+            }
+            return nb::make_tuple(vector(F), vector(z));
+          },
+          nb::arg("t"), nb::arg("y"), "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
+      .def(
+          "derivatives",
+          [](PyCore& c, const Array& t, const Array& y) -> nb::object {
+            const Turn turn(c);
+            const size_t n = t.size(), len = c.core->length, ng = c.core->ng, ny = c.core->ny;
+            Numbers at = numbers(y, n * len, "y"), F(n * ny, NAN), z(n * ng, NAN);
+            std::vector<double> ts(t.data(), t.data() + n);
+            c.callbacks->interrupted = false;
+            {
+              nb::gil_scoped_release release;
+              for (size_t i = 0; i < n; ++i) try {
+                  c.core->derivative(ts[i], &at[i * len], &F[i * ny], z.data() + i * ng);
+                } catch (const Trouble&) {
+                  std::fill_n(F.begin() + i * ny, ny, NAN), std::fill_n(z.begin() + i * ng, ng, NAN);
+                  if (c.callbacks->interrupted) break;
+                }
+            }
+            if (c.callbacks->interrupted) throw nb::python_error();
+            return nb::make_tuple(array(F, n, ny), array(z, n, ng));
+          },
+          nb::arg("t"), nb::arg("y"),
+          "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be found.")
+      .def(
+          "ratio",
+          [](PyCore& c, const Array& q, int rank) -> nb::object {
+            Numbers a = numbers(q, c.core->nq, "q");
+            if (rank < 1 || rank > std::min(c.core->ng, c.core->nv)) refuse("rank out of range");
+            const int before = c.core->rank;
+            c.core->rank = rank;
+            try {
+              const double r = c.core->ratio(a.data());
+              c.core->rank = before;
+              return nb::float_(r);
+            } catch (const Trouble&) {
+              c.core->rank = before;
+              return nb::none();
+            }
+          },
+          nb::arg("q"), nb::arg("rank"),
+          "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
+      .def(
+          "bare",
+          [](PyCore& c, const Array& q, const Array& v, int repetitions) {
+            const Turn turn(c);
+            Numbers a = numbers(q, c.core->nq, "q"), b = numbers(v, c.core->nv, "v");
+            try {
+              return c.core->bare(a.data(), b.data(), repetitions);
+            } catch (const Trouble&) {
+              refuse("the point is singular");
+            }
+          },
+          nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
+          "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
 }

@@ -12,19 +12,28 @@ namespace mbdae {
 
 namespace {
 
-constexpr int LARGE = 32;                  // rows: beyond, the choice of rows is looked at when there is reason to
-constexpr double RANK_TOLERANCE = 1e-8;    // mbdae/mechanism/rows.py
+constexpr int LARGE = 32;                // rows: beyond, the choice of rows is looked at when there is reason to
+constexpr double RANK_TOLERANCE = 1e-8;  // mbdae/mechanism/rows.py
 constexpr double WORST_CONDITIONING = 0.1;
 constexpr double GROWN = 1e-2;
-constexpr double REASON = 0.01;            // of the best ratio of pivots since the last choice
+constexpr double REASON = 0.01;  // of the best ratio of pivots since the last choice
 
 }  // namespace
 
 Core::Core(const void* model, bool flat, std::vector<Row> rows, std::vector<std::pair<Anchor, Anchor>> pairs,
            std::vector<Driver> drivers, std::vector<Law> laws, std::vector<std::pair<Anchor, Anchor>> law_pairs,
            std::vector<int> pair_of_law, int ns_, std::vector<Block> blocks, std::vector<int> turning)
-    : m(model), nq(m.nq), nv(m.nv), ng(static_cast<int>(rows.size())), ns(ns_), ny(2 * nv + ns + 1),
-      length(nq + nv + ns + 1), flat_(flat), large_(ng > LARGE), laws_(std::move(laws)), blocks_(std::move(blocks)),
+    : m(model),
+      nq(m.nq),
+      nv(m.nv),
+      ng(static_cast<int>(rows.size())),
+      ns(ns_),
+      ny(2 * nv + ns + 1),
+      length(nq + nv + ns + 1),
+      flat_(flat),
+      large_(ng > LARGE),
+      laws_(std::move(laws)),
+      blocks_(std::move(blocks)),
       turning_(std::move(turning)) {
   const std::vector<std::vector<int>> supports = m.supports();
   for (auto& p : pairs) constraints.pairs.emplace_back(m, p.first, p.second, supports);
@@ -141,7 +150,8 @@ void Core::evaluate(const double* q, bool counted) {
 bool Core::at_last(const double* q) const {  // the last stage ended here
   if (!stands_) return false;
   double size = 0, move = 0;
-  for (int i = 0; i < nq; ++i) size = std::max(size, std::fabs(q[i])), move = std::max(move, std::fabs(q[i] - last_q_[i]));
+  for (int i = 0; i < nq; ++i)
+    size = std::max(size, std::fabs(q[i])), move = std::max(move, std::fabs(q[i] - last_q_[i]));
   return move <= 1e-15 * (1 + size);
 }
 
@@ -290,7 +300,8 @@ void Core::set_rows(std::vector<int> rows) {
     for (int i = 0; i < r; ++i) old[i] = position_[rows_[i]];
     for (int i = 0; i < r; ++i) position_[rows_[order[i]]] = i;
     const int other = width();
-    if (other < half) half = other;
+    if (other < half)
+      half = other;
     else
       for (int i = 0; i < r; ++i) position_[rows_[i]] = old[i];
   }
@@ -312,7 +323,8 @@ void Core::choose_all() {  // where Z stands: see Descriptor.choose_rows and mbd
     const double best = diag_[rank - 1];
     Numbers &B = own_[0], &d = own_[1];
     B.resize(static_cast<size_t>(rank) * nv);
-    for (int i = 0; i < rank; ++i) std::copy_n(&Z_[static_cast<size_t>(rows_[i]) * nv], nv, &B[static_cast<size_t>(i) * nv]);
+    for (int i = 0; i < rank; ++i)
+      std::copy_n(&Z_[static_cast<size_t>(rows_[i]) * nv], nv, &B[static_cast<size_t>(i) * nv]);
     pivots(nv, rank, B.data(), spare_, d, work_);
     if (d[rank - 1] >= WORST_CONDITIONING * best) return;
   }

@@ -85,7 +85,7 @@ class Core {
   void march(const Tableau& tableau, Course& course);
   void derivative(double t, const double* y, double* F, double* z);
   void restore(double t, double* y);
-  double ratio(const double* q);  // see mbdae/mechanism/singular.py; uncounted
+  double ratio(const double* q);                                   // see mbdae/mechanism/singular.py; uncounted
   double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
  private:

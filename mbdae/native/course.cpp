@@ -34,8 +34,10 @@ bool Core::propose(Course& c, double& h, double& t_next) {
   const double beyond = c.sign * (t - c.stop);
   c.on_grid = beyond <= c.near * c.step;
   c.i += c.on_grid;
-  if (beyond >= -c.near * c.step) h = left, t_next = c.end;
-  else h = started ? c.step : std::fabs(t - c.t), t_next = t;
+  if (beyond >= -c.near * c.step)
+    h = left, t_next = c.end;
+  else
+    h = started ? c.step : std::fabs(t - c.t), t_next = t;
   return true;
 }
 
@@ -105,8 +107,10 @@ void Core::march(const Tableau& tableau, Course& c) {
     }
     if (c.watched) weakest = 1;
     try {
-      if (c.adaptive) controlled(tableau, c.t, c.sign * h, c.state, next, z.data(), errors);
-      else step(tableau, c.t, c.sign * h, c.state, next, z.data(), errors);
+      if (c.adaptive)
+        controlled(tableau, c.t, c.sign * h, c.state, next, z.data(), errors);
+      else
+        step(tableau, c.t, c.sign * h, c.state, next, z.data(), errors);
       if (control) size(next.y.data(), size1.data());
       if (c.adaptive) {
         const double err = error(c, errors.data(), tableau.doubled ? 1 : tableau.errors, size0.data(), size1.data());
@@ -130,7 +134,8 @@ void Core::march(const Tableau& tableau, Course& c) {
           difference(y.data(), next.y.data(), move.data());
           size(next.y.data(), size1.data());
           bool tolerated = true;
-          if (c.adaptive) tolerated = error(c, move.data(), 1, size0.data(), size1.data()) <= 1;
+          if (c.adaptive)
+            tolerated = error(c, move.data(), 1, size0.data(), size1.data()) <= 1;
           else
             for (int k = 0; k < n; ++k) tolerated = tolerated && std::fabs(move[k]) <= c.tolerated * (1 + size1[k]);
           if (!tolerated) {

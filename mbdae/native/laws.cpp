@@ -48,8 +48,10 @@ const std::vector<double>& even() {
     std::vector<double> out;
     for (int k = 1; k < TERMS; ++k) {
       double zeta = 1, term;
-      if (k == 1) zeta = 1.6449340668482264;  // pi^2/6
-      else if (k == 2) zeta = 1.0823232337111382;  // pi^4/90
+      if (k == 1)
+        zeta = 1.6449340668482264;  // pi^2/6
+      else if (k == 2)
+        zeta = 1.0823232337111382;  // pi^4/90
       else
         for (int n = 2; (term = std::pow(n, -2.0 * k)) > 1e-17; ++n) zeta += term;
       out.push_back((k % 2 ? 2 : -2) * zeta / std::pow(6.283185307179586, 2.0 * k));

@@ -11,7 +11,20 @@ namespace mbdae {
 
 struct Law {
   enum Kind {
-    damping, friction, spring, curve, torque, pd, pid, resistance, motor, held, spring_damper, bushing, wrench, python,
+    damping,
+    friction,
+    spring,
+    curve,
+    torque,
+    pd,
+    pid,
+    resistance,
+    motor,
+    held,
+    spring_damper,
+    bushing,
+    wrench,
+    python,
     actuator
   } kind = damping;
   std::vector<int> iq, iv;      // coordinates

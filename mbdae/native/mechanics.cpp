@@ -19,8 +19,7 @@ using In = Eigen::Map<const VectorXd>;
 using Out = Eigen::Map<VectorXd>;
 
 struct Mechanics::Workspace {
-  explicit Workspace(const pinocchio::Model& m)
-      : model(m), data(m), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)) {}
+  explicit Workspace(const pinocchio::Model& m) : model(m), data(m), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)) {}
   const pinocchio::Model& model;
   pinocchio::Data data;
   VectorXd q, v, a;
@@ -106,14 +105,18 @@ const double* Mechanics::position(int j) const { return w->data.oMi[j].translati
 
 void Mechanics::velocity(int j, double* out) const {
   Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
-  if (j) o = w->data.oMi[j].act(w->data.v[j]).toVector();
-  else o.setZero();
+  if (j)
+    o = w->data.oMi[j].act(w->data.v[j]).toVector();
+  else
+    o.setZero();
 }
 
 void Mechanics::acceleration(int j, double* out) const {
   Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
-  if (j) o = w->data.oMi[j].act(w->data.a[j]).toVector();
-  else o.setZero();
+  if (j)
+    o = w->data.oMi[j].act(w->data.a[j]).toVector();
+  else
+    o.setZero();
 }
 
 }  // namespace mbdae

@@ -29,11 +29,11 @@ class Mechanics {
   // all with the routines of Pinocchio and Eigen: what a stage cannot do without.
   double bare(const double* q, const double* v, int r, const double* G, int repetitions);
 
-  const double* M() const;               // upper triangle by columns, (nv, nv)
-  const double* J() const;               // at the world's origin by columns, (6, nv)
+  const double* M() const;                  // upper triangle by columns, (nv, nv)
+  const double* J() const;                  // at the world's origin by columns, (6, nv)
   const double* rotation(int joint) const;  // by columns
   const double* position(int joint) const;
-  void velocity(int joint, double* out) const;      // spatial, at the world's origin, linear part first
+  void velocity(int joint, double* out) const;  // spatial, at the world's origin, linear part first
   void acceleration(int joint, double* out) const;
 
  private:

@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-const void* model_pointer(PyObject* model);          // of a pinocchio.Model; std::invalid_argument for what is none
-std::array<int, 3> model_sizes(const void* model);   // nq, nv, number of joints
+const void* model_pointer(PyObject* model);         // of a pinocchio.Model; std::invalid_argument for what is none
+std::array<int, 3> model_sizes(const void* model);  // nq, nv, number of joints
 
 }  // namespace mbdae

@@ -20,15 +20,15 @@ struct Anchor {
 struct Pair {
   Pair(const Mechanics& m, const Anchor& a, const Anchor& b, const std::vector<std::vector<int>>& supports);
 
-  void locate(const Mechanics& m);                         // Ra, pa, Rb, pb in the world
-  void twist(const Mechanics& m);                          // Va, Vb, and A, the relative acceleration for v' = 0
-  void relative(const Mechanics& m, const double* v, double* out) const;  // V_b - V_a, (6,)
+  void locate(const Mechanics& m);  // Ra, pa, Rb, pb in the world
+  void twist(const Mechanics& m);   // Va, Vb, and A, the relative acceleration for v' = 0
+  void relative(const Mechanics& m, const double* v, double* out) const;                    // V_b - V_a, (6,)
   void torque(const Mechanics& m, const double* wrench, double factor, double* tau) const;  // tau += factor J^T w
 
   Anchor a, b;
   bool turns_a = true, turns_b = true;  // Ra, Rb are asked for
-  std::vector<int> columns;   // that move a or b, in rising order, common ancestors included
-  std::vector<double> sign;   // of each of them; 0 for common ancestors
+  std::vector<int> columns;             // that move a or b, in rising order, common ancestors included
+  std::vector<double> sign;             // of each of them; 0 for common ancestors
   double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
 };
 
@@ -40,7 +40,7 @@ struct Row {
   double a[3] = {0, 0, 0}, b[3] = {0, 0, 0};  // axes fixed in a and b
   double length = 0;
   int iq[2] = {-1, -1}, iv[2] = {-1, -1}, nq[2] = {1, 1};  // joints of a coordinate row; the second may be missing
-  std::vector<double> c;                                     // its polynomial
+  std::vector<double> c;                                   // its polynomial
   double period = 0;
   std::vector<int> columns;  // where G may differ from 0, and all their ancestors, in rising order
 
@@ -65,10 +65,10 @@ class Constraints {
 
   // Entries of G for some rows, into G + row * nv (zero outside row.columns), and g where asked for.
   void value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);
-  void gaps(double t, double* g) const;                                                      // g -= u, periods taken off
+  void gaps(double t, double* g) const;  // g -= u, periods taken off
   void bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out);
-  void speed(double t, double* g_t) const;                                                     // -u', (ng,)
-  void acceleration(double t, double* g_tt) const;                                             // -u'', (ng,)
+  void speed(double t, double* g_t) const;          // -u', (ng,)
+  void acceleration(double t, double* g_tt) const;  // -u'', (ng,)
 
  private:
   void motion(double t, const Driver& d, double* u) const;

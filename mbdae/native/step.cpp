@@ -9,7 +9,7 @@ namespace mbdae {
 
 namespace {
 
-constexpr double LARGEST_TURN = 3.0;       // rad within one step (mbdae/mechanism/manifold.py)
+constexpr double LARGEST_TURN = 3.0;  // rad within one step (mbdae/mechanism/manifold.py)
 constexpr double TRUNCATION = 1e-7, ROUNDING = 1e-14, OPEN = 1e-9, STALLED = 1e-9;  // mbdae/mechanism/project.py
 constexpr int ITERATIONS = 10;
 
@@ -24,7 +24,8 @@ void Core::integrate(const double* q, const double* x, double* out) {
 
 void Core::within(const double* x) const {
   for (const Block& b : blocks_) {
-    const double turn = b.kind == Block::se2 ? std::fabs(x[b.at + 2]) : norm(x + b.at + (b.kind == Block::se3 ? 3 : 0), 3);
+    const double turn =
+        b.kind == Block::se2 ? std::fabs(x[b.at + 2]) : norm(x + b.at + (b.kind == Block::se3 ? 3 : 0), 3);
     if (turn > LARGEST_TURN) throw Trouble();
   }
 }
@@ -171,7 +172,8 @@ void Core::step(const Tableau& a, double t, double h, const State& in, State& ou
     const int i = k < nv ? k : k - nv + nq;
     out.low[k] = x_[k] - (out.y[i] - y[i]);
   }
-  if (a.first) out.carry.assign(F + static_cast<size_t>(n - 1) * stride + nv, F + static_cast<size_t>(n - 1) * stride + ny);
+  if (a.first)
+    out.carry.assign(F + static_cast<size_t>(n - 1) * stride + nv, F + static_cast<size_t>(n - 1) * stride + ny);
   const bool dependent = !dropped_.empty() && !rows_.empty();
   if (!rows_.empty() && (a.project || dependent)) symmetric();
   errors.resize(static_cast<size_t>(a.errors) * ny);
@@ -213,8 +215,10 @@ void Core::controlled(const Tableau& a, double t, double h, const State& in, Sta
 
 void Core::derivative(double t, const double* y, double* F, double* z) {
   const double *q = y, *v = y + nq;
-  if (at_last(q)) m.inertia(q), counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;  // poses and J
-  else evaluate(q, true);
+  if (at_last(q))
+    m.inertia(q), counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;  // poses and J
+  else
+    evaluate(q, true);
   double* rates = F + 2 * nv;
   forces(t, q, v, v + nv, f_.data(), rates);
   if (ng) {
