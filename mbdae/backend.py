@@ -55,7 +55,7 @@ def choose(backend: str) -> ModuleType | None:
 
 @cache
 def _warn() -> None:
-    warnings.warn(f"{SLOW}, ten to forty times slower than with its compiled core; {status()}", stacklevel=4)
+    warnings.warn(f"{SLOW}, ten to forty times slower than with its compiled core; {status()}", stacklevel=5)
 
 
 @cache
@@ -81,7 +81,7 @@ def _not_built(package: Path) -> str:
 
 def _built_for(file: Path) -> str:
     try:
-        return file.read_text().strip()
+        return file.read_text().strip().partition("\n")[0] or f"unknown ({file.name} is empty)"
     except OSError:
         return f"unknown ({file.name} is missing)"
 

@@ -120,3 +120,11 @@ def test_what_is_missing_is_named(problem, options, words):
     sol = mbdae.solve(problem, (0, 0.1), **options)
     assert (sol.stats["backend"], sol.stats["fallback"]) == ("python", words)
     assert "fallback" not in mbdae.solve(problem, (0, 0.1), **options, backend="python").stats
+
+
+def test_one_solution_read_in_several_threads():
+    """They take turns in its workspace, though its force law lets other threads run."""
+    sol = mbdae.solve(mbdae.load("four_bar", forces=[lambda t, q, v: -0.1 * v]), (0, 1), step=2e-3, backend="native")
+    with ThreadPoolExecutor(3) as threads:
+        found = list(threads.map(lambda k: sol(np.linspace(0, 1, 1001)).q, range(3)))
+    assert all(np.array_equal(q, found[0]) for q in found)

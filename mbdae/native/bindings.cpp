@@ -9,6 +9,7 @@
 #include <cmath>
 #include <map>
 #include <stdexcept>
+#include <thread>
 
 #include "core.hpp"
 #include "model.hpp"
@@ -296,16 +297,22 @@ struct PyCore {
   }
 
   nb::object model;  // kept alive
-  bool busy = false;
+  bool busy = false;  // read and written under the interpreter's lock
+  std::thread::id owner;
   std::unique_ptr<Callbacks> callbacks;
   std::unique_ptr<Core> core;
 };
 
-// A core computes one thing at a time: not in two threads, nor for a force law that it has called.
+// A core computes one thing at a time: other threads wait, and a force law that it has called cannot call it.
 struct Turn {
   explicit Turn(PyCore& c) : busy(c.busy) {
-    if (busy) throw std::runtime_error("the core is in use: bind a workspace of its own by Mechanism.system()");
-    busy = true;
+    while (busy) {
+      if (c.owner == std::this_thread::get_id())
+        throw std::runtime_error("the core is in use: bind a workspace of its own by Mechanism.system()");
+      nb::gil_scoped_release release;
+      std::this_thread::sleep_for(std::chrono::microseconds(50));
+    }
+    busy = true, c.owner = std::this_thread::get_id();
   }
   ~Turn() { busy = false; }
   bool& busy;
