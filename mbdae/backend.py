@@ -30,6 +30,17 @@ def status() -> str:
     return _core()[1]
 
 
+def known(backend: str) -> str:
+    """Return the name of a back end.
+
+    Raises:
+        UnknownNameError: for another name.
+    """
+    if backend not in BACKENDS:
+        raise UnknownNameError("backend", backend, BACKENDS)
+    return backend
+
+
 def choose(backend: str) -> ModuleType | None:
     """Return what computes a run: the compiled core, or None for Python.
 
@@ -41,9 +52,7 @@ def choose(backend: str) -> ModuleType | None:
         UnknownNameError: for another name.
         InputError: ``"native"`` without a core that can be used; the message has the reason.
     """
-    if backend not in BACKENDS:
-        raise UnknownNameError("backend", backend, BACKENDS)
-    if backend == "python":
+    if known(backend) == "python":
         return None
     core = load()
     if core is None and backend == "native":

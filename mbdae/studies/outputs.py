@@ -107,7 +107,10 @@ def evaluate(
     more: dict[str, float] = {}
     for function in outputs:
         if not isinstance(function, str):
-            more |= _called(function, sol)
+            result = _called(function, sol)
+            if twice := sorted(result.keys() & more.keys()):
+                raise InputError(f"two output functions return {twice[0]!r}")
+            more |= result
     return numbers, samples, more
 
 

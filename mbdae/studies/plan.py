@@ -54,6 +54,8 @@ def tasks(parameters: Parameters, seed: int) -> list[Task]:
     """
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError(f"seed is a whole number, not negative, got {seed!r}")
+    if not all(isinstance(name, str) for name in _named(parameters)):
+        raise InputError(f"parameters are named by texts, got {parameters!r:.60}")
     if isinstance(parameters, Random):
         runs: Iterable[Mapping[str, Any]] = _sample(parameters, int(seed))
     elif isinstance(parameters, Mapping):
@@ -70,6 +72,15 @@ def tasks(parameters: Parameters, seed: int) -> list[Task]:
     if not out:
         raise InputError("a sweep needs at least one run: the list of parameters is empty")
     return out
+
+
+def _named(parameters: Any) -> Iterable[Any]:
+    """What stands where names should."""
+    if isinstance(parameters, Random):
+        return parameters.parameters if isinstance(parameters.parameters, Mapping) else [None]
+    runs = [parameters] if isinstance(parameters, Mapping) else parameters
+    runs = runs if isinstance(runs, Sequence) and not isinstance(runs, str) else []
+    return (name for run in runs if isinstance(run, Mapping) for name in run)
 
 
 def swept(parameters: Parameters) -> set[str]:

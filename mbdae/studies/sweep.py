@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..archive import versions
+from ..backend import known
 from ..baseline import find
 from ..errors import InputError, MbdaeError, UnknownNameError
 from ..mechanism import Mechanism, describe
@@ -22,6 +23,7 @@ from ..mechanism.parametric import split as split_name
 from ..mechanism.user import function_name
 from ..solve import solve
 from .executors import Pool, pool
+from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
 from .plan import Parameters, Random, Task, names, tasks
 from .sweep_file import SweepFile
@@ -32,7 +34,7 @@ __all__ = ["Random", "Sweep", "sweep"]
 Model = str | Path | Callable[..., Mechanism]
 Progress = Callable[[float, str], None]
 METHOD = inspect.signature(solve).parameters["method"].default
-TRIED = 50  # runs until one can be made
+TRIED = 50  # of the first runs, and as many of the others, until one can be made
 
 
 def sweep(
@@ -96,6 +98,9 @@ def sweep(
             sweep.
         MbdaeError: when the executor loses a run; what is finished is kept.
     """
+    if path is not None and not isinstance(path, str | Path):
+        raise InputError(f"path is the name of a file, got {path!r:.60}")
+    known(settings.get("backend", "auto"))
     plan = tasks(parameters, seed)
     job = _job(model, t_span, times, outputs, settings)
     mech = _checked(job, plan)
@@ -205,9 +210,12 @@ def _times(times: Any) -> int | tuple[float, ...] | None:
             raise InputError(f"times is a number of times, at least 2, or the times, got {times}")
         return int(times)
     try:
-        return tuple(float(t) for t in times)
+        found = tuple(float(t) for t in times)
     except (TypeError, ValueError):
-        raise InputError(f"times is a number of times or the times, got {times!r:.60}") from None
+        found = ()
+    if not found or not np.isfinite(found).all() or len({*np.sign(np.diff(found)).tolist()} - {0.0}) > 1:
+        raise InputError(f"times is a number of times, or the times in the span's order, got {times!r:.60}")
+    return found
 
 
 def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
@@ -221,7 +229,8 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
         find(formulation, method)
     maker, checked = job.maker(), set[tuple[str, ...]]()
     mech, problem = None, ""
-    for task in plan[:TRIED] if len({tuple(t.values) for t in plan}) == 1 else plan:
+    some = [*plan[:TRIED], *plan[TRIED :: max(1, len(plan) // TRIED)]]
+    for task in some if len({tuple(t.values) for t in plan}) == 1 else plan:
         values, _ = split(task.values, maker, task.seed)
         if mech is not None and tuple(values) in checked:
             continue
@@ -234,7 +243,7 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
         except Exception as e:
             problem = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
     if mech is None:
-        raise InputError(f"no mechanism can be made of these values: {problem}")
+        raise InputError(f"no mechanism can be made of these values ({len(some)} runs were tried): {problem}")
     if mech.left_out:
         warnings.warn(f"{mech.title}: not carried over: {'; '.join(mech.left_out)}", stacklevel=3)
     check(mech, job.outputs, job.times is not None)
@@ -257,7 +266,8 @@ def _method(job: Job, task: Task) -> tuple[str, str]:
 def _manifest(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
     """What tells sweeps apart, as plain data; long parts as checksums."""
     model = job.model if isinstance(job.model, str) else function_name(job.model)
-    made = describe(mech) if isinstance(job.model, str) else _source(job.model)
+    made = describe(mech) if isinstance(job.model, str) else fingerprint(job.model)
+    functions = [fingerprint(x) for x in job.outputs if not isinstance(x, str)]
     return {
         "model": model,
         "mechanism": _checksum(made),
@@ -267,19 +277,13 @@ def _manifest(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]
         "times": list(job.times) if isinstance(job.times, tuple) else job.times,
         "outputs": [label(x) for x in job.outputs],
         "settings": json.loads(json.dumps(job.settings, default=_as_data)),
+        "functions": _checksum([functions, fingerprint(job.settings)]),
         "version": versions()["mbdae"],
     }
 
 
 def _as_data(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else label(value)
-
-
-def _source(function: Any) -> str:
-    try:
-        return inspect.getsource(function)
-    except (OSError, TypeError):
-        return function_name(function)
 
 
 def _checksum(data: Any) -> str:

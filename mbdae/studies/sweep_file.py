@@ -45,6 +45,7 @@ class SweepFile:
         self.rows: dict[int, Row] = {}
         self.part = path.with_name(path.name + PART)
         self._file: int | None = None
+        self._replaces = fresh and path.exists()  # until the first run is done
         if not fresh and path.exists():
             rows, found = read(path)
             self._same(found)
@@ -93,10 +94,16 @@ class SweepFile:
     def keep(self, row: Row) -> None:
         """Write one finished run."""
         batch = arrow().RecordBatch.from_pylist([{**row, MORE: list(row[MORE].items())}], self.schema)
-        if self._file is not None:
-            data = memoryview(batch.serialize().to_pybytes())
+        if self._file is None:
+            return
+        data = memoryview(batch.serialize().to_pybytes())
+        try:
             while data:
                 data = data[os.write(self._file, data) :]
+            if self._replaces:
+                self.path.unlink(missing_ok=True)
+        except OSError as e:
+            raise InputError(f"cannot write {self.part}, runs that are finished are kept: {e.strerror}") from None
 
     def finish(self, rows: list[Row]) -> None:
         """Write the table of all runs, and remove the stream."""
@@ -137,7 +144,7 @@ def read(path: Path) -> tuple[list[Row], dict[str, Any]]:
         return _stream(part.read_bytes(), part)[:2]
     try:
         table = pa.parquet.read_table(path)
-    except (OSError, pa.ArrowInvalid) as e:
+    except (OSError, ValueError, pa.ArrowException) as e:
         raise InputError(f"cannot read {path}: {' '.join(str(e).split())}") from None
     meta = _meta(table.schema, path)
     rows = table.to_pylist()
@@ -155,9 +162,9 @@ def _stream(content: bytes, path: Path) -> tuple[list[Row], dict[str, Any], int]
         reader = pa.ipc.open_stream(source)
         end = source.tell()
         meta = _meta(reader.schema, path)
-    except (OSError, pa.ArrowInvalid):
-        raise InputError(f"{path} is no file of a sweep") from None
-    with suppress(StopIteration, OSError, pa.ArrowInvalid):
+    except (OSError, ValueError, pa.ArrowException):
+        raise InputError(f"{path} is no file of a sweep, or damaged") from None
+    with suppress(StopIteration, OSError, ValueError, pa.ArrowException):
         while True:
             rows += reader.read_next_batch().to_pylist()
             end = source.tell()

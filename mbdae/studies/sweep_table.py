@@ -106,7 +106,8 @@ class Sweep:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, for JSON."""
-        rows = [{name: _plain(row[name] if name in row else row[MORE].get(name)) for name in self.names}
+        names = self.names
+        rows = [{name: _plain(row[name] if name in row else row[MORE].get(name)) for name in names}
                 for row in self.rows]  # fmt: skip
         about = {key: self.meta[key] for key in ("manifest", "parameters", "samples")}
         return {"complete": self.complete, **about, "outputs": self.outputs, "rows": rows}
@@ -187,11 +188,17 @@ def column_kinds(tasks: Sequence[Task], numbers: Sequence[str], samples: Sequenc
 def completed(row: Mapping[str, Any], task: Task, kinds: Mapping[str, str]) -> Row:
     """A row of the table, from what a run returned."""
     found = {**task.values, "seed": task.seed, **row, **row["numbers"], **row["samples"]}
+    taken = sorted(name for name in row[MORE] if name in kinds)
+    if taken:
+        text = f"an output function returns {taken[0]!r}, which is a column of the table already"
+        return {**{name: found.get(name) for name in kinds}, "status": "output", "message": text, MORE: {}}
     return {**{name: found.get(name) for name in kinds}, MORE: row[MORE]}
 
 
 def _kind(name: str, values: Sequence[Any]) -> str:
     kinds = {type(x) for x in values}
+    if int in kinds and max(abs(x) for x in values if isinstance(x, int)) >= 2**63:
+        raise InputError(f"parameter {name!r} takes whole numbers of 64 bits")
     if kinds <= {int, float}:
         return "int" if kinds == {int} else "float"
     if len(kinds) > 1:
@@ -206,4 +213,6 @@ def _brief(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else value
+    if isinstance(value, np.ndarray | list):
+        return [_plain(x) for x in np.asarray(value).tolist()]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

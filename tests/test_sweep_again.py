@@ -1,0 +1,75 @@
+"""Sweeps that go on from a file, or do not, and what is refused before anything runs."""
+
+import pytest
+
+import mbdae
+from mbdae.errors import InputError
+
+
+def closing_over(g):
+    def make(k):
+        return mbdae.load("n_four_bar", N=g)
+
+    return make
+
+
+def test_functions_are_told_apart_by_what_they_hold(tmp_path):
+    """Not by their names or their text: a resume would return the results of another sweep."""
+    path = tmp_path / "runs.parquet"
+    count = [lambda s: {"n": s.q.shape[1]}]
+    first = mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=count, path=path)
+    again = mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=[lambda s: {"n": s.q.shape[1]}], path=path)
+    assert first["n"].tolist() == again["n"].tolist() == [3.0]
+    assert not again.seconds
+    with pytest.raises(InputError, match="other mechanism"):
+        mbdae.sweep(closing_over(2), {"k": [1]}, 0.05, outputs=count, path=path)
+    with pytest.raises(InputError, match="other functions"):
+        mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=[lambda s: {"n": 2.0 * s.q.shape[1]}], path=path)
+
+
+def test_a_fresh_sweep_that_stops_goes_on_where_an_older_file_stood(tmp_path):
+    path = tmp_path / "runs.parquet"
+    mbdae.sweep("pendulum", {"solve.rtol": [1e-3]}, 0.05, path=path)
+
+    pressed = []
+
+    def stop(done, text):
+        if not pressed:
+            pressed.append(done)
+            raise KeyboardInterrupt
+
+    grid = {"solve.rtol": [1e-3, 1e-4, 1e-5, 1e-6]}
+    stopped = mbdae.sweep("pendulum", grid, 0.05, path=path, fresh=True, progress=stop, executor="threads", workers=1)
+    assert not stopped.complete
+    rest = mbdae.sweep("pendulum", grid, 0.05, path=path)
+    assert rest.complete
+    assert len(rest.seconds) == 4 - len(stopped)
+
+
+@pytest.mark.parametrize(
+    ("outputs", "words"),
+    [
+        ([lambda s: {"status": 3.0}], "'status', which is a column"),
+        ([lambda s: {"a": 1.0}, lambda s: {"a": 2.0}], "two output functions return 'a'"),
+    ],
+)
+def test_outputs_do_not_overwrite_columns(outputs, words):
+    row = mbdae.sweep("pendulum", {"solve.rtol": [1e-3]}, 0.05, outputs=outputs).rows[0]
+    assert (row["run"], row["status"]) == (0, "output")
+    assert words in row["message"]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "more", "words"),
+    [
+        (mbdae.Random(3, ["x"]), {}, "named by texts"),
+        ([{3: 0.35}], {}, "named by texts"),
+        ({"solve.rtol": [1e-3]}, {"path": 3}, "path is the name of a file"),
+        ({"solve.rtol": [1e-3]}, {"backend": "nativ"}, "'nativ'"),
+        ({"solve.rtol": [1e-3]}, {"times": [0.1, 0.05, 0.07]}, "in the span's order"),
+        ({"solve.rtol": [1, 2**70]}, {}, "64 bits"),
+    ],
+)
+def test_what_all_runs_share_is_refused_at_once(parameters, more, words):
+    with pytest.raises(mbdae.MbdaeError, match=words):
+        mbdae.sweep("pendulum", parameters, 0.1, **more)
