@@ -65,7 +65,7 @@ class Core:
         self.course.project, self.course.seconds = project, SECONDS
 
     def advance(self, run: "Run", pace: "Pace", budget: int | None) -> int:
-        """Take steps until something asks for Python: at most ``budget``, or some tenths of a second.
+        """Take steps until something asks for Python: at most ``budget``, for `SECONDS` or little more.
 
         Steps, rejections and the state are those of the run afterwards, also when this is interrupted.
 

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..system import State, Step
+from ..system import Counts, State, Step
 from .compiled_parts import constraints_of, laws_of
 from .descriptor import Descriptor
+from .manifold import GROUPS
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
 
 Array = np.ndarray
-BLOCKS = {3: "so3", 6: "se3"}
+COUNTS = tuple(name for name in Counts().to_dict() if name != "newton")  # the core has no iteration of Newton's
 
 
 class Compiled(Descriptor):
@@ -36,7 +37,7 @@ class Compiled(Descriptor):
         m = self.manifold
         pairs, rows, drivers = constraints_of(self.model, mechanism.constraints, self.constraints)
         law_pairs, laws = laws_of(self.laws)
-        blocks = [("se2" if turn == slice(2, 3) else BLOCKS[s.stop - s.start], s.start) for _, s, _, turn in m.blocks]
+        blocks = [(GROUPS[ad], s.start) for _, s, ad, _ in m.blocks]
         turning = m.turning.astype(int).tolist()
         self.native = native
         self.core = native.Core(
@@ -117,6 +118,3 @@ class Compiled(Descriptor):
         rows = [] if self.rows is None else self.rows.tolist()
         self.core.use(rows, len(rows))
         self._begun = True
-
-
-COUNTS = ("f", "M", "G", "solves", "factorizations", "projections", "state_projections")

@@ -39,6 +39,7 @@ def _se2(x: np.ndarray) -> np.ndarray:
     return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [0.0, 0.0, 0.0]])
 
 
+GROUPS: dict[Ad, str] = {_so3: "so3", _se3: "se3", _se2: "se2"}
 BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and where the rotation stands in its tangent
     "JointModelSpherical": (_so3, slice(0, 3)),
     "JointModelFreeFlyer": (_se3, slice(3, 6)),

@@ -16,6 +16,8 @@ namespace mbdae {
 
 using Numbers = std::vector<double>;
 
+constexpr int LARGE = 32;  // rows: beyond, the choice of rows is looked at when there is reason to
+
 struct Tableau {
   int n = 0;
   bool first = false, project = false;  // explicit first stage; embedded errors are projected
@@ -135,6 +137,11 @@ class Core {
   double best_ = 0, now_ = 0;
   Numbers last_q_, U_, root_, G_, Z_, Ghat_, Zhat_, g_, gt_, gthat_, F_, q_, v_, s_, qhat_, q0_, v0_, s0_, f_, dx_, x_,
       xhat_, conservative_, other_, lam_, work_, diag_, neutral_, probe_, tmp_;
+  struct Entry {
+    int i, j;
+    double s;
+  };
+  std::vector<Entry> cross_;
   Numbers own_[5];
   std::vector<int> order_, spare_;
   int stride_ = 0;

@@ -3,20 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "small.hpp"
+
 namespace mbdae {
 
 namespace {
 
 constexpr double LARGEST_TURN = 3.0;  // rad, of a bushing
 constexpr int TERMS = 40;
-
-void cross(const double* a, const double* b, double* out) {
-  out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-void turn(const double* R, const double* x, double* out) {
-  for (int i = 0; i < 3; ++i) out[i] = R[3 * i] * x[0] + R[3 * i + 1] * x[1] + R[3 * i + 2] * x[2];
-}
 
 void turn_back(const double* R, const double* x, double* out) {
   for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];

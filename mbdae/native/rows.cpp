@@ -5,19 +5,13 @@
 #include <limits>
 #include <set>
 
+#include "small.hpp"
+
 namespace mbdae {
 
 namespace {
 
-void cross(const double* a, const double* b, double* out) {
-  out[0] = a[1] * b[2] - a[2] * b[1], out[1] = a[2] * b[0] - a[0] * b[2], out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-void turn(const double* R, const double* x, double* out) {
-  for (int i = 0; i < 3; ++i) out[i] = R[3 * i] * x[0] + R[3 * i + 1] * x[1] + R[3 * i + 2] * x[2];
-}
 
 void place(const Mechanics& m, const Anchor& x, bool turns, double* __restrict R, double* __restrict p) {
   if (!x.joint) return;  // fixed to the world: placed once
@@ -41,8 +35,7 @@ void horner(const std::vector<double>& c, double x, double& p, double& slope, do
 
 }  // namespace
 
-Pair::Pair(const Mechanics&, const Anchor& a_, const Anchor& b_, const std::vector<std::vector<int>>& supports)
-    : a(a_), b(b_) {
+Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<std::vector<int>>& supports) : a(a_), b(b_) {
   std::set<int> all(supports[a.joint].begin(), supports[a.joint].end());
   const std::set<int> of_a = all, of_b(supports[b.joint].begin(), supports[b.joint].end());
   all.insert(of_b.begin(), of_b.end());

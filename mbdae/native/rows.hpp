@@ -18,7 +18,7 @@ struct Anchor {
 
 // Two anchors, and the columns of J that move them: +1 where a joint moves b alone, -1 where it moves a alone.
 struct Pair {
-  Pair(const Mechanics& m, const Anchor& a, const Anchor& b, const std::vector<std::vector<int>>& supports);
+  Pair(const Anchor& a, const Anchor& b, const std::vector<std::vector<int>>& supports);
 
   void locate(const Mechanics& m);  // Ra, pa, Rb, pb in the world
   void twist(const Mechanics& m);   // Va, Vb, and A, the relative acceleration for v' = 0
