@@ -48,6 +48,7 @@ def write(sol: "Solution", path: str | Path) -> None:
         "status": sol.status,
         "message": sol.message,
         "singular": [x.to_dict() for x in sol.singular],
+        "in_use": sol.in_use,
         "versions": versions(),
         "command": sys.argv,
     }
@@ -86,7 +87,10 @@ def read(path: str | Path) -> dict[str, Any]:
         rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
         listed = [{**x, **{key: tuple(x[key]) for key in ("q", "v", "closures")}} for x in meta.get("singular", ())]
         passed = [Singular(**x) for x in listed]
-        return {"problem": mechanism, **arrays, **rest, "steps": steps, "singular": passed}
+        in_use = [(int(i), tuple(int(k) for k in rows)) for i, rows in meta.get("in_use", ())]
+        if any(not 0 <= k < mechanism.ng for _, rows in in_use for k in rows):
+            raise ValueError("rows in use that the mechanism does not have")
+        return {"problem": mechanism, **arrays, **rest, "steps": steps, "singular": passed, "in_use": in_use}
     except InputError:
         raise
     except FileNotFoundError:

@@ -27,8 +27,11 @@ def at_once(sol: "Solution", times: Array) -> Array | None:
     sign = 1.0 if ts[-1] > ts[0] else -1.0
     if not ((sign * times >= sign * ts[0]) & (sign * times <= sign * ts[-1])).all():
         return None  # the first one outside is refused
-    step = np.clip(np.searchsorted(sign * ts, sign * times, side="right") - 1, 0, len(ts) - 2)
+    step = np.minimum(sol.before(times), len(ts) - 2)
     used, which = np.unique(step, return_inverse=True)
+    if len(sol.parts(np.union1d(used, used + 1))) > 1:
+        return None
+    sol.at(int(used[0]))
     if isinstance(sol.system, Compiled):
         nodes = np.union1d(used, used + 1)
         rates = sol.system.derivatives(ts[nodes], ys[nodes])[0]

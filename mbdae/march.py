@@ -80,7 +80,7 @@ class Core:
         c.begin(state.y, state.carry, state.low)
         c.watched = watch is not None
         if watch:
-            c.usual, c.before, c.suspect, c.landed = watch.limits()
+            c.usual, c.before, c.suspect, c.landed, c.zone = watch.limits()
         pace.lend(c)
         try:
             self.system.march(self.tableau, c)
@@ -91,9 +91,10 @@ class Core:
         return c.taken + c.rejected
 
     def _record(self, run: "Run") -> None:
-        c, watch = self.course, run.singular
+        c, watch, first = self.course, run.singular, len(run.ts) - 1
         if not c.taken:
             return
+        run.in_use += [(first + k, tuple(rows)) for k, rows in c.changes]
         state = State(*c.state())
         ts, ys, zs, weakest = c.steps()
         times, i, n = ts.tolist(), 0, c.taken

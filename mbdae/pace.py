@@ -194,12 +194,13 @@ class Adaptive:
         self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
         self.controller, self.largest = Controller(power), largest
         self.h: Any = first
+        self.cap = np.inf  # of the next step, near singular configurations
         self._cut = 0.0  # the step that would have been taken, had there not been the end of a leg
 
     def propose(self, run: Run) -> tuple[float, float]:
         """Return the size of the next step and the time where it ends."""
         self.ready(run)
-        h, left = min(self.h, self.largest), run.left()
+        h, left = min(self.h, self.largest, self.cap), run.left()
         self._cut = self.h if h > left else 0.0
         if h >= left * (1 - 1e-10):
             return left, run.leg.end
@@ -216,7 +217,8 @@ class Adaptive:
 
     def error(self, run: Run, step: Step) -> float:
         """Return the error norm of a step; it is accepted below 1."""
-        return error_norm(step.errors[:, run.system.measured], self._scale(run, step.state.y))
+        scale = self._scale(run, step.state.y) + run.system.noise(step.state.y, run.tableau.noise)[run.system.measured]
+        return error_norm(step.errors[:, run.system.measured], scale)
 
     def may_retry(self, run: Run, h: float, reason: StepError) -> bool:
         """Say whether a smaller step is worth a try after one that could not be taken."""
@@ -235,7 +237,11 @@ class Adaptive:
 
     def tolerates(self, run: Run, y: Array, move: Array) -> bool:
         """Say whether a move of the state away from y stays within the tolerance of a step."""
-        return error_norm(move[None, run.system.measured], self._scale(run, y)) <= 1
+        return self.measure(run, y, move) <= 1
+
+    def measure(self, run: Run, y: Array, move: Array) -> float:
+        """Return the norm of a move of the state away from y, in tolerances."""
+        return error_norm(move[None, run.system.measured], self._scale(run, y))
 
     def ready(self, run: Run) -> bool:
         """Find the first step; the compiled core may take the next ones."""
@@ -247,7 +253,7 @@ class Adaptive:
     def lend(self, course: Any) -> None:
         """Hand over tolerances, step size and controller."""
         course.adaptive, course.rtol, course.atol = True, float(self.rtol), self.atol.ravel().tolist()
-        course.h, course.largest, course.cut = self.h, self.largest, self._cut
+        course.h, course.largest, course.cut = self.h, min(self.largest, self.cap), self._cut
         self.controller.lend(course)
 
     def take_back(self, course: Any) -> None:

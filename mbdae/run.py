@@ -1,9 +1,11 @@
 """State and record of a run."""
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .errors import StepError
 from .jumps import Jumps
 from .rows import Rows
 from .singular import SingularWatch
@@ -12,6 +14,7 @@ from .system import Array, State, Step, System
 
 if TYPE_CHECKING:
     from .march import Core
+    from .pace import Pace
 
 
 class Run:
@@ -26,16 +29,38 @@ class Run:
         self.state = State(start)
         self.rejected: int | None = 0
         self.ts, self.ys, self.zs = [t0], Rows(start), Rows(np.full(self.system.nz, np.nan))
+        self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
+        self.pace: Pace
         self.singular: SingularWatch | None = None
         self.core: Core | None = None
         self._record: Solution | None = None
 
     def begin(self) -> None:
         """Find the derivative at the start; a method with an explicit first stage carries it."""
-        y = self.ys[-1] = self.system.jump(self.t, self.ys[-1].copy())
+        y = self.system.jump(self.t, self.ys[-1].copy())
+        if not self.in_use and not hasattr(self.problem, "y0"):
+            y = self._closed(y)
+        self._begin_at(y)
+        self.leg = self.ahead.leg(self.t)
+
+    def _closed(self, y: Array) -> Array:
+        """Find rank and rows where loops are closed; the start itself is closed if the run keeps them so."""
+        with suppress(StepError):
+            closed = self.system.restore(self.t, y)
+            self.system.settle(self.t, State(closed))
+            return closed if self.project else y
+        return y
+
+    def _begin_at(self, y: Array) -> None:
+        y = self.ys[-1] = self.system.settle(self.t, State(y)).y
+        self._note()
         self.F, z = self.system.derivative(self.t, y)
         self.zs[-1], self.state = z, State(y, self.system.carry(self.F, z))
-        self.leg = self.ahead.leg(self.t)
+
+    def _note(self) -> None:
+        rows = self.system.in_use
+        if not self.in_use or self.in_use[-1][1] != rows:
+            self.in_use.append((len(self.ts) - 1, rows))
 
     def cross(self, t: float) -> None:
         """Begin again behind a jump, at time t: a second point of the solution, right after the one before."""
@@ -64,6 +89,32 @@ class Run:
         self.ys.append(step.state.y)
         self.ts.append(t)
         self.t, self.state = t, step.state
+        self.state = self.system.settle(t, step.state)
+        self.ys[-1] = self.state.y
+        self._note()
+
+    def land(self, t: float, y: Array) -> None:
+        """Add a node that no step of the method led to."""
+        self.zs.append(self.zs[-1])
+        self.ys.append(y)
+        self.ts.append(t)
+        self.t = t
+        self._begin_at(y)
+
+    def restored(self, t: float, state: State, tight: bool = False) -> State:
+        """The state on the closures; what a method carries is found anew where that moved the state much."""
+        y = self.system.restore(t, state.y, tight)
+        move = self.system.difference(state.y, y)
+        if state.carry is None or self.pace.tolerates(self, y, move):
+            return State(y, state.carry)
+        return State(y, self.system.carry(*self.system.derivative(t, y)))
+
+    def close(self) -> None:
+        """Bring the last node onto the closures, until |g| falls no more."""
+        with suppress(StepError):
+            self.state = self.restored(self.t, self.state, tight=True)
+            self.ys[-1] = self.state.y
+            self.record().rates.pop(len(self.ts) - 1, None)
 
     def extend(self, ts: list[float], ys: Array, zs: Array, state: State) -> None:
         """Record several steps, after the last of which the state is known."""
@@ -86,5 +137,6 @@ class Run:
             order = self.tableau.order_linear if hasattr(self.problem, "model") else self.tableau.order
             settings = {"dense_order": max(1, order - 1)}
             stats = {"backend": "native" if self.core else "python"}
-            self._record = Solution(self.problem, self.ts, self.ys, self.zs, "finished", "", stats, settings)  # type: ignore[arg-type]
+            nodes: Any = (self.ts, self.ys, self.zs)
+            self._record = Solution(self.problem, *nodes, "finished", "", stats, settings, in_use=self.in_use)
         return self._record

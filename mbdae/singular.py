@@ -1,6 +1,7 @@
-"""A run's watch for singular configurations between its steps."""
+"""A run's watch for singular configurations: seen between its steps, leapt over, and never passed onto another branch."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any, Protocol
 
@@ -8,18 +9,24 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from .errors import StepError
+from .leap import leap
 from .mechanism import Compiled
 from .mechanism.descriptor import Descriptor
-from .mechanism.singular import Singular, ratio, singular
+from .mechanism.singular import Singular, open_limit, ratio, singular, tangent, turned, turning
 from .rows import Rows
 from .solution import Solution
 from .system import Array
 
 SUSPECT = 0.6  # of the largest ratio so far: minima above are no singular configurations, stages come near enough
 SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, of the larger neighbour: it falls to zero linearly, over a step or two
-LOW = 0.02  # likewise: steps below are near a singular configuration
-JUMP, STEEPEST = 0.1, 3.0  # of |v|, and of |v'| at both ends: what v may change by there
-OVERDUE = 3.0  # times the way in: who is not out by then has turned
+ZONE = 0.2  # of the largest ratio: below, loops are closed and steps look ahead
+NEAR = 0.1  # likewise: below, a leap is tried
+APPROACH = 0.5  # of the way to the singular configuration: the longest step
+NEARER = 0.75  # of the way of the leap tried before: how much nearer the next one begins
+MET = 0.5  # of the last one's error: one that has not fallen to it has met the errors of the steps
+TRUSTED = 1e3  # times the tolerance: up to where such an error may stand for theirs
+MOVED = 100.0  # times the tolerance: how far a leap may end beside the closures
+BEND, EXPLAINED = 0.2, 3.0  # rad, and times the turning before and after: what tangent spaces may differ by
 CLOSED = 1e-12  # m or rad: loops open by less, and branches apart by its root, are as good as kept closed
 SAMPLES = 5  # of each step
 SHARP = 1e-10  # of a step: how sharply a minimum is found
@@ -32,12 +39,33 @@ class Run(Protocol):
     """What the watch sees of a run."""
 
     system: Any
+    sign: float
+    t: float
     ts: list[float]
     ys: Rows
     zs: Rows
 
     def record(self) -> Solution:
         """The run so far."""
+
+    def close(self) -> None:
+        """Bring the last node onto the closures, until |g| falls no more."""
+
+    def land(self, t: float, y: Array) -> None:
+        """Add a node that no step led to."""
+
+    def to_go(self) -> float:
+        """Time left to the end of the span."""
+
+
+class Pace(Protocol):
+    """What the watch sees of step-size control."""
+
+    cap: float
+    h: Any
+
+    def measure(self, run: Any, y: Array, move: Array) -> float:
+        """Return the norm of a move of the state away from y, in tolerances."""
 
 
 def _suspicious(before: Any, here: Any, after: Any, largest: Any) -> Any:
@@ -49,21 +77,25 @@ def _suspicious(before: Any, here: Any, after: Any, largest: Any) -> Any:
 class SingularWatch:
     """Follows how far the rows of the closures are from depending on each other, step by step.
 
-    The solves of the stages tell: the ratio of their pivots, for nothing. Where it is smallest from step to step, the
-    smallest pivot is minimised on the dense output, and the configuration found there is looked at.
+    The solves of the stages tell: the ratio of their pivots, for nothing. Where it becomes small, a run under control of
+    its steps closes its loops, comes nearer in steps that halve the way, and leaps, see `mbdae.leap`. Where it was
+    smallest between other steps, the smallest pivot is minimised on the dense output, and what is found there is listed.
 
-    Branches that meet there have velocities of their own: a run that keeps positions passes when its velocity is the
-    same before and after, as far as accelerations outside explain.
+    Branches that meet in a singular configuration have tangent spaces of their own: behind it the run must move in the
+    one it came in, as far as it turned before and after.
 
     Args:
         system: the run's workspace.
-        kept: the method keeps positions of closures, by projection or a multiplier: a run can pass.
+        kept: the method keeps positions of closures, by projection or a multiplier.
+        pace: control of the steps of a run that leaps; None for others.
+        closing: loops are to be closed where the ratio is small; a multiplier does so by itself.
     """
 
-    def __init__(self, system: Descriptor, kept: bool) -> None:
-        self.system, self.kept = system, kept
+    def __init__(self, system: Descriptor, kept: bool, pace: Pace | None, closing: bool) -> None:
+        self.system, self.kept, self.pace, self.closing = system, kept, pace, closing
         self._own: Descriptor | None = None
         self.found: list[Singular] = []
+        self.largest = 0.0
         self.restart(0)
 
     @property
@@ -72,24 +104,31 @@ class SingularWatch:
         if self._own is None:
             native = self.system.native if isinstance(self.system, Compiled) else None
             self._own = self.system.mechanism.system(native=native)
-        self._own.rank = self.system.rank
+        if self._own.in_use != self.system.in_use:
+            self._own.hold(self.system.in_use)
         return self._own
 
     def _ratio(self, t: float, y: Array) -> float:
-        """See `mbdae.mechanism.singular.ratio`; the core does not count it."""
-        return ratio(self.system if isinstance(self.system, Compiled) else self.own, t, y)
+        """See `mbdae.mechanism.singular.ratio`."""
+        return ratio(self.own, t, y)
 
     def restart(self, first: int) -> None:
-        """Steps begin anew at node ``first``, behind a jump."""
-        self.first, self.ratios, self.largest = first, [np.inf], 0.0
-        self.entered: int | None = None  # the node where steps came near a singular configuration
+        """Forces jump at node ``first``: what was before does not continue."""
+        self.leg = first
+        self.entered: int | None = None  # the node from which steps came near a singular configuration
+        self.tried: tuple[float, float] = (np.inf, np.inf)  # way and error of the last leap that was not taken
+        self._begin(first)
+
+    def _begin(self, first: int) -> None:
+        """Ratios of steps are counted anew from node ``first``."""
+        self.first, self.ratios = first, [np.inf]
 
     def begin_step(self) -> None:
-        """Forget what solves outside of the next step tell; the rank is that of the run."""
+        """Forget what solves outside of the next step tell."""
         self.system.weakest = 1.0
 
     def refuse_landing(self, t: float, y: Array) -> None:
-        """Refuse a step that has a stage in a singular configuration, or ends there at (t, y).
+        """Refuse a fixed step that has a stage in a singular configuration, or ends there at (t, y).
 
         Rounding says where such a stage leads, and no step can begin there.
 
@@ -101,9 +140,9 @@ class SingularWatch:
         if nearest < limit or (nearest < SUSPECT * self.largest and self._ratio(t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
 
-    def limits(self) -> tuple[float, float, float, float]:
-        """Return the largest ratio and the last one, and `SUSPECT` and `LANDED`: see `refuse_landing`."""
-        return self.largest, self.ratios[-1], SUSPECT, LANDED
+    def limits(self) -> tuple[float, float, float, float, float]:
+        """Return the largest ratio and the last one, and `SUSPECT`, `LANDED` and `ZONE`: see `refuse_landing`."""
+        return self.largest, self.ratios[-1], SUSPECT, LANDED, ZONE
 
     def quiet(self, weakest: Array) -> int:
         """Pass over steps with nothing to look at, given their smallest ratios of pivots; return how many."""
@@ -112,7 +151,7 @@ class SingularWatch:
             return 0
         largest = np.maximum(np.maximum.accumulate(new), self.largest)
         every = np.concatenate([[0.0], self.ratios[-2:], new])  # before the first step there is none to look at
-        loud = _suspicious(every[-len(new) - 2 : -2], every[-len(new) - 1 : -1], new, largest) | (new < LOW * largest)
+        loud = _suspicious(every[-len(new) - 2 : -2], every[-len(new) - 1 : -1], new, largest) | (new < ZONE * largest)
         n = int(loud.argmax()) if loud.any() else len(new)
         self.ratios += new[:n].tolist()
         self.largest = float(largest[n - 1]) if n else self.largest
@@ -134,35 +173,63 @@ class SingularWatch:
                 self._end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
             self.ratios.append(np.inf)
             self._look(run, len(self.ratios) - 2)
-        near = self.ratios[-1] < LOW * self.largest
-        if near and self.entered is None:
-            self.entered = len(run.ts) - 2
-        elif self.entered is not None:
-            self._leave(run, self.entered, near)
+        near = self.ratios[-1] < ZONE * self.largest and self._ratio(run.ts[-1], run.ys[-1]) < ZONE * self.largest
+        if near:
+            if self.entered is None:
+                self.entered = len(run.ts) - 2
+            if self.pace and self.closing:
+                run.close()
+        if self.entered is not None and (last or not near):
+            self._compare(run, self.entered, len(run.ts) - 1)
+            self.entered, self.tried = None, (np.inf, np.inf)
+            if self.pace:
+                self.pace.cap = np.inf
 
-    def _leave(self, run: Run, a: int, near: bool) -> None:
-        """Compare velocities when steps lead away from a singular configuration, or stay near it for too long."""
-        b = len(run.ts) - (1 if near else 2)
-        start, way = run.ts[a], run.ts[b] - run.ts[a]
-        passed = next((x for x in self.found if (x.t - start) * way > 0), None)
-        if passed and not (near and abs(way) <= (1 + OVERDUE) * abs(passed.t - start)):
-            self._compare(run, passed, a, b, near)
+    def leap(self, run: Run) -> bool:
+        """Where a singular configuration is near, shorten the next step, or take the leap over it: then say True."""
+        if self.pace is None or self.entered is None or len(run.ts) - 1 == self.leg:
+            return False
+        self.pace.cap = np.inf
+        (t0, t1), (y0, y1) = run.ts[-2:], (run.ys[-2], run.ys[-1])
+        before, here = self._ratio(t0, y0), self._ratio(t1, y1)
+        if not here < before:
+            return False
+        way = here * abs(t1 - t0) / (before - here)
+        self.pace.cap = APPROACH * way
+        if here > NEAR * self.largest or way > NEARER * self.tried[0]:
+            return False
+        found = None
+        with suppress(StepError):
+            found = leap(self.own, run, way, self.largest, self.leg)
+        if found is None:
+            return False
+        error, move = (self.pace.measure(run, found.y, x) for x in (found.error, found.move))
+        met = error >= MET * self.tried[1] and error <= TRUSTED
+        if not (error <= 1 or met) or move > MOVED * max(1.0, error):
+            self.tried = way, error
+            return False
+        self.found.append(found.passed)
+        run.land(found.t, found.y)
+        self.pace.cap, self.pace.h = np.inf, APPROACH * way
+        self.tried = np.inf, np.inf
+        self._begin(len(run.ts) - 1)
+        if run.to_go() == 0 or self._ratio(found.t, found.y) >= ZONE * self.largest:
+            self._compare(run, self.entered, len(run.ts) - 1)
             self.entered = None
-        elif not near:
-            self.entered = None
+        return True
 
-    def _compare(self, run: Run, passed: Singular, a: int, b: int, near: bool) -> None:
-        """Compare velocities at nodes a and b, before and after a singular configuration; near: b is so, too."""
-        v = [self.own.split(run.ys[i])[1] for i in (a, b)]
-        slopes = [self._acceleration(run.ts[i], run.ys[i]) for i in ((a,) if near else (a, b))]
-        steepest = STEEPEST * max(np.linalg.norm(x) for x in slopes) * abs(run.ts[b] - run.ts[a])
-        jump, size = np.linalg.norm(v[1] - v[0]), max(np.linalg.norm(x) for x in v)
-        if jump > JUMP * size + steepest:
-            text = f"{passed}: there the run went over to another branch, its velocity changed by {jump:.2g}"
-            self._end(run, a, f"{text}; take a larger rtol, or an explicit method")
-
-    def _acceleration(self, t: float, y: Array) -> Array:
-        return self.own.derivative(t, y)[0][self.own.nv : 2 * self.own.nv]
+    def _compare(self, run: Run, a: int, b: int) -> None:
+        """Compare tangent spaces at nodes a and b, before and after a singular configuration that lies between."""
+        way = run.ts[b] - run.ts[a]
+        passed = next((x for x in self.found if (x.t - run.ts[a]) * way > 0 and (run.ts[b] - x.t) * way > 0), None)
+        if not passed:
+            return
+        ends = [(run.ts[i], run.ys[i]) for i in (a, b)]
+        angle = turned(*(tangent(self.own, *end) for end in ends))
+        explained = EXPLAINED * abs(way) * max(turning(self.own, *end, way) for end in ends)
+        if angle > BEND + explained:
+            text = f"{passed}: there the run went over to another branch, it moves {angle:.2g} rad beside the one before"
+            self._end(run, a, f"{text}; take a smaller rtol, or project=True")
 
     def _end(self, run: Run, i: int, message: str) -> None:
         del run.ts[i + 1 :], run.ys[i + 1 :], run.zs[i + 1 :]
@@ -195,15 +262,17 @@ class SingularWatch:
             self._judge(run, nodes, int(best.x), *at(float(best.x)))
 
     def _judge(self, run: Run, nodes: list[int], i: int, t: float, y: Array) -> None:
-        """Keep what was found on step i, and end the run there if it cannot pass."""
+        """Keep what was found on step i, and end the run there if it cannot pass or took another branch."""
         gap = max(np.abs(self.own.residual(run.ts[n], *self.own.split(run.ys[n]))[0]).max() for n in nodes)
-        found = singular(self.own, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), self.largest, gap)
+        limit = open_limit(self.own, t, y, self.largest, gap)
+        found = singular(self.own, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
         if found is None or any(abs(found.t - other.t) <= SAME * (1 + abs(t)) for other in self.found):
             return
         self.found.append(found)
-        if not self.kept and gap > CLOSED:
+        if self.pace is None and not self.kept and gap > CLOSED:
             text = f"{found}: a singular configuration, behind which loops that have drifted open by {gap:.1e}"
             self._end(run, i, f"{text} may be on another branch; keep them closed by project=True or formulation 'ggl'")
+        self._compare(run, nodes[0], nodes[-1])
 
     def _path(self, run: Run, i: int) -> Callable[[float], tuple[float, Array]]:
         """Theta -> time and point on step i; straight where an end of it is too singular for dense output."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -58,7 +58,8 @@ class Solution:
         settings: method, tolerances and steps that were used.
         steps: times, points and own multipliers of all steps, when ``t_eval`` asked for others.
         events: for each event function the times (k,) and points (k, ...) of its zeros.
-        singular: configurations on the way in which closures lose rank; a run that does not keep positions ends there.
+        singular: configurations on the way in which closures lose rank.
+        in_use: where rows of closures depend on each other: from which node on which of them were solved for.
     """
 
     problem: Any
@@ -73,6 +74,7 @@ class Solution:
 
     events: list[tuple[Array, Array]] = field(default_factory=list, repr=False)
     singular: list[Singular] = field(default_factory=list, repr=False)
+    in_use: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
     viewer: ClassVar[Callable[["Solution"], str] | None] = None  # the page for notebooks, set by the package
 
     def __post_init__(self) -> None:
@@ -95,6 +97,26 @@ class Solution:
             with suppress(NotCompiled):
                 return self.problem.system(native=native)
         return self.problem.system()
+
+    def at(self, i: int) -> Any:
+        """The workspace, with the rows that were solved for at node i: what it computes depends on nothing else."""
+        rows = next((rows for first, rows in reversed(self.in_use) if first <= i), None)
+        if rows is not None and (not self.system.held or rows != self.system.in_use):
+            self.system.hold(rows)
+        return self.system
+
+    def before(self, t: Array) -> Array:
+        """The node before each time, (k,): the later one of two at a jump."""
+        ts = np.asarray(self.nodes[0])
+        sign = 1.0 if len(ts) < 2 or ts[-1] > ts[0] else -1.0
+        return np.clip(np.searchsorted(sign * ts, sign * np.asarray(t), side="right") - 1, 0, max(0, len(ts) - 1))
+
+    def parts(self, nodes: Array) -> list[Array]:
+        """Split the places of nodes (k,) by the rows that were solved for there."""
+        if not len(nodes):
+            return []
+        which = np.searchsorted([first for first, _ in self.in_use], nodes, side="right")
+        return [np.flatnonzero(which == w) for w in np.unique(which)]
 
     @property
     def success(self) -> bool:
@@ -144,11 +166,13 @@ class Solution:
         NaN where they cannot be found, for instance in the singular configuration that ended a run.
         """
         out = np.full((len(self.t), self.system.nz), np.nan)
+        nodes = np.arange(len(self.t)) if self.steps is None else self.before(self.t)
         if isinstance(self.system, Compiled):
-            out = self.system.derivatives(self.t, self.y)[1]
+            for part in self.parts(nodes):
+                out[part] = self.at(int(nodes[part[0]])).derivatives(self.t[part], self.y[part])[1]
         for i in np.flatnonzero(np.isnan(out).any(axis=1)):
             with suppress(StepError):
-                out[i] = self.system.derivative(self.t[i], self.y[i], self.z_own[i])[1]
+                out[i] = self.at(int(nodes[i])).derivative(self.t[i], self.y[i], self.z_own[i])[1]
         return out
 
     @property
@@ -194,8 +218,7 @@ class Solution:
             raise InputError(f"t = {t} is outside the solution, {low} to {high}")
         if len(ts) == 1:
             return ys[0]
-        rising, sign = (ts, 1.0) if ts[-1] > ts[0] else (-np.asarray(ts), -1.0)
-        i = int(np.clip(np.searchsorted(rising, sign * t, side="right") - 1, 0, len(ts) - 2))
+        i = min(int(self.before(np.array([t]))[0]), len(ts) - 2)
         if t in (ts[i], ts[i + 1]):
             return ys[i] if t == ts[i] else ys[i + 1]
         return self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
@@ -218,21 +241,25 @@ class Solution:
             ts, ys, _ = self.nodes
             rates = self.rate(i), self.rate(i + 1)
             order = self.settings["dense_order"]
-            self._dense[i] = self.system.interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
+            curve = self.at(i).interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
+            self._dense[i] = partial(self._on, i, curve)
         return self._dense[i]
+
+    def _on(self, i: int, curve: Callable[[float], Array], theta: float) -> Array:
+        self.at(i)  # a curve may ask the workspace for more
+        return curve(theta)
 
     def rate(self, i: int) -> Array:
         """The tangent rate of y at the end of step i, computed once; 0 is the start."""
         if i not in self.rates:
             ts, ys, zs = self.nodes
-            self.rates[i] = self.system.derivative(ts[i], ys[i], zs[i])[0]
+            self.rates[i] = self.at(i).derivative(ts[i], ys[i], zs[i])[0]
         return self.rates[i]
 
     def multipliers(self, t: float) -> Array:
         """Return z (nz,) at any time of the run from the hidden constraint; the first ng are lam."""
-        ts, _, zs = self.nodes
-        near = zs[int(np.argmin(np.abs(np.asarray(ts) - t)))]
-        return self.system.derivative(t, self.point(t), near)[1]
+        y, i = self.point(t), int(self.before(np.array([t]))[0])
+        return self.at(i).derivative(t, y, self.nodes[2][i])[1]
 
     def __call__(self, t: float | Array) -> Sample:
         """Return q and v at a time, (nq,) and (nv,), or at several, (n, nq) and (n, nv).

@@ -13,13 +13,13 @@ from .errors import InputError, StepError, require
 from .events import Watch, as_events
 from .jumps import Jumps
 from .march import Core, bind
-from .mechanism import Compiled
+from .mechanism import Compiled, Mechanism
 from .mechanism.descriptor import Descriptor
 from .pace import Adaptive, Fixed, Pace
 from .run import Run
 from .singular import SingularWatch
 from .solution import STATUS, Problem, Solution, event_value
-from .system import Array, State, Step
+from .system import Array
 
 Progress = Callable[[float], None]
 
@@ -33,7 +33,7 @@ def solve(
     *,
     method: str = "pherk5",
     formulation: str = "index2",
-    project: bool = False,
+    project: bool | str = "auto",
     baumgarte: tuple[float, float] | None = None,
     step: float | None = None,
     rtol: float = 1e-6,
@@ -64,6 +64,7 @@ def solve(
         formulation: ``"index2"``: closures kept at velocity level; ``"ggl"``: at position level too, by a second
             multiplier; ``"index1"``: neither, accelerations stepped by scipy as a baseline. Mechanisms only.
         project: bring the state back to g = 0 and G v = 0 after each step, in the mass metric; for ``"index2"``.
+            ``"auto"`` does so where steps are controlled, and not with fixed ones, where methods are studied.
         baumgarte: alpha and beta in 1/s, for ``"index1"``: 0 = G v' + gamma + 2 alpha G v + beta^2 g.
         step: fixed step in s; the step size is controlled when left out. Where one would end in a singular
             configuration, three shorter steps take the place of two.
@@ -90,8 +91,7 @@ def solve(
     """
     require(problem, Problem, "solve takes a Mechanism (see mbdae.load) or a Hessenberg problem")
     tableau = find(formulation, method)
-    if project and formulation != "index2":
-        raise InputError(f"project=True belongs to formulation 'index2', got {formulation!r}")
+    project = _projected(problem, project, formulation, step)
     t0, t1 = _span(t_span)
     for name, value in {"step": step, "first_step": first_step, "max_step": max_step, "max_steps": max_steps}.items():
         if value is None and name != "max_step":
@@ -102,8 +102,6 @@ def solve(
     system, fallback = bind(problem, tableau, formulation, baumgarte, backend)
     ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
     run = Run(problem, tableau, t0, ahead, problem.point(q, v, t0, s), system, project)
-    if isinstance(system, Descriptor) and system.ng:
-        run.singular = SingularWatch(system, project or formulation == "ggl")
     pace: Pace
     if formulation == "index1":
         pace = Scipy(tableau, run.system, step, rtol, atol, first_step, max_step)
@@ -111,6 +109,10 @@ def solve(
         pace = Fixed(step, t0, t1)
     else:
         pace = Adaptive(tableau.error_power, rtol, atol, first_step, max_step)
+    run.pace = pace
+    if isinstance(system, Descriptor) and system.ng:
+        controlled = pace if isinstance(pace, Adaptive) and formulation != "index1" else None
+        run.singular = SingularWatch(system, project or formulation == "ggl", controlled, formulation == "index2")
     if isinstance(system, Compiled):
         run.core = Core(system, tableau, project)
     watch = Watch(as_events(events), lambda e, t, y: event_value(problem, e, t, y))
@@ -153,7 +155,8 @@ def _march(run: "Run", pace: "Pace", watch: Watch, max_steps: int | None, progre
         if left is not None and left <= 0:
             raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
         before = len(run.ts)
-        if not (run.core and run.core.advance(run, pace, 1 if watch.events else left)):
+        leapt = run.singular is not None and run.singular.leap(run)
+        if not leapt and not (run.core and run.core.advance(run, pace, 1 if watch.events else left)):
             _one(run, pace)
         if len(run.ts) == before:
             continue
@@ -187,18 +190,9 @@ def _one(run: "Run", pace: "Pace") -> None:
     if step is None or not pace.judge(run, h, error):
         run.rejected = (run.rejected or 0) + 1
         return
-    run.accept(t_next, _restored(run, pace, t_next, step) if run.project else step)
+    run.accept(t_next, step._replace(state=run.restored(t_next, step.state)) if run.project else step)
     if run.singular:
         run.singular.step(run, run.to_go() == 0)
-
-
-def _restored(run: "Run", pace: "Pace", t: float, step: Step) -> Step:
-    """The step with its end projected; what a method carries is found anew where that moved the state much."""
-    state = State(run.system.restore(t, step.state.y), step.state.carry)
-    move = run.system.difference(step.state.y, state.y)
-    if state.carry is not None and not pace.tolerates(run, state.y, move):
-        state = State(state.y, run.system.carry(*run.system.derivative(t, state.y)))
-    return step._replace(state=state)
 
 
 def _report(
@@ -209,7 +203,9 @@ def _report(
     hits = [[(w, p) for w, p in hits if (w - t[-1]) * run.sign <= 0] for hits in watch.found]
     found = [(np.array([w for w, _ in some]), np.array([p for _, p in some])) for some in hits]
     passed = run.singular.found if run.singular else []
-    full = Solution(run.problem, t, y, z, status, message, stats, settings, events=found, singular=passed)
+    rows = [(i, rows) for i, rows in run.in_use if i < n]
+    rest: dict[str, Any] = {"events": found, "singular": passed, "in_use": rows}
+    full = Solution(run.problem, t, y, z, status, message, stats, settings, **rest)
     if times is None:
         return full
     reached = times[(times - t[-1]) * run.sign <= 0]
@@ -221,9 +217,18 @@ def _report(
     own = np.array([np.interp(run.sign * reached, run.sign * t, column) for column in z.T]).T.reshape(
         len(reached), z.shape[1]
     )
-    return Solution(
-        run.problem, reached, points, own, status, message, stats, settings, (t, y, z), events=found, singular=passed
-    )
+    return Solution(run.problem, reached, points, own, status, message, stats, settings, (t, y, z), **rest)
+
+
+def _projected(problem: Problem, project: bool | str, formulation: str, step: float | None) -> bool:
+    """Say whether positions are restored after each step."""
+    if project not in (True, False, "auto"):
+        raise InputError(f"project is True, False or 'auto', got {project!r}")
+    if project == "auto":
+        return isinstance(problem, Mechanism) and formulation == "index2" and step is None and problem.ng > 0
+    if project and formulation != "index2":
+        raise InputError(f"project=True belongs to formulation 'index2', got {formulation!r}")
+    return bool(project)
 
 
 def _span(t_span: Sequence[float]) -> tuple[float, float]:

@@ -135,6 +135,16 @@ class System(Protocol):
     def restore(self, t: float, y: Array) -> Array:
         """Return the point nearest to y that meets what the methods do not keep: positions of a mechanism."""
 
+    @property
+    def in_use(self) -> tuple[int, ...]:
+        """The constraint rows that are solved for where some depend on others."""
+
+    def hold(self, rows: tuple[int, ...]) -> None:
+        """Solve for these rows from now on, until `settle` chooses others."""
+
+    def settle(self, t: float, state: State) -> State:
+        """Choose the rows that the next step solves for, and return the state with them met."""
+
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which f or y may jump; sign * inf if none.
 
@@ -146,6 +156,9 @@ class System(Protocol):
 
     def size(self, y: Array) -> Array:
         """Magnitude of each tangent component for relative tolerances, (ny,); 1 for rotations."""
+
+    def noise(self, y: Array, share: float) -> Array:
+        """Return what rounding makes of an error estimate at y, (ny,): `mbdae.methods.tableau.Tableau.noise` of v."""
 
     def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
         """Return the norm of (g_y f_z)^-1, by which rounding in g reaches z."""

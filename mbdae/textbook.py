@@ -7,7 +7,7 @@ import numpy as np
 
 from .dense import powers, refine
 from .errors import InputError, StepError
-from .system import Array, Counts
+from .system import Array, Counts, State
 from .textbook_stages import ImplicitStages
 
 Function = Callable[..., Array]
@@ -167,8 +167,21 @@ class HessenbergSystem:
     def jump(self, t: float, y: Array) -> Array:  # noqa: D102
         return y
 
+    @property
+    def in_use(self) -> tuple[int, ...]:  # noqa: D102
+        return ()
+
+    def hold(self, rows: tuple[int, ...]) -> None:
+        """All constraints are solved for."""
+
+    def settle(self, t: float, state: State) -> State:  # noqa: D102
+        return state
+
     def size(self, y: Array) -> Array:  # noqa: D102
         return np.abs(y)
+
+    def noise(self, y: Array, share: float) -> Array:  # noqa: D102
+        return np.zeros(len(y))
 
     def interpolant(
         self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int

@@ -51,7 +51,7 @@ class Compiled(Descriptor):
         """Return the coefficients of a half-explicit method as the core takes them."""
         if self._tableau[0] is not tableau:
             a, order = tableau.arrays, 0 if tableau.b_embedded else tableau.order
-            flags = bool(tableau.explicit_first), bool(tableau.project_embedded), order
+            flags = bool(tableau.explicit_first), bool(tableau.project_embedded), order, tableau.noise
             self._tableau = tableau, self.native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, *flags)
         return self._tableau[1]
 
@@ -86,6 +86,8 @@ class Compiled(Descriptor):
             self.core.march(self.tableau(tableau), course)
         finally:
             self.after()
+            if course.changes:
+                self.rows = np.array(self.core.rows, int)
 
     def derivatives(self, t: Array, y: Array) -> tuple[Array, Array]:
         """Return y' (n, ny) and lam (n, ng) at points (n, ...), see `derivative`; nan where they cannot be found."""
@@ -106,15 +108,39 @@ class Compiled(Descriptor):
                 setattr(self.counts, name, getattr(self.counts, name) + new - old)
         self._seen = now
         self.weakest = min(self.weakest, self.core.weakest)
+        self.widest = max(self.widest, self.core.widest)
+        self.fastest = max(self.fastest, self.core.fastest)
 
     def before_python(self) -> None:
         """Let Python go on with the rows that the core uses."""
-        if self._begun:
+        if self._begun and not self.held:
             self.rows = np.array(self.core.rows, int)
         self._last_q = np.full(self.nq, np.nan)
 
     def after_python(self) -> None:
         """Let the core go on with the rows that Python uses."""
         rows = [] if self.rows is None else self.rows.tolist()
-        self.core.use(rows, len(rows))
+        self.core.use(rows, len(rows), self.floor, self.held)
         self._begun = True
+
+    def hold(self, rows: tuple[int, ...]) -> None:
+        """See `mbdae.system.System`."""
+        super().hold(rows)
+        self.after_python()
+
+    def settle(self, t: float, state: State) -> State:
+        """See `mbdae.system.System`."""
+        array = isinstance(state.carry, np.ndarray)
+        if self._begun and self.held and (array or state.carry is None):
+            found = self.core.settle(t, state.y, state.carry)
+            self.after()
+            if found is not None:
+                changed, y, carry = found
+                if changed:
+                    self.rows = np.array(self.core.rows, int)
+                    return State(y, carry, state.low)
+                return state
+        self.before_python()
+        state = super().settle(t, state)
+        self.after_python()
+        return state

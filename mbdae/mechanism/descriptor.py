@@ -13,7 +13,7 @@ import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
 
 from ..errors import StepError
-from ..system import Counts
+from ..system import Counts, State
 from . import rows as rowmath
 from .constraints import Constraints
 from .implicit import ImplicitStages
@@ -49,8 +49,11 @@ class Descriptor:
         self.counts = Counts()
         self.constraints = Constraints(self.model, self.data, mechanism.constraints)
         self.rank: int | None = None
+        self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
         self.rows: Array | None = None
+        self.held = False  # the rows in use stay as they are, but for `settle`
         self.weakest = 1.0  # smallest ratio of pivots of G M^-1 G^T that a solve met
+        self.widest = self.fastest = 0.0  # largest |g|, and |G v + g_t| / (1 + |v|), over all rows at ends of steps
         self._last_q = np.full(self.nq, np.nan)
         self._last = (np.empty(0), np.empty(0))  # U and G there
 
@@ -127,17 +130,67 @@ class Descriptor:
         return kinetic, gravity + self.laws.potential(q)
 
     def choose_rows(self, t: float, U: Array, G: Array) -> Array:
-        """Independent rows (r,) for a step or a point; the rank is fixed when it is first found."""
+        """Independent rows (r,) for a step or a point; the rank is fixed when it is first found.
+
+        They are those in use as long as they serve, and as long as they are held.
+        """
         if not self.ng:
             return np.empty(0, int)
+        if self.held and self.rows is not None:
+            return self.rows
         # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
         B = dgesv(U.T, G.T)[2]
         found = _, diagonal = rowmath.pivots(B)
-        self.rank = rowmath.confirmed(diagonal, self.rank, t)
+        if self.rank is None:
+            self.rank, self.floor = rowmath.found(B, G, diagonal)
+        rowmath.confirm(diagonal, self.rank, self.floor, t)
         if self.rank:
             self.weakest = min(self.weakest, (diagonal[self.rank - 1] / diagonal[0]) ** 2)
         self.rows = rowmath.choose(B, self.rows, self.rank, found)
         return self.rows
+
+    @property
+    def in_use(self) -> tuple[int, ...]:
+        """See `mbdae.system.System`."""
+        return () if self.rows is None else tuple(self.rows.tolist())
+
+    def hold(self, rows: tuple[int, ...]) -> None:
+        """See `mbdae.system.System`."""
+        self.rows, self.rank, self.held = np.array(rows, int), len(rows), True
+
+    def settle(self, t: float, state: State) -> State:
+        """See `mbdae.system.System`: choose the rows of the next step, and bring v onto those that are new.
+
+        Rows of loops that stand open by |g| contradict each other by as much: v that met those in use before misses the
+        new ones, which a step would take for an error of its own.
+        """
+        if not self.ng:
+            return state
+        q, v = self.split(state.y)
+        U, G = self.point(t, q)
+        before, self.held = self.rows, False
+        rows = self.choose_rows(t, U, G)
+        self.held = True
+        rate = G @ v + self.g_t(t)
+        if before is not None and not np.array_equal(rows, before):
+            B = dgesv(U.T, G[rows].T)[2]
+            v = v - dgesv(U, B @ dgesv(B.T @ B, rate[rows])[2])[2]
+            state = State(np.concatenate([q, v, state.y[self.nq + self.nv :]]), state.carry, state.low)
+            if state.carry is not None:
+                state = state._replace(carry=self.carry(*self.derivative(t, state.y)))
+                G = self.jacobian(q)
+            rate = G @ v + self.g_t(t)
+        self.widest = max(self.widest, float(np.abs(self.constraints.value(t)[0]).max()))
+        self.fastest = max(self.fastest, float(np.abs(rate).max()) / (1 + float(np.abs(v).max())))
+        return state
+
+    def point(self, t: float, q: Array) -> tuple[Array, Array]:
+        """Return U and G at q, with the kinematics there; those of the last stage where it ended here."""
+        if np.abs(q - self._last_q).max() <= 1e-15 * (1 + np.abs(q).max()):
+            pin.computeJointJacobians(self.model, self.data, q)
+            return self._last
+        U = self.inertia(t, q)
+        return U, self.jacobian()
 
     def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
         """Largest eigenvalue of (G M^-1 G^T)^+: the change of lam per unit residual of G v', in kg."""
@@ -176,11 +229,10 @@ class Descriptor:
 
     def chart(self, t: float, y: Array) -> "DescriptorChart":  # noqa: D102
         q, _ = self.split(y)
-        if np.abs(q - self._last_q).max() <= 1e-15 * (1 + np.abs(q).max()):  # the last stage ended here
-            U, G = self._last
-        else:
-            U, G = self.inertia(t, q), self.jacobian()
-        return DescriptorChart(self, t, y, self.choose_rows(t, U, G))
+        rows = self.rows if self.held else None
+        if rows is None:
+            rows = self.choose_rows(t, *self.point(t, q)) if self.ng else np.empty(0, int)
+        return DescriptorChart(self, t, y, rows)
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""
@@ -229,15 +281,21 @@ class Descriptor:
             out[: self.nv] = x[: self.nv] - (y1[: self.nq] - y0[: self.nq])
         return out
 
-    def restore(self, t: float, y: Array) -> Array:
+    def restore(self, t: float, y: Array, tight: bool = False) -> Array:
         """See `mbdae.mechanism.project.restore`."""
-        return restore(self, t, y)
+        return restore(self, t, y, tight)
 
     def size(self, y: Array) -> Array:  # noqa: D102
         size = np.concatenate([self.manifold.size(y[: self.nq]), np.abs(y[self.nq :])])
         if self.driven:
             size[-1] += self.energy(*self.split(y))[0]
         return size
+
+    def noise(self, y: Array, share: float) -> Array:  # noqa: D102
+        out = np.zeros(self.ny)
+        if self.ng:
+            out[self.nv : 2 * self.nv] = share * np.abs(self.split(y)[1]).max()
+        return out
 
     def interpolant(
         self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import InputError
+from ..system import State
 from .descriptor import Descriptor
 
 if TYPE_CHECKING:
@@ -49,6 +50,11 @@ class Index1(Descriptor):
         g, G = self.closures(None, t)
         rate = G @ v - self.constraints.motion(t)[1]
         return gamma + 2 * self.alpha * rate + self.beta**2 * g
+
+    def settle(self, t: float, state: State) -> State:
+        """Choose rows; v misses all of them by its drift, and stays as it is."""
+        super().settle(t, state)
+        return state
 
     def normal(self, y: Array) -> Array:
         """Return the point that raw coordinates stand for: quaternions and circles normalised."""

@@ -17,12 +17,18 @@ ROUNDING = 1e-14  # of 1 + |q| or 1 + |v|: residuals below are left alone
 OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
 
 
-def restore(system: "Descriptor", t: float, y: Array) -> Array:
+def restore(system: "Descriptor", t: float, y: Array, tight: bool = False) -> Array:
     """Return the nearest point with g(t, q) = 0 and G(q) v + g_t = 0, q first and then v, over all rows.
 
     Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g with a truncated pseudoinverse, M
     frozen; then v - M^-1/2 (G M^-1/2)^+ (G v + g_t). A step that does not halve |g| is not taken: near singular
     positions rounding in g stands for large corrections.
+
+    Args:
+        system: a workspace.
+        t: time.
+        y: the point.
+        tight: go on below `ROUNDING` until |g| falls no more: near singular positions v turns by |g| / sigma^2.
 
     Raises:
         StepError: if the closures cannot be met from there.
@@ -37,7 +43,7 @@ def restore(system: "Descriptor", t: float, y: Array) -> Array:
     system.counts.state_projections += 1
     move = 0.0
     for _ in range(ITERATIONS):
-        if np.linalg.norm(g) <= ROUNDING * (1 + np.abs(q).max()):
+        if not tight and np.linalg.norm(g) <= ROUNDING * (1 + np.abs(q).max()):
             break
         x = _smallest(U, G, g)
         move = float(np.abs(x).max())
@@ -49,7 +55,7 @@ def restore(system: "Descriptor", t: float, y: Array) -> Array:
     if not np.linalg.norm(g) <= OPEN and not move <= STALLED * (1 + np.abs(q).max()):
         raise StepError("newton", f"Newton's method for the projection on the closures diverges at t = {t:.17g}")
     rate = G @ v + system.g_t(t)
-    if np.linalg.norm(rate) > ROUNDING * (1 + np.abs(v).max()):
+    if tight or np.linalg.norm(rate) > ROUNDING * (1 + np.abs(v).max()):
         v = v - _smallest(U, G, rate)
     return np.concatenate([q, v, y[system.nq + system.nv :]])
 

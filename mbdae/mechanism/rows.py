@@ -8,6 +8,7 @@ from ..errors import StepError
 RANK_TOLERANCE = 1e-8
 WORST_CONDITIONING = 0.1
 GROWN = 1e-2
+FALLEN = 100.0  # of the ratio of pivots at the start: what less of it still counts as small
 
 
 def pivots(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -29,15 +30,34 @@ def grown(diagonal: np.ndarray, r: int) -> bool:
     return len(diagonal) > r and bool(diagonal[r] > GROWN * diagonal[0])
 
 
-def confirmed(diagonal: np.ndarray, r: int | None, t: float) -> int:
-    """Return the rank that decreasing pivots show, which must be r, the rank found before, if any.
+def geometric_rank(G: np.ndarray) -> int:
+    """Rank of the rows of G (ng, nv) for bodies of any mass: light ones beside heavy ones hide rows in G M^-1/2."""
+    size = np.linalg.norm(G, axis=1)
+    kept = size > RANK_TOLERANCE * size.max(initial=0.0)
+    return rank(pivots((G[kept] / size[kept, None]).T)[1]) if kept.any() else 0
+
+
+def found(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray) -> tuple[int, float]:
+    """Rank where loops are closed, and the ratio of pivots below which it will have fallen.
+
+    Args:
+        B: scaled transposed constraint Jacobian M^{-1/2} G^T, (nv, ng).
+        G: the Jacobian, (ng, nv).
+        diagonal: pivots of B.
+    """
+    r = rank(diagonal)
+    if r < min(B.shape):
+        r = max(r, geometric_rank(G))
+    return r, float(min(1.0, FALLEN * diagonal[r - 1] / diagonal[0]) * RANK_TOLERANCE) if r else 0.0
+
+
+def confirm(diagonal: np.ndarray, r: int, floor: float, t: float) -> None:
+    """See that decreasing pivots still show the rank r.
 
     Raises:
         StepError: where the rank has changed, at time t.
     """
-    now = rank(diagonal)
-    if r is None:
-        return now
+    now = int(np.count_nonzero(diagonal > floor * diagonal[:1]))
     if now < r:
         raise StepError(
             "rank", f"the rank of the closures falls from {r} to {now} at t = {t:.17g}: a singular configuration"
@@ -48,7 +68,6 @@ def confirmed(diagonal: np.ndarray, r: int | None, t: float) -> int:
             f"the rank of the closures rises above {r} at t = {t:.17g}: "
             "the run began in a singular configuration, or rows that depended on others have drifted open",
         )
-    return r
 
 
 def choose(

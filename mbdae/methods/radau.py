@@ -74,6 +74,8 @@ class RadauIIA:
         """Power of h in the error estimate: s + 1, one more where a second vector sharpens it (s >= 3)."""
         return self.order_embedded + 1 + (self.stages >= 3)
 
+    noise = 0.0  # stages are iterated to rounding
+
     @property
     def solves(self) -> int:
         """Stage evaluations per step with a typical five iterations, 5 s.

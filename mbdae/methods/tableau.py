@@ -111,6 +111,17 @@ class Tableau:
         """Min |ahat_ii| over the stages with a constraint; rounding in own z is eps / (h times it)."""
         return min(abs(float(self.exact_Ahat[i][i])) for i in range(int(self.explicit_first), len(self.A)))
 
+    @cached_property
+    def noise(self) -> float:
+        """What rounding makes of an error estimate of v, over |v|: 4 eps max_e sum_i |e_i / ahat_ii|.
+
+        A stage finds v' = -G v / (h ahat_ii) + ..., so that eps |v| / (h ahat_ii) of it is rounding, whatever h is.
+        """
+        a = self.arrays
+        first = int(self.explicit_first)
+        weights = a.e if len(a.e) else a.b[None]
+        return float(4 * np.finfo(float).eps * np.abs(weights[:, first:] / a.Ahat.diagonal()[first:]).sum(axis=1).max())
+
     @property
     def error_power(self) -> int:
         """Power of h in the error estimate of `controlled_step`: embedded order + 1, one more with a companion.

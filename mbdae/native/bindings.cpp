@@ -113,7 +113,7 @@ PyType_Slot collected[] = {
     {Py_tp_traverse, reinterpret_cast<void*>(traverse)}, {Py_tp_clear, reinterpret_cast<void*>(clear)}, {0, nullptr}};
 
 Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat,
-                     const Array& e, bool first, bool project, int doubled) {
+                     const Array& e, bool first, bool project, int doubled, double noise) {
   Tableau t;
   t.n = static_cast<int>(b.size());
   const size_t n = t.n;
@@ -133,6 +133,7 @@ Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Ar
         refuse("A is strictly lower triangular, Ahat lower");
   for (size_t i = first; i < n; ++i)
     if (t.Ahat[i * n + i] == 0) refuse("Ahat has a regular diagonal");
+  t.noise = noise;
   if (doubled < 0) refuse("an order is not negative");
   return t;
 }
@@ -160,10 +161,11 @@ NB_MODULE(_native, m) {
       .def(
           "__init__",
           [](Tableau* self, const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat,
-             const Array& e, bool first, bool project,
-             int doubled) { new (self) Tableau(make_tableau(A, Ahat, b, c, chat, e, first, project, doubled)); },
+             const Array& e, bool first, bool project, int doubled, double noise) {
+            new (self) Tableau(make_tableau(A, Ahat, b, c, chat, e, first, project, doubled, noise));
+          },
           nb::arg("A"), nb::arg("Ahat"), nb::arg("b"), nb::arg("c"), nb::arg("chat"), nb::arg("e"), nb::arg("first"),
-          nb::arg("project"), nb::arg("doubled"));
+          nb::arg("project"), nb::arg("doubled"), nb::arg("noise"));
 
   nb::class_<Counts>(m, "Counts", "Work done so far.")
       .def_ro("f", &Counts::f)
@@ -181,7 +183,7 @@ NB_MODULE(_native, m) {
   FIELD(seconds), FIELD(budget), FIELD(h), FIELD(largest), FIELD(cut), FIELD(last), FIELD(rtol), FIELD(atol);
   FIELD(was_rejected), FIELD(power), FIELD(safety), FIELD(smallest_factor), FIELD(largest_factor), FIELD(beta);
   FIELD(step), FIELD(t0), FIELD(near), FIELD(tolerated), FIELD(n), FIELD(i), FIELD(on_grid);
-  FIELD(usual), FIELD(before), FIELD(suspect), FIELD(landed), FIELD(taken), FIELD(rejected), FIELD(stuck);
+  FIELD(usual), FIELD(before), FIELD(suspect), FIELD(landed), FIELD(zone), FIELD(changes), FIELD(taken), FIELD(rejected), FIELD(stuck);
 #undef FIELD
   course.def(
       "begin",
@@ -212,15 +214,37 @@ NB_MODULE(_native, m) {
           "weakest", [](const PyCore& c) { return c.core->weakest; }, [](PyCore& c, double x) { c.core->weakest = x; })
       .def(
           "use",
-          [](PyCore& c, const std::vector<int>& rows, int rank) {
+          [](PyCore& c, const std::vector<int>& rows, int rank, double floor, bool held) {
             const Turn turn(c);
             within(rows, c.core->ng, "row");
             if (rank != static_cast<int>(rows.size()) || !std::is_sorted(rows.begin(), rows.end()) ||
                 std::adjacent_find(rows.begin(), rows.end()) != rows.end())
               refuse("rows are sorted, different, and as many as the rank");
-            c.core->use(rows, rank);
+            c.core->use(rows, rank, floor, held);
           },
-          nb::arg("rows"), nb::arg("rank"), "Say which rows are in use.")
+          nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
+          "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay as they are.")
+      .def_prop_ro("widest", [](const PyCore& c) { return c.core->widest; })
+      .def_prop_ro("fastest", [](const PyCore& c) { return c.core->fastest; })
+      .def(
+          "settle",
+          [](PyCore& c, double t, const Array& y, const nb::object& carry) -> nb::object {
+            const Turn turn(c);
+            State s = state(y, carry, nb::none());
+            if (static_cast<int>(s.y.size()) != c.core->length) refuse("y has the wrong length");
+            if (!s.carry.empty() && static_cast<int>(s.carry.size()) != c.core->ny - c.core->nv)
+              refuse("carry has the wrong length");
+            c.callbacks->interrupted = false;
+            try {
+              const bool changed = c.core->settle(t, s);
+              return nb::make_tuple(changed, vector(s.y), maybe(s.carry));
+            } catch (const Trouble&) {
+              if (c.callbacks->interrupted) throw nb::python_error();
+              return nb::none();
+            }
+          },
+          nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),
+          "Choose the rows of the next step: say whether others are taken, and return y and carry; None where none serve.")
       .def(
           "step",
           [](PyCore& c, const Tableau& tableau, double t, double h, const Array& y, const nb::object& carry,
@@ -251,7 +275,7 @@ NB_MODULE(_native, m) {
               refuse("atol has the wrong length");
             if (course.adaptive && !tableau.doubled && !tableau.errors) refuse("the tableau has no error estimate");
             course.ts.clear(), course.ys.clear(), course.zs.clear(), course.weakest.clear();
-            course.taken = course.rejected = 0, course.stuck = false;
+            course.changes.clear(), course.taken = course.rejected = 0, course.stuck = false;
             c.callbacks->interrupted = false;
             {
               nb::gil_scoped_release release;  // other threads may go on; not for single points, which take less

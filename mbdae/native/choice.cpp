@@ -9,15 +9,14 @@ namespace mbdae {
 
 namespace {
 
-constexpr double RANK_TOLERANCE = 1e-8;  // mbdae/mechanism/rows.py
-constexpr double WORST_CONDITIONING = 0.1;
+constexpr double WORST_CONDITIONING = 0.1;  // mbdae/mechanism/rows.py
 constexpr double GROWN = 1e-2;
 constexpr double REASON = 0.01;  // of the best ratio of pivots since the last choice
 
 }  // namespace
 
-void Core::use(const std::vector<int>& rows, int rank_) {
-  rank = rank_;
+void Core::use(const std::vector<int>& rows, int rank_, double floor_, bool held) {
+  rank = rank_, floor = floor_, held_ = held;
   stands_ = false;
   if (!chosen_ || rows != rows_) set_rows(rows);
 }
@@ -58,10 +57,8 @@ void Core::set_rows(std::vector<int> rows) {
 
 void Core::choose_all() {  // where Z stands: see Descriptor.choose_rows and mbdae/mechanism/rows.py
   pivots(nv, ng, Z_.data(), order_, diag_, work_);
-  int r = 0;
-  for (double d : diag_) r += d > RANK_TOLERANCE * diag_[0];
-  if (rank < 0) rank = r;
-  if (r < rank || (static_cast<int>(diag_.size()) > rank && diag_[rank] > GROWN * diag_[0])) throw Trouble();
+  if (rank && !(diag_[rank - 1] > floor * diag_[0])) throw Trouble();
+  if (static_cast<int>(diag_.size()) > rank && diag_[rank] > GROWN * diag_[0]) throw Trouble();
   if (rank) weakest = std::min(weakest, (diag_[rank - 1] / diag_[0]) * (diag_[rank - 1] / diag_[0]));
   if (chosen_) {
     if (rank == ng || !rank) return;
@@ -78,19 +75,61 @@ void Core::choose_all() {  // where Z stands: see Descriptor.choose_rows and mbd
   set_rows(rows);
 }
 
-// At the start of a step, before begin: small systems look at all rows, large ones where there is reason to.
+// Where a step begins, at the point where Z stands: small systems look at all rows, large ones where there is reason to.
 void Core::choose() {
-  if (!ng) {
-    rank = 0, chosen_ = true;
-    return;
-  }
-  if (large_ && chosen_) {
+  if (large_) {
     best_ = std::max(best_, now_);
     if (!suspicious_ && !fallen()) return;
   }
-  if (!at_last(q0_.data())) evaluate(q0_.data(), true);
   choose_all();
   suspicious_ = false, best_ = 0;
+}
+
+// Between two steps, see Descriptor.settle: which rows serve, and how far all of them are kept. True where others are
+// taken; v is brought onto them then, and the carried derivative is found anew.
+bool Core::settle(double t, State& s) {
+  if (!ng) return false;
+  const double* q = s.y.data();
+  double* v = s.y.data() + nq;
+  if (!at_last(q)) evaluate(q, true);
+  const std::vector<int> before = rows_;
+  choose();
+  Numbers rate(ng, 0.0), gap(g_);
+  auto measure = [&] {
+    std::fill(rate.begin(), rate.end(), 0.0);
+    if (!constraints.drivers.empty()) constraints.speed(t, rate.data());
+    for (int k = 0; k < ng; ++k)
+      for (int c : constraints.rows[k].columns) rate[k] += G_[static_cast<size_t>(k) * nv + c] * v[c];
+  };
+  measure();
+  const bool changed = rows_ != before;
+  if (changed) {
+    symmetric();
+    normal(rate, f_.data());
+    for (int i = 0; i < nv; ++i) v[i] -= f_[i];
+    if (!s.carry.empty()) {
+      Numbers F(ny), z(ng);
+      derivative(t, s.y.data(), F.data(), z.data());
+      s.carry.assign(F.begin() + nv, F.end());
+    }
+    measure();
+  }
+  constraints.gaps(t, gap.data());
+  widest = std::max(widest, largest(gap.data(), ng));
+  fastest = std::max(fastest, largest(rate.data(), ng) / (1 + largest(v, nv)));
+  return changed;
+}
+
+// M^-1 G^T (G M^-1 G^T)^-1 of the rows in use times a vector by row, where Z stands and `symmetric` was called.
+void Core::normal(Numbers& by_row, double* out) {
+  const int r = static_cast<int>(rows_.size());
+  tmp_.resize(std::max(nv, r));
+  for (int k : rows_) tmp_[position_[k]] = by_row[k];
+  lu_.solve(tmp_.data());
+  std::fill(out, out + nv, 0.0);
+  for (int k : rows_)
+    for (int c : constraints.rows[k].columns) out[c] += Z_[static_cast<size_t>(k) * nv + c] * tmp_[position_[k]];
+  back(out);
 }
 
 // Where Z stands and the symmetric system is factorized: do the rows that are not in use still depend on the others? A

@@ -23,6 +23,7 @@ struct Tableau {
   bool first = false, project = false;  // explicit first stage; embedded errors are projected
   Numbers A, Ahat, b, c, chat, e;       // (n, n), (n, n), (n,), (n,), (n,), (errors, n)
   int errors = 0, doubled = 0;          // order p of a method controlled by two half steps; 0: an embedded formula
+  double noise = 0;                     // rounding of v by which an error estimate exceeds eps |v|
 };
 
 struct State {
@@ -56,10 +57,11 @@ struct Course {
   long n = 0, i = 0;
   bool on_grid = true;
   // the watch for singular configurations
-  double usual = 0, before = 0, suspect = 0, landed = 0;
+  double usual = 0, before = 0, suspect = 0, landed = 0, zone = 0;
 
   // results
   Numbers ts, ys, zs, weakest;
+  std::vector<std::pair<long, std::vector<int>>> changes;  // after how many steps which rows came into use
   long taken = 0, rejected = 0;
   bool stuck = false;  // the next step is not for the core
 };
@@ -75,18 +77,21 @@ class Core {
   int nq, nv, ng, ns, ny, length;  // length of y
   Counts counts;
   int rank = -1;
+  double floor = 0;                 // of the ratio of pivots: below, the rank has fallen
   double weakest = 1;
+  double widest = 0, fastest = 0;   // largest |g|, and |G v + g_t| / (1 + |v|), over all rows at the ends of steps
   bool interrupted = false;  // a Python function was
 
   const std::vector<int>& rows() const { return rows_; }
-  void use(const std::vector<int>& rows, int rank);
+  void use(const std::vector<int>& rows, int rank, double floor, bool held);
+  bool settle(double t, State& s);
 
   void step(const Tableau& tableau, double t, double h, const State& in, State& out, double* z, Numbers& errors);
   // The same with an error estimate for all methods: of two half steps where there is no embedded formula.
   void controlled(const Tableau& tableau, double t, double h, const State& in, State& out, double* z, Numbers& errors);
   void march(const Tableau& tableau, Course& course);
   void derivative(double t, const double* y, double* F, double* z);
-  void restore(double t, double* y);
+  void restore(double t, double* y, bool tight);
   double ratio(const double* q);                                   // see mbdae/mechanism/singular.py; uncounted
   double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
@@ -104,6 +109,7 @@ class Core {
   void own(const double* lam, double* z);
   void choose();
   void choose_all();
+  void normal(Numbers& by_row, double* out);
   void probe();
   bool fallen() const;  // the rows in use are much worse than they were
   void set_rows(std::vector<int> rows);
@@ -123,7 +129,8 @@ class Core {
   // the course
   int measured() const { return constraints.drivers.empty() ? ny - 1 : ny; }
   bool propose(Course& c, double& h, double& t_next);
-  double error(const Course& c, const double* e, int errors, const double* size0, const double* size1) const;
+  double error(const Course& c, const double* e, int errors, const double* size0, const double* size1,
+               double noise) const;
   double next_step(Course& c, double h, double err) const;
   bool landing(const Course& c, const State& next);
 
@@ -133,10 +140,10 @@ class Core {
   std::vector<Block> blocks_;
   std::vector<int> turning_, all_, rows_, position_, dropped_;
   std::vector<std::vector<int>> neighbours_;
-  bool chosen_ = false, stands_ = false, suspicious_ = false;
+  bool chosen_ = false, held_ = false, stands_ = false, suspicious_ = false;
   double best_ = 0, now_ = 0;
   Numbers last_q_, U_, root_, G_, Z_, Ghat_, Zhat_, g_, gt_, gthat_, F_, q_, v_, s_, qhat_, q0_, v0_, s0_, f_, dx_, x_,
-      xhat_, conservative_, other_, lam_, work_, diag_, neutral_, probe_, tmp_;
+      xhat_, conservative_, other_, lam_, lam_work_, work_, diag_, neutral_, probe_, tmp_;
   struct Entry {
     int i, j;
     double s;

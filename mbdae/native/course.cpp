@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core.hpp"
+#include "small.hpp"
 
 namespace mbdae {
 
@@ -41,13 +42,16 @@ bool Core::propose(Course& c, double& h, double& t_next) {
   return true;
 }
 
-double Core::error(const Course& c, const double* e, int errors, const double* size0, const double* size1) const {
+// What rounding makes of v at a stage, eps |v| / (h ahat_ii), cannot be controlled: `noise` adds to the scale of v.
+double Core::error(const Course& c, const double* e, int errors, const double* size0, const double* size1,
+                   double noise) const {
   const int n = measured();
   double norms[2] = {0, 0};
   for (int i = 0; i < errors && i < 2; ++i) {
     double s = 0;
     for (int k = 0; k < n; ++k) {
-      const double scale = c.atol[c.atol.size() == 1 ? 0 : k] + c.rtol * std::max(size0[k], size1[k]) + NOTHING;
+      double scale = c.atol[c.atol.size() == 1 ? 0 : k] + c.rtol * std::max(size0[k], size1[k]) + NOTHING;
+      if (k >= nv && k < 2 * nv) scale += noise;
       const double x = e[static_cast<size_t>(i) * ny + k] / scale;
       s += x * x;
     }
@@ -113,7 +117,9 @@ void Core::march(const Tableau& tableau, Course& c) {
         step(tableau, c.t, c.sign * h, c.state, next, z.data(), errors);
       if (control) size(next.y.data(), size1.data());
       if (c.adaptive) {
-        const double err = error(c, errors.data(), tableau.doubled ? 1 : tableau.errors, size0.data(), size1.data());
+        const double noise = ng ? tableau.noise * largest(next.y.data() + nq, nv) : 0;
+        const double err =
+            error(c, errors.data(), tableau.doubled ? 1 : tableau.errors, size0.data(), size1.data(), noise);
         c.h = next_step(c, h, err);
         if (!(err <= 1)) {
           ++c.rejected;
@@ -128,14 +134,14 @@ void Core::march(const Tableau& tableau, Course& c) {
       }
       if (c.project) {
         const Numbers y = next.y;
-        restore(t_next, next.y.data());
+        restore(t_next, next.y.data(), false);
         next.low.clear();
         if (tableau.first) {
           difference(y.data(), next.y.data(), move.data());
           size(next.y.data(), size1.data());
           bool tolerated = true;
           if (c.adaptive)
-            tolerated = error(c, move.data(), 1, size0.data(), size1.data()) <= 1;
+            tolerated = error(c, move.data(), 1, size0.data(), size1.data(), 0) <= 1;
           else
             for (int k = 0; k < n; ++k) tolerated = tolerated && std::fabs(move[k]) <= c.tolerated * (1 + size1[k]);
           if (!tolerated) {
@@ -144,6 +150,7 @@ void Core::march(const Tableau& tableau, Course& c) {
           }
         }
       }
+      if (settle(t_next, next)) c.changes.emplace_back(c.taken + 1, rows_);
     } catch (const Trouble&) {
       give_up();
       return;
@@ -157,6 +164,7 @@ void Core::march(const Tableau& tableau, Course& c) {
     c.zs.insert(c.zs.end(), z.begin(), z.begin() + ng);
     c.weakest.push_back(weakest);
     if (c.watched) c.before = std::sqrt(weakest), c.usual = std::max(c.usual, c.before);
+    if (c.watched && c.adaptive && c.before < c.zone * c.usual) return;  // Python looks ahead
     if (!(std::chrono::duration<double>(Clock::now() - started).count() <= c.seconds)) return;
   }
 }

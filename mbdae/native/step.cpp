@@ -140,7 +140,10 @@ void Core::step(const Tableau& a, double t, double h, const State& in, State& ou
   const double* y = in.y.data();
   std::copy(y, y + nq, q0_.begin()), std::copy(y + nq, y + nq + nv, v0_.begin());
   std::copy(y + nq + nv, y + nq + nv + ns, s0_.begin());
-  choose();
+  if (ng && !held_) {
+    if (!at_last(q0_.data())) evaluate(q0_.data(), true);
+    choose();
+  }
   const int stride = stride_;  // ny and some zeros: loops without remainders
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
   double* F = F_.data();
@@ -183,18 +186,11 @@ void Core::step(const Tableau& a, double t, double h, const State& in, State& ou
     std::copy_n(xhat_.data(), ny, x);
     if (!a.project || rows_.empty()) continue;
     counts.projections += 1;
-    const int r = static_cast<int>(rows_.size());
-    tmp_.resize(std::max(nv, r));
     for (int k : rows_) {
-      double s = 0;
-      for (int c : constraints.rows[k].columns) s += G_[static_cast<size_t>(k) * nv + c] * x[nv + c];
-      tmp_[position_[k]] = s;
+      lam_work_[k] = 0;
+      for (int c : constraints.rows[k].columns) lam_work_[k] += G_[static_cast<size_t>(k) * nv + c] * x[nv + c];
     }
-    lu_.solve(tmp_.data());
-    std::fill(f_.begin(), f_.end(), 0.0);
-    for (int k : rows_)
-      for (int c : constraints.rows[k].columns) f_[c] += Z_[static_cast<size_t>(k) * nv + c] * tmp_[position_[k]];
-    back(f_.data());
+    normal(lam_work_, f_.data());
     for (int i = 0; i < nv; ++i) x[nv + i] -= f_[i];
   }
   own(lam_.data(), z);
@@ -215,14 +211,14 @@ void Core::controlled(const Tableau& a, double t, double h, const State& in, Sta
 
 void Core::derivative(double t, const double* y, double* F, double* z) {
   const double *q = y, *v = y + nq;
-  if (at_last(q))
+  if (stands_ && std::equal(q, q + nq, last_q_.begin()))
     m.inertia(q), counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;  // poses and J
   else
     evaluate(q, true);
   double* rates = F + 2 * nv;
   forces(t, q, v, v + nv, f_.data(), rates);
   if (ng) {
-    if (!large_ || !chosen_ || fallen()) choose_all();
+    if (!held_ && (!large_ || fallen())) choose_all();
     m.motions(q, v);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.acceleration(t, gt_.data());
@@ -245,7 +241,7 @@ void Core::smallest(const double* r, double* x) {
   back(x);
 }
 
-void Core::restore(double t, double* y) {
+void Core::restore(double t, double* y, bool tight) {
   if (!ng) return;
   double *q = y, *v = y + nq;
   if (!at_last(q)) evaluate(q, true);
@@ -257,7 +253,7 @@ void Core::restore(double t, double* y) {
   double move = 0;
   bool moved = false;
   for (int i = 0; i < ITERATIONS; ++i) {
-    if (norm(g.data(), ng) <= ROUNDING * (1 + largest(q, nq))) break;
+    if (!tight && norm(g.data(), ng) <= ROUNDING * (1 + largest(q, nq))) break;
     smallest(g.data(), x.data());
     move = largest(x.data(), nv);
     for (double& c : x) c = -c;
@@ -277,7 +273,7 @@ void Core::restore(double t, double* y) {
   Numbers rate(ng, 0.0);
   constraints.speed(t, rate.data());
   for (int k = 0; k < ng; ++k) rate[k] += dot(&G_[static_cast<size_t>(k) * nv], v, nv);
-  if (norm(rate.data(), ng) > ROUNDING * (1 + largest(v, nv))) {
+  if (tight || norm(rate.data(), ng) > ROUNDING * (1 + largest(v, nv))) {
     smallest(rate.data(), x.data());
     for (int i = 0; i < nv; ++i) v[i] -= x[i];
   }
