@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mbdae
+
 FOLDER = Path(__file__).parent.parent / "examples" / "benchmarks"
 PROBLEMS = ("four-bar", "double pendulum", "Andrews")
 WITHIN = {  # tolerance or number of steps of one run, and the largest error in rad that it may leave
@@ -83,6 +85,33 @@ def test_work_precision(script, capsys, tmp_path):
 def test_ensembles(script, capsys):
     assert all(seconds > 0 for seconds in script("ensembles").main(["--brief"]).values())  # refuses tables that differ
     assert "| threads | 2 |" in capsys.readouterr().out
+
+
+def test_singular(script, capsys):
+    singular = script("singular")
+    (result,) = singular.main(["--brief", "--mechanism", "parallelogram"])
+    assert result.outcome in singular.OUTCOMES
+    assert singular.main(["--only", str(result.number)])[0].outcome == result.outcome
+    assert "| parallelogram | projected | 1 |" in capsys.readouterr().out
+
+
+def test_motions_along_closed_branches(script):
+    """They are those of steps where nothing is singular, and keep their energy where something is."""
+    runs, branches = script("random_runs"), script("branches")
+    for number, kind in enumerate(runs.MECHANISMS[:-1]):
+        branch, _ = runs.random_branch(kind, 9.81, np.random.default_rng(number))
+        truth = branches.Truth(branch, 0.7, 1.0)
+        sol = mbdae.solve(branch.mech, (0, 0.1), *truth.at(0), method="pherk6", rtol=1e-11, project=True)
+        q, v = truth.at(0.1)
+        assert np.abs(branch.apart(sol.q[-1], q)).max() < 1e-9, kind
+        np.testing.assert_allclose(sol.v[-1], v, atol=1e-8, err_msg=kind)
+        np.testing.assert_allclose(sol.lam[-1], truth.forces(0.1)[0], atol=1e-6, err_msg=kind)
+        energy = [sum(branch.mech.energy(*truth.at(t))) for t in np.linspace(0, 1, 20)]
+        assert np.ptp(energy) < 1e-7, kind
+        gaps = [np.abs(branch.mech.residual(*truth.at(t))).max() for t in np.linspace(0, 1, 20)]
+        assert max(gaps) < 1e-9, kind
+        assert branch.off(q) < 1e-12, kind
+        assert branch.off(q + 0.05 * np.arange(1, len(q) + 1)) > 0.01, kind
 
 
 def test_the_cheapest_run_below_an_error_counts(script):
