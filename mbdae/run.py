@@ -48,6 +48,7 @@ class Run:
         with suppress(StepError):
             closed = self.system.restore(self.t, y)
             self.system.settle(self.t, State(closed))
+            self.system.counts.state_projections = 0  # those of steps are counted
             return closed if self.project else y
         return y
 
@@ -88,9 +89,12 @@ class Run:
         self.zs.append(step.z)
         self.ys.append(step.state.y)
         self.ts.append(t)
-        self.t, self.state = t, step.state
-        self.state = self.system.settle(t, step.state)
-        self.ys[-1] = self.state.y
+        try:
+            self.state = self.system.settle(t, step.state)
+        except StepError:  # in a singular configuration, where no step can begin
+            del self.ts[-1:], self.ys[-1:], self.zs[-1:]
+            raise
+        self.t, self.ys[-1] = t, self.state.y
         self._note()
 
     def land(self, t: float, y: Array) -> None:

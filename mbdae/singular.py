@@ -135,7 +135,7 @@ class SingularWatch:
         Raises:
             StepError: with the time where the step ends.
         """
-        nearest = float(np.sqrt(self.system.weakest))
+        nearest = min(float(np.sqrt(self.system.weakest)), self.ratios[-1])
         limit = LANDED * min(self.largest, self.ratios[-1])
         if nearest < limit or (nearest < SUSPECT * self.largest and self._ratio(t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")

@@ -103,15 +103,15 @@ def two_four_bars():
 
 
 @pytest.mark.usefixtures("back_end")
-@pytest.mark.parametrize(("options", "stays"), [({}, False), ({"project": True}, True), ({"formulation": "ggl"}, True)])
-def test_branch_at_a_singular_position(options, stays):
+@pytest.mark.parametrize("options", [{}, {"project": False}, {"project": True}, {"formulation": "ggl"}])
+def test_branch_at_a_singular_position(options):
     mech = two_four_bars()
     cranks = [i for i, n in enumerate(mech.joint_names) if n.startswith("crank")]
     sign = np.where(np.isin(np.arange(mech.nq), cranks), 1.0, -1.0)
     sol = mbdae.solve(mech, (0.0, 10.0), *mech.assemble(sign * np.pi / 2, sign), rtol=1e-9, **options)
     spread = np.ptp(sol.q[:, cranks], axis=1).max()
-    assert sol.status == ("finished" if stays else "rank"), sol.message
-    assert spread < (1e-9 if stays else 1e-4)
+    assert sol.success, sol.message
+    assert spread < 1e-7
 
 
 # -- projection ------------------------------------------------------------------------------------------------------

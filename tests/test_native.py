@@ -232,12 +232,13 @@ def test_the_core_meets_the_constraint_where_the_tableau_says(name):
         return float(len(seen) == 2 * (stage - first) + 1)
 
     system = slide(drivers=[Driver.function("slide", lambda t: 0.0, speed, lambda t: 0.0)])
+    system.hold((0,))
     slopes = np.zeros((n, n))  # of stage i, for a speed of 1 at stage k alone, or the first slope
     for stage in range(n):
         carry = np.array([float(stage == 0), 0.0]) if first else None
         for i in range(first, n):  # weights that show one slope
             seen.clear()
-            show = system.native.Tableau(a.A, a.Ahat, np.eye(n)[i], a.c, a.chat, a.e[:0], bool(first), False, 0)
+            show = system.native.Tableau(a.A, a.Ahat, np.eye(n)[i], a.c, a.chat, a.e[:0], bool(first), False, 0, 0.0)
             slopes[i, stage] = system.core.step(show, t, h, np.zeros(3), carry, None)[0][1] / h
         np.testing.assert_allclose(seen[::2], t + h * a.chat[first:], rtol=0, atol=1e-15)
     slopes[0, 0] += first

@@ -27,7 +27,7 @@ def arguments(name="four_bar", **options):
 
 def tableau_arrays(name="pherk5"):
     a = METHODS[name].arrays
-    return [a.A, a.Ahat, a.b, a.c, a.chat, a.e, True, False, 0]
+    return [a.A, a.Ahat, a.b, a.c, a.chat, a.e, True, False, 0, METHODS[name].noise]
 
 
 @pytest.fixture
@@ -55,6 +55,7 @@ def test_wrong_tableaus_are_refused():
         4: [chat[1:], changed(chat, 0, np.nan), 1.0],
         5: [e.ravel()[:-1], np.ones((3, len(b))), changed(e, (0, 0), np.nan)],
         8: [-1, 10**30, "x", 1.5],
+        9: [-1.0, np.nan, np.inf, "x"],
     }
     for i, values in wrong.items():
         for value in values:

@@ -133,6 +133,7 @@ Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Ar
         refuse("A is strictly lower triangular, Ahat lower");
   for (size_t i = first; i < n; ++i)
     if (t.Ahat[i * n + i] == 0) refuse("Ahat has a regular diagonal");
+  if (!(noise >= 0) || !std::isfinite(noise)) refuse("noise is finite and not negative");
   t.noise = noise;
   if (doubled < 0) refuse("an order is not negative");
   return t;

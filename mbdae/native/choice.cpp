@@ -1,6 +1,7 @@
 // The rows in use: independent ones, chosen anew where they become worse than others (mbdae/mechanism/rows.py).
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "core.hpp"
 #include "small.hpp"
@@ -56,6 +57,7 @@ void Core::set_rows(std::vector<int> rows) {
 }
 
 void Core::choose_all() {  // where Z stands: see Descriptor.choose_rows and mbdae/mechanism/rows.py
+  if (rank < 0) throw std::logic_error("say which rows are in use first");
   pivots(nv, ng, Z_.data(), order_, diag_, work_);
   if (rank && !(diag_[rank - 1] > floor * diag_[0])) throw Trouble();
   if (static_cast<int>(diag_.size()) > rank && diag_[rank] > GROWN * diag_[0]) throw Trouble();

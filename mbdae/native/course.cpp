@@ -79,7 +79,7 @@ bool Core::landing(const Course& c, const State& next) {
   if (!c.on_grid || c.i >= c.n) return false;
   const double end = c.i + 1 == c.n ? c.t1 : c.t0 + c.sign * (c.i + 1) * c.step;
   if (c.sign * (c.stop - end) < 0) return false;
-  const double nearest = std::sqrt(weakest), limit = c.landed * std::min(c.usual, c.before);
+  const double nearest = std::min(std::sqrt(weakest), c.before), limit = c.landed * std::min(c.usual, c.before);
   if (nearest < limit) return true;
   return nearest < c.suspect * c.usual && ratio(next.y.data()) < limit;
 }
