@@ -1,4 +1,4 @@
-"""A run's watch for singular configurations: seen between its steps, leapt over, and never passed onto another branch."""
+"""A run's watch for singular configurations: seen between its steps, leapt over, never left on another branch."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,7 +26,7 @@ NEARER = 0.75  # of the way of the leap tried before: how much nearer the next o
 MET = 0.5  # of the last one's error: one that has not fallen to it has met the errors of the steps
 TRUSTED = 1e3  # times the tolerance: up to where such an error may stand for theirs
 MOVED = 100.0  # times the tolerance: how far a leap may end beside the closures
-BEND, EXPLAINED = 0.2, 3.0  # rad, and times the turning before and after: what tangent spaces may differ by
+BEND, EXPLAINED = 0.2, 3.0  # rad, and times the turning before: what tangent spaces may differ by
 CLOSED = 1e-12  # m or rad: loops open by less, and branches apart by its root, are as good as kept closed
 SAMPLES = 5  # of each step
 SHARP = 1e-10  # of a step: how sharply a minimum is found
@@ -77,12 +77,12 @@ def _suspicious(before: Any, here: Any, after: Any, largest: Any) -> Any:
 class SingularWatch:
     """Follows how far the rows of the closures are from depending on each other, step by step.
 
-    The solves of the stages tell: the ratio of their pivots, for nothing. Where it becomes small, a run under control of
-    its steps closes its loops, comes nearer in steps that halve the way, and leaps, see `mbdae.leap`. Where it was
-    smallest between other steps, the smallest pivot is minimised on the dense output, and what is found there is listed.
+    The solves of the stages tell: the ratio of their pivots, for nothing. Where it becomes small, a run under control
+    of its steps closes its loops, comes nearer in steps that halve the way, and leaps, see `mbdae.leap`. Where it was
+    smallest between other steps, the smallest pivot is minimised on the dense output; what is found there is listed.
 
     Branches that meet in a singular configuration have tangent spaces of their own: behind it the run must move in the
-    one it came in, as far as it turned before and after.
+    one it came in, as far as that was turning before.
 
     Args:
         system: the run's workspace.
@@ -226,9 +226,9 @@ class SingularWatch:
             return
         ends = [(run.ts[i], run.ys[i]) for i in (a, b)]
         angle = turned(*(tangent(self.own, *end) for end in ends))
-        explained = EXPLAINED * abs(way) * max(turning(self.own, *end, way) for end in ends)
+        explained = EXPLAINED * abs(way) * turning(self.own, *ends[0], way)
         if angle > BEND + explained:
-            text = f"{passed}: there the run went over to another branch, it moves {angle:.2g} rad beside the one before"
+            text = f"{passed}: there the run went over to another branch, {angle:.2g} rad beside the one before"
             self._end(run, a, f"{text}; take a smaller rtol, or project=True")
 
     def _end(self, run: Run, i: int, message: str) -> None:

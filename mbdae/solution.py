@@ -23,6 +23,7 @@ Array = np.ndarray
 STATUS = {
     "finished": "the end of the time span was reached",
     "event": "a terminal event occurred",
+    "doubtful": "the end was reached, but the motion cannot be trusted",
     "interrupted": "stopped by the user",
     "step_size": "the step size became too small",
     "max_steps": "the largest number of steps was reached",
@@ -120,8 +121,13 @@ class Solution:
 
     @property
     def success(self) -> bool:
-        """True when the run came to its end."""
+        """True when the run came to its end, and nothing speaks against it."""
         return self.status in ("finished", "event")
+
+    @property
+    def ended(self) -> bool:
+        """True when the run came to its end, whether it can be trusted or not."""
+        return self.success or self.status == "doubtful"
 
     @property
     def mechanism(self) -> Mechanism:

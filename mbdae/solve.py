@@ -1,7 +1,6 @@
 """The only time loop: step, accept or reject, record, look for events."""
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from numbers import Real
 from time import perf_counter
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .baseline import Scipy, find
+from .doubts import doubts
 from .errors import InputError, StepError, require
 from .events import Watch, as_events
 from .jumps import Jumps
@@ -206,13 +206,18 @@ def _report(
     rows = [(i, rows) for i, rows in run.in_use if i < n]
     rest: dict[str, Any] = {"events": found, "singular": passed, "in_use": rows}
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **rest)
+    if full.success and isinstance(run.system, Descriptor) and (words := doubts(full, run.system)):
+        full.status, full.message = status, message = "doubtful", words
     if times is None:
         return full
     reached = times[(times - t[-1]) * run.sign <= 0]
     read: list[Array] = []
-    with suppress(StepError):  # a method without a stage there may end a step where the forces fail
+    try:
         for point in full.points(reached):
             read.append(point)
+    except StepError as e:  # a method without a stage there may end a step where the forces fail
+        if full.success:
+            status, message = e.status, f"t_eval cannot be read: {e}"
     reached, points = reached[: len(read)], np.array(read).reshape(len(read), y.shape[1])
     own = np.array([np.interp(run.sign * reached, run.sign * t, column) for column in z.T]).T.reshape(
         len(reached), z.shape[1]

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from ..errors import StepError
+from .gaps import widest
 
 if TYPE_CHECKING:
     from .descriptor import Descriptor
@@ -53,7 +54,8 @@ def restore(system: "Descriptor", t: float, y: Array, tight: bool = False) -> Ar
             break
         q, (g, G) = nearer, residual
     if not np.linalg.norm(g) <= OPEN and not move <= STALLED * (1 + np.abs(q).max()):
-        raise StepError("newton", f"Newton's method for the projection on the closures diverges at t = {t:.17g}")
+        gap = widest(system.mechanism, g)
+        raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
     rate = G @ v + system.g_t(t)
     if tight or np.linalg.norm(rate) > ROUNDING * (1 + np.abs(v).max()):
         v = v - _smallest(U, G, rate)

@@ -116,7 +116,7 @@ class Course:
         """The row of a run, without times."""
         counts = {name: sol.stats[name] for name in ("steps", "rejected", "f", "M", "G", "solves", "factorizations")}
         row = Point(*task.label, sol.status, **counts)
-        if not sol.success:
+        if not sol.ended:
             return row
         errors, kept = self.difference(self.sample(sol), reference), drift(sol)
         if not np.isfinite(errors).all():

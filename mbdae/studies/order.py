@@ -168,13 +168,13 @@ class _Measure:
     def run(self, name: str, n: int) -> Solution | None:
         self.progress(f"{name}, {n} steps")
         sol = solve(self.problem, (0.0, self.T), *self.start, method=name, step=self.T / n)
-        return sol if sol.success else None
+        return sol if sol.ended else None
 
     def sample(self, sol: Solution) -> tuple[Array, ...]:
         """The quantities at the common times, one row each; configurations as points."""
         times = np.arange(1, self.steps + 1) * self.T / self.steps
         at = np.searchsorted(sol.t, times * (1 + 1e-12), side="right") - 1  # behind a jump, where there is one
-        hidden = np.array([self.system.derivative(sol.t[i], sol.y[i], sol.z_own[i])[1] for i in at])
+        hidden = np.array([sol.at(int(i)).derivative(sol.t[i], sol.y[i], sol.z_own[i])[1] for i in at])
         own = sol.z_own[at]
         if self.mechanical:
             return sol.q[at], sol.v[at], own, hidden
