@@ -221,6 +221,9 @@ def main() -> None:
     except MbdaeError as e:
         click.echo(f"mbdae: {e}", err=True)
         sys.exit(USAGE if isinstance(e, InputError) else FAILED)
+    except MemoryError as e:
+        click.echo(f"mbdae: the memory does not suffice: {e or 'std::bad_alloc'}", err=True)
+        sys.exit(FAILED)
     except (click.exceptions.Abort, KeyboardInterrupt):
         click.echo("mbdae: stopped by the user", err=True)
         sys.exit(FAILED)

@@ -12,6 +12,7 @@ from .gaps import Gap, widest
 from .schema import normalized
 from .tree import subspace
 from .upright import Rows, closures, turned_over, upright
+from .workspace import make_data
 
 if TYPE_CHECKING:
     from .descriptor import Descriptor
@@ -73,9 +74,11 @@ def close_position(system: "Descriptor", q: Array, held: Array, t: float) -> Arr
     if not (np.isfinite(g).all() and np.isfinite(G).all()):
         worst = mech.row_closure(int(np.argmin(np.isfinite(g) & np.isfinite(G).all(axis=1))))
         raise InputError(f"closure {worst!r} is not finite: numbers in the model are too large")
-    reach = 1.2 * float(np.linalg.norm(_newton(G, g, free))) + NEAR
     tries = [_gauss_newton(system, q, free, t)]
     closed = [x for x in tries if _closed(system, x, t)]
+    if closed and _distance(mech, q, closed[0]) < NEAR:
+        return closed[0]
+    reach = 1.2 * float(np.linalg.norm(_newton(G, g, free))) + NEAR
     widths = iter(WIDTHS)
     while not any(_distance(mech, q, x) <= reach for x in closed):
         width = next(widths, None)
@@ -220,7 +223,7 @@ def refuse_inconsistent(mech: "Mechanism", q: Array, v: Array, t: float) -> None
 
 
 def _mass(mech: "Mechanism", q: Array) -> Array:
-    M = pin.crba(mech.model, mech.model.createData(), q)
+    M = pin.crba(mech.model, make_data(mech.model), q, pin.Convention.WORLD)
     return np.triu(M) + np.triu(M, 1).T
 
 

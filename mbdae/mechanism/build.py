@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import InputError, UnknownNameError
-from .frames import find_frame, frame_names
+from .frames import WORLD, find_frame, frame_names
 from .part import Part
 from .schema import HUGE, Body, Frame, MechanismFile, Source
 from .tree import Tree, settled
@@ -29,17 +29,17 @@ def build(file: MechanismFile, parts: Sequence[Part], name: str) -> tuple[pin.Mo
     waiting: list[tuple[Source | Frame, Part | None]] = [*zip(file.source, parts, strict=True)]
     waiting += [(x, None) for x in (*file.body, *file.frame)]
     while waiting:
-        known = frame_names(tree.model)
+        known = dict.fromkeys(frame_names(tree.model))
         ready = [pair for pair in waiting if pair[0].parent in known]
         if not ready:
-            _refuse(waiting, known)
+            _refuse(waiting, list(known))
         for x, part in ready:
             if isinstance(x, Frame):
                 _add(tree.model, x)
             elif part is not None:
                 parent = find_frame(tree.model, x.parent)
                 tree.graft(part.model, part.visuals, parent=parent, placement=placement(x), prefix=x.prefix)
-        waiting = [pair for pair in waiting if pair not in ready]
+        waiting = [pair for pair in waiting if pair[0].parent not in known]
     tree.model.gravity.linear = np.array(file.gravity)
     if not tree.model.nv:
         raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
@@ -77,7 +77,7 @@ def placement(x: Source | Frame) -> pin.SE3:
 
 
 def _add(model: pin.Model, x: Frame) -> None:
-    if x.name in frame_names(model):
+    if x.name == WORLD or model.existFrame(x.name):
         raise InputError(f"the name {x.name!r} is taken: frames and bodies need names of their own")
     parent = find_frame(model, x.parent)
     place = parent.placement * placement(x)

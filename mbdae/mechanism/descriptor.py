@@ -19,6 +19,7 @@ from .constraints import Constraints
 from .implicit import ImplicitStages
 from .path import interpolant
 from .project import restore
+from .workspace import make_data
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
@@ -35,9 +36,8 @@ class Descriptor:
     """
 
     def __init__(self, mechanism: "Mechanism") -> None:
-        self.mechanism, self.model = mechanism, mechanism.model
-        self.manifold = mechanism.manifold
-        self.data = self.model.createData()
+        self.mechanism, self.model, self.manifold = mechanism, mechanism.model, mechanism.manifold
+        self.data = make_data(self.model)
         self._M = self.data.M  # live view
         self.nq, self.nv, self.ng = self.model.nq, self.model.nv, mechanism.ng
         self.nz = self.ng

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import UnknownNameError
+from .workspace import make_data
 
 WORLD = "world"
 LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
@@ -54,7 +55,7 @@ def paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
         UnknownNameError: lists the names that exist.
     """
     found = [anchor(model, name) for name in names]
-    data, out = model.createData(), np.empty((len(found), len(q), 3))
+    data, out = make_data(model), np.empty((len(found), len(q), 3))
     for k, row in enumerate(q):
         pin.forwardKinematics(model, data, row)
         for path, a in zip(out, found, strict=True):

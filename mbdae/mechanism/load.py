@@ -22,6 +22,7 @@ from .part import Motor, Part
 from .schema import MechanismFile, Source, read_toml
 from .sources import merged, read_source, restored
 from .user import function_name
+from .workspace import make_data
 
 
 def load(
@@ -211,7 +212,7 @@ def _plain(file: MechanismFile) -> dict[str, Any]:
 
 def _functions(mech: Mechanism) -> list[dict[str, Any]]:
     """Names of the Python forces, their places among all forces, and the start values of their states."""
-    states = {law.name: law.states for law, _ in mech.bind_forces(mech.model.createData()).stateful}
+    states = {law.name: law.states for law, _ in mech.bind_forces(make_data(mech.model)).stateful}
     python = [
         (i, f.name if isinstance(f, PYTHON_FORCES) else function_name(f))
         for i, f in enumerate(mech.forces)

@@ -25,6 +25,7 @@ from .part import Motor
 from .schema import OrderSettings, Start, coordinates
 from .tree import is_depth_first
 from .visuals import Mark, Scene, make_scene
+from .workspace import make_data
 
 Array = np.ndarray
 Coordinates = Mapping[str, float | Sequence[float]]
@@ -96,10 +97,11 @@ class Mechanism:
         ]
         self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
         self.ng = len(self.row_names)
-        Constraints(model, model.createData(), self.constraints)  # wrong names are refused here
+        data = make_data(model)
+        Constraints(model, data, self.constraints)  # wrong names are refused here
         self.manifold = Manifold(model)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
-        self.states = self.bind_forces(model.createData()).states()  # wrong names are refused here
+        self.states = self.bind_forces(data).states()  # wrong names are refused here
         self.start_values = start or Start()
         self._starts: dict[float, tuple[Array, Array]] = {}
         for table in self.start_values.tables.values():

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 STEP = 1e-7
 """Step of the difference quotients in the tangent; a simplified Newton iteration forgives errors of this size."""
 
+LARGEST = 100
+"""Degrees of freedom for which Pinocchio's derivatives are taken; their workspace then holds 40 MB."""
+
 
 class Slopes(NamedTuple):
     """Slopes of (f + G^T lam - M v', h, power) and of G v + g_t at a point; n = nv + ns + 1 and u = (v, s, w).
@@ -93,12 +96,13 @@ def inertial_slopes(model: pin.Model, data: pin.Data, q: Array, v: Array, vdot: 
     """Return M and the derivatives of M v' + nle with respect to q and v, (nv, nv) each.
 
     Pinocchio's derivatives leave out that the axes of universal, Euler-angle and composite joints move within the
-    joint; models with such joints take difference quotients.
+    joint, and need a workspace that grows with nv^3; models with such joints and large ones take difference quotients.
     """
-    if all(_steady(j) for j in list(model.joints)[1:]):
+    if model.nv <= LARGEST and all(_steady(j) for j in list(model.joints)[1:]):
+        data = model.createData()
         pin.computeRNEADerivatives(model, data, q, v, vdot)
         return np.triu(data.M) + np.triu(data.M, 1).T, data.dtau_dq.copy(), data.dtau_dv.copy()
-    M = pin.crba(model, data, q)
+    M = pin.crba(model, data, q, pin.Convention.WORLD)
     M = np.triu(M) + np.triu(M, 1).T
     tau = pin.rnea(model, data, q, v, vdot).copy()
     steps = STEP * np.eye(model.nv)

@@ -12,6 +12,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from .tree import subspace
+from .workspace import make_data
+
 Point = tuple[int, np.ndarray]  # a joint, and a point fixed in its frame [m]
 Part = tuple[str, pin.GeometryObject]  # its role, and the geometry
 
@@ -44,7 +47,7 @@ def proportions(
     Returns:
         Lengths that are positive whatever the model is.
     """
-    data = model.createData()
+    data = make_data(model)
     pin.forwardKinematics(model, data, pin.neutral(model))
     massive = [i for i in range(1, model.njoints) if model.inertias[i].mass > 0]
     local = [(i, np.zeros(3)) for i in range(1, model.njoints)]
@@ -193,15 +196,7 @@ def _distinct(placements: Iterable[pin.SE3]) -> list[pin.SE3]:
 
 def _motion_subspaces(model: pin.Model) -> list[np.ndarray]:
     """(6, nv) per joint: linear, then angular velocity in the joint's frame at the neutral configuration."""
-    if model.nv == 0:  # which Pinocchio does not survive
-        return [np.empty((6, 0))] * model.njoints
-    data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
-    out = []
-    for i in range(model.njoints):
-        jacobian = pin.getJointJacobian(model, data, i, pin.LOCAL).reshape(6, model.nv)
-        out.append(jacobian[:, model.idx_vs[i] : model.idx_vs[i] + model.nvs[i]] if i else np.empty((6, 0)))
-    return out
+    return [np.empty((6, 0)), *(subspace(joint) for joint in list(model.joints)[1:])]
 
 
 def _along(origin: np.ndarray, direction: np.ndarray) -> pin.SE3:

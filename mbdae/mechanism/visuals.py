@@ -17,6 +17,7 @@ import pinocchio as pin
 from ..errors import InputError
 from . import sticks
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
+from .workspace import make_data
 
 Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
 
@@ -91,7 +92,7 @@ class Scene:
         q = np.asarray(q, dtype=float)
         if q.ndim not in (1, 2) or q.shape[-1] != self._model.nq:
             raise InputError(f"q must have shape ({self._model.nq},) or (m, {self._model.nq}), not {q.shape}")
-        data = self._model.createData()
+        data = make_data(self._model)
         out = np.empty((*q.shape[:-1], len(self.shapes), 7))
         for row, place in zip(np.atleast_2d(q), out.reshape(-1, len(self.shapes), 7), strict=True):
             pin.forwardKinematics(self._model, data, row)

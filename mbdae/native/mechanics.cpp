@@ -1,6 +1,7 @@
 #include "mechanics.hpp"
 
 #include <chrono>
+#include <iterator>
 
 #include <pinocchio/multibody.hpp>
 #include <Eigen/LU>
@@ -18,8 +19,32 @@ using Vector = Eigen::Ref<const VectorXd>;  // the type for which the library ha
 using In = Eigen::Map<const VectorXd>;
 using Out = Eigen::Map<VectorXd>;
 
+namespace {
+
+// A workspace for crba in the world's convention, nonLinearEffects, forwardKinematics and computeJointJacobians alone:
+// what the constructor from a model sets aside for second derivatives grows with nv^3. See mechanism/workspace.py.
+pinocchio::Data lean(const pinocchio::Model& model) {
+  using namespace pinocchio;
+  Data data;
+  const size_t n = model.njoints;
+  for (const JointModel& joint : model.joints) data.joints.push_back(joint.createData());
+  data.oMi.assign(n, SE3::Identity()), data.liMi = data.oMi;
+  data.v.assign(n, Motion::Zero()), data.a = data.a_gf = data.v;
+  data.f.assign(n, Force::Zero());
+  data.oYcrb.assign(n, Inertia::Zero());
+  data.mass.assign(n, 0.0), data.com.assign(n, Eigen::Vector3d::Zero());
+  data.nvSubtree = model.nvs;
+  for (size_t i = n; --i > 0;) data.nvSubtree[model.parents[i]] += data.nvSubtree[i];
+  data.J.setZero(6, model.nv), data.Ag.setZero(6, model.nv), data.M.setZero(model.nv, model.nv);
+  data.nle.setZero(model.nv);
+  return data;
+}
+
+}  // namespace
+
 struct Mechanics::Workspace {
-  explicit Workspace(const pinocchio::Model& m) : model(m), data(m), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)) {}
+  explicit Workspace(const pinocchio::Model& m)
+      : model(m), data(lean(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)) {}
   const pinocchio::Model& model;
   pinocchio::Data data;
   VectorXd q, v, a;
@@ -27,10 +52,14 @@ struct Mechanics::Workspace {
 
 Mechanics::Mechanics(const void* model) : w(new Workspace(*static_cast<const pinocchio::Model*>(model))) {
   nq = w->model.nq, nv = w->model.nv, joints = w->model.njoints;
-  for (int i = 0; i < nv; ++i) {
-    ancestors.emplace_back();
-    for (int k = w->data.parents_fromRow[i]; k >= 0; k = w->data.parents_fromRow[k]) ancestors[i].push_back(k);
-  }
+  ancestors.resize(nv);
+  const auto above = supports();
+  for (int j = 1; j < joints; ++j)
+    for (int i = 0; i < w->model.nvs[j]; ++i) {
+      const auto& own = above[j];
+      const auto end = own.end() - w->model.nvs[j] + i;
+      ancestors[w->model.idx_vs[j] + i].assign(std::make_reverse_iterator(end), own.rend());
+    }
 }
 
 Mechanics::~Mechanics() = default;
@@ -77,15 +106,16 @@ double Mechanics::bare(const double* q, const double* v, int r, const double* G_
   using Matrix = Eigen::MatrixXd;
   const Matrix GT = Eigen::Map<const Matrix>(G_, nv, r);
   w->q = In(q, nq), w->v = In(v, nv);
+  pinocchio::Data data(w->model);
   Matrix X(nv, r + 1), S(r, r);
   VectorXd lam(r), vdot(nv);
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < repetitions; ++i) {
-    pinocchio::crba(w->model, w->data, Vector(w->q), pinocchio::Convention::WORLD);
-    pinocchio::cholesky::decompose(w->model, w->data);
+    pinocchio::crba(w->model, data, Vector(w->q), pinocchio::Convention::WORLD);
+    pinocchio::cholesky::decompose(w->model, data);
     X.leftCols(r) = GT;
-    X.col(r) = -pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
-    pinocchio::cholesky::solve(w->model, w->data, X);
+    X.col(r) = -pinocchio::nonLinearEffects(w->model, data, Vector(w->q), Vector(w->v));
+    pinocchio::cholesky::solve(w->model, data, X);
     vdot = X.col(r);
     if (r) {
       S.noalias() = GT.transpose() * X.leftCols(r);
