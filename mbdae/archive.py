@@ -7,6 +7,7 @@ import warnings
 import zlib
 from importlib.metadata import version
 from pathlib import Path
+from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
@@ -21,7 +22,9 @@ if TYPE_CHECKING:
 
 FORMAT = 1
 SUFFIXES = (".npz", ".csv")
-DAMAGE = (OSError, ValueError, KeyError, EOFError, TypeError, AttributeError, RuntimeError, BadZipFile, zlib.error)
+DAMAGE = (
+    OSError, ValueError, KeyError, EOFError, TypeError, AttributeError, RuntimeError, BadZipFile, zlib.error, TokenError
+)  # fmt: skip
 
 
 def versions() -> dict[str, str]:

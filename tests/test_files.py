@@ -3,6 +3,7 @@
 import csv
 import json
 import warnings
+import zipfile
 
 import numpy as np
 import pinocchio as pin
@@ -122,7 +123,10 @@ def test_a_damaged_file_is_one_clear_error(sol, tmp_path):
         flipped.append(bytes(copy))
     cut = [data[:n] for n in (0, 1, 100, len(data) // 2, len(data) - 1)]
     messages = []
-    for text in [*cut, *flipped, b"PK\x03\x04 nonsense", b"plain text", np.arange(3.0).tobytes()]:
+    with zipfile.ZipFile(good) as file, zipfile.ZipFile(bad, "w") as unclosed:
+        for name in file.namelist():  # numpy takes the headers of arrays apart as Python
+            unclosed.writestr(name, file.read(name).replace(b"), }", b"), ("))
+    for text in [*cut, *flipped, bad.read_bytes(), b"PK\x03\x04 nonsense", b"plain text", np.arange(3.0).tobytes()]:
         bad.write_bytes(text)
         try:
             again = mbdae.Solution.load(bad)
