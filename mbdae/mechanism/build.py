@@ -10,7 +10,7 @@ from ..errors import InputError, UnknownNameError
 from .frames import WORLD, find_frame, frame_names
 from .part import Part
 from .schema import HUGE, Body, Frame, MechanismFile, Source
-from .tree import Tree, settled
+from .tree import Tree, settled, turn_of_z
 
 
 def build(file: MechanismFile, parts: Sequence[Part], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:
@@ -44,7 +44,8 @@ def build(file: MechanismFile, parts: Sequence[Part], name: str) -> tuple[pin.Mo
     if not tree.model.nv:
         raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
     refuse_infinite(tree.model)
-    model, visuals = settled(tree.model, tree.visuals, file.joint_type, file.lock)
+    normals = {s.prefix + n: axis for s, p in zip(file.source, parts, strict=True) for n, axis in p.normals.items()}
+    model, visuals = settled(tree.model, tree.visuals, file.joint_type, file.lock, normals)
     return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
 
 
@@ -132,8 +133,5 @@ def _joint(x: Body) -> pin.JointModel:
 
 
 def _turn(x: Body) -> pin.SE3:
-    """The placement of the joint's own frame in the body's: the z axis of a continuous joint is turned to its axis."""
-    if x.joint != "continuous":
-        return pin.SE3.Identity()
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), np.array(x.axis) / np.linalg.norm(x.axis))
-    return pin.SE3(turn, np.zeros(3))
+    """The placement of the joint's own frame in the body's: continuous and planar joints have their axis as its z."""
+    return turn_of_z(x.axis) if x.joint in ("continuous", "planar") else pin.SE3.Identity()

@@ -205,9 +205,10 @@ def restore(description: dict[str, Any]) -> Mechanism:
 
 
 def _plain(file: MechanismFile) -> dict[str, Any]:
-    """The file as JSON data; closures without their defaults, because not every kind takes every key."""
-    closures = [c.model_dump(mode="json", exclude_defaults=True) for c in file.closure]
-    return {**file.model_dump(mode="json"), "closure": closures}
+    """The file as JSON data; closures and bodies without their defaults: not every kind takes every key."""
+    tables = {"closure": file.closure, "body": file.body}
+    short = {key: [x.model_dump(mode="json", exclude_defaults=True) for x in table] for key, table in tables.items()}
+    return {**file.model_dump(mode="json"), **short}
 
 
 def _functions(mech: Mechanism) -> list[dict[str, Any]]:

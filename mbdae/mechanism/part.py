@@ -9,7 +9,7 @@ import pinocchio as pin
 from pydantic import BaseModel
 
 from ..errors import InputError
-from .closures import Closure
+from .closures import Axis, Closure
 from .drivers import Driver
 from .frames import WORLD
 from .schema import Start
@@ -52,6 +52,7 @@ class Part:
         start: its start state.
         motors: its named inputs.
         controls: values of inputs that the file gives.
+        normals: of the planes of planar joints, in their frames.
         left_out: what the file says and the part does not have.
     """
 
@@ -67,6 +68,7 @@ class Part:
     start: Start = field(default_factory=Start)
     motors: tuple[Motor, ...] = ()
     controls: Mapping[str, float] = field(default_factory=dict)
+    normals: Mapping[str, Axis] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
 
     def prefixed(self, prefix: str) -> "Part":

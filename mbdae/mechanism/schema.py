@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BaseModel, Field, ValidationError, field_validator
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from ..errors import InputError
 from .closures import Closure
@@ -27,6 +27,7 @@ Override = Literal[
 JointKind = Literal[
     "revolute", "continuous", "prismatic", "spherical", "planar", "translation", "universal", "free", "fixed"
 ]
+WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
 
 
 class Frame(Table):
@@ -41,7 +42,8 @@ class Frame(Table):
 class Body(Frame):
     """An extra body with the joint that carries it; joint and link get the body's name.
 
-    mass in kg, com in m, inertia (ixx, iyy, izz, ixy, ixz, iyz) about the centre of mass in kg m^2.
+    mass in kg, com in m, inertia (ixx, iyy, izz, ixy, ixz, iyz) about the centre of mass in kg m^2. The axis belongs to
+    revolute, continuous and prismatic joints; that of a planar joint is the normal of its plane.
     """
 
     joint: JointKind = "revolute"
@@ -49,6 +51,12 @@ class Body(Frame):
     mass: float = Field(default=0.0, ge=0)
     com: Vector = (0.0, 0.0, 0.0)
     inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+
+    @model_validator(mode="after")
+    def _axis_fits(self) -> "Body":
+        if "axis" in self.model_fields_set and self.joint not in WITH_AXIS:
+            raise ValueError(f"axis does not belong to a {self.joint} joint; turn its frame by rpy")
+        return self
 
 
 class Source(Table):

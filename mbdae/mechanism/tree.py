@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import InputError, UnknownNameError
+from .closures import Axis, Z
 from .frames import find_joint, joint_names
 from .schema import coordinates
 
@@ -52,6 +53,7 @@ class Tree:
         placement: pin.SE3 | None = None,
         prefix: str = "",
         kinds: Mapping[str, str] | None = None,
+        turns: Mapping[str, pin.SE3] | None = None,
         locked: Mapping[str, np.ndarray] | None = None,
     ) -> "Tree":
         """Append a copy of a model, its joints in depth-first order, and return the tree.
@@ -63,14 +65,15 @@ class Tree:
             placement: of the copy's world in the parent frame.
             prefix: before the name of every joint, frame and visual.
             kinds: joints, by their old names, that become joints of another kind in the same place.
+            turns: placements of joints, by their old names, in what was their frame; bodies stay where they were.
             locked: joints, by their old names, that are fixed at a configuration of theirs.
 
         Raises:
             UnknownNameError: for a joint that does not exist.
             InputError: for a name that is taken.
         """
-        kinds, locked = kinds or {}, locked or {}
-        for name in (*kinds, *locked):
+        kinds, turns, locked = kinds or {}, turns or {}, locked or {}
+        for name in (*kinds, *turns, *locked):
             find_joint(model, name)
         base = (parent.placement if parent else pin.SE3.Identity()) * (placement or pin.SE3.Identity())
         number, where = {0: parent.parentJoint if parent else 0}, {0: base}  # old joint: new joint, its place there
@@ -82,7 +85,8 @@ class Tree:
                 number[j], where[j] = at, place * joint_transform(old, locked[name])
             else:
                 new = override(old, name, kinds[name]) if name in kinds else old
-                number[j], where[j] = self._add_joint(at, new, place, prefix + name), pin.SE3.Identity()
+                turn = turns.get(name, pin.SE3.Identity())
+                number[j], where[j] = self._add_joint(at, new, place * turn, prefix + name), turn.inverse()
                 _copy_arrays(self.model, self.model.joints[number[j]], model, old)
             self._append_inertia(number[j], model.inertias[j], where[j])
         frames = self._copy_frames(model, number, where, prefix, set(locked), parent)
@@ -136,16 +140,33 @@ class Tree:
 
 
 def settled(
-    model: pin.Model, visuals: pin.GeometryModel | None, kinds: Mapping[str, str], lock: Mapping[str, Any]
+    model: pin.Model,
+    visuals: pin.GeometryModel | None,
+    kinds: Mapping[str, str],
+    lock: Mapping[str, Any],
+    normals: Mapping[str, Axis] | None = None,
 ) -> tuple[pin.Model, pin.GeometryModel | None]:
     """Return the model with joints of other kinds, joints locked at values, and all of them numbered depth first.
+
+    Pinocchio's planar joint moves in its frame's xy plane: that of a joint with a normal, or in the place of one with
+    an axis, is turned.
+
+    Args:
+        model: stays as it is.
+        visuals: stay as they are.
+        kinds: joint = kind.
+        lock: joint = value.
+        normals: of the planes of planar joints, in their frames.
 
     Raises:
         UnknownNameError, InputError: for a joint that does not exist or a wrong number of values.
     """
     gravity, name = model.gravity, model.name
-    if kinds:
-        tree = Tree(name).graft(model, visuals, kinds=kinds)
+    axes = {n: axis for n, axis in (normals or {}).items() if kinds.get(n, "planar") == "planar"}
+    axes |= {n: _axis(find_joint(model, n)) for n, kind in kinds.items() if kind == "planar" and n not in axes}
+    if kinds or axes:
+        turns = {n: turn_of_z(axis) for n, axis in axes.items()}
+        tree = Tree(name).graft(model, visuals, kinds=kinds, turns=turns)
         model, visuals = tree.model, tree.visuals
     if lock:
         q = coordinates(model, lock)[0]
@@ -196,6 +217,19 @@ def override(old: pin.JointModel, name: str, kind: str) -> pin.JointModel:
     if not axis.any():
         raise InputError(f"joint {name!r} has no axis of rotation: it cannot become revolute")
     return pin.JointModelRevoluteUnaligned(axis)
+
+
+def turn_of_z(axis: Axis) -> pin.SE3:
+    """The shortest turn that takes z to an axis."""
+    return pin.SE3(pin.Quaternion.FromTwoVectors(pin.ZAxis, np.array(axis) / np.linalg.norm(axis)), np.zeros(3))
+
+
+def _axis(joint: pin.JointModel) -> Axis:
+    """The axis of a joint with one coordinate, in its own frame; z for other joints."""
+    if joint.nv != 1:
+        return Z
+    x, y, z = np.sum(subspace(joint).reshape(2, 3), 0)  # one of both parts is zero
+    return float(x), float(y), float(z)
 
 
 def subspace(joint: pin.JointModel) -> np.ndarray:
