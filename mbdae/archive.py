@@ -5,26 +5,79 @@ import json
 import sys
 import warnings
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from .errors import InputError
 from .files import write_whole
 from .mechanism import Singular, describe, restore
+from .mechanism.table import one_line
 
 if TYPE_CHECKING:
     from .solution import Solution
 
-FORMAT = 1
+FORMAT = 2  # 1 held Pinocchio's archives, which are not safe to read
 SUFFIXES = (".npz", ".csv")
 DAMAGE = (
-    OSError, ValueError, KeyError, EOFError, TypeError, AttributeError, RuntimeError, BadZipFile, zlib.error, TokenError
+    OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
+    SyntaxError, BadZipFile, zlib.error,
 )  # fmt: skip
+
+
+class _Lenient(BaseModel):
+    """Data of a run: what is named here is checked, more may stand beside it."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+
+class _Settings(_Lenient):
+    method: str
+    dense_order: int = Field(ge=1, le=20)
+    formulation: str = "index2"
+    project: bool = False
+    baumgarte: tuple[float, float] | None = None
+    step: float | None = None
+    rtol: float | None = None
+
+
+class _Stats(_Lenient):
+    steps: int
+    rejected: int | None
+    f: int
+    M: int
+    G: int
+    solves: int
+    factorizations: int
+    seconds: float
+    backend: str
+
+
+class _Singular(_Lenient):
+    t: float
+    q: tuple[float, ...]
+    v: tuple[float, ...]
+    rank: int
+    rank_there: int
+    closures: tuple[str, ...]
+
+
+class _Run(_Lenient):
+    """What a file says of a run beside its arrays."""
+
+    mechanism: dict[str, Any]
+    settings: _Settings
+    stats: _Stats
+    status: str
+    message: str
+    singular: tuple[_Singular, ...] = ()
+    in_use: tuple[tuple[int, tuple[int, ...]], ...] = ()
 
 
 def versions() -> dict[str, str]:
@@ -74,41 +127,63 @@ def read(path: str | Path) -> dict[str, Any]:
     Raises:
         InputError: for a file that is missing, damaged, of another kind, or of a newer format.
     """
+    with _damage(path):
+        data, meta = _content(path)
+    _check_version(path, meta)
+    with _damage(path):
+        return _arguments(data, meta)
+
+
+def _content(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The arrays of a file, and what it says of them."""
+    with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        data = {name: file[name] for name in file.files}
+    meta = json.loads(str(data.pop("meta")))
+    if not {"format", "versions"} <= meta.keys() or not isinstance(meta["versions"]["mbdae"], str):
+        raise ValueError("its format or version is missing")
+    return data, meta
+
+
+def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, Any]:
+    run = _Run.model_validate(meta)
+    mechanism = restore(run.mechanism)
+    width = mechanism.nq + mechanism.nv + len(mechanism.states) + 1
+    for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
+        _check_arrays(data[t], data[y], data[z], width, mechanism.ng)
+    if not len(data["t"]) and not len(data["steps_t"]):
+        raise ValueError("the run has no times")
+    if any(not 0 <= k < mechanism.ng for _, rows in run.in_use for k in rows):
+        raise ValueError("rows are in use that the mechanism does not have")
+    steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
+    arrays = {name: data[name] for name in ("t", "y", "z_own")}
+    rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
+    passed = [Singular(**dict(x)) for x in run.singular]
+    return {"problem": mechanism, **arrays, **rest, "steps": steps, "singular": passed, "in_use": list(run.in_use)}
+
+
+@contextmanager
+def _damage(path: str | Path) -> Iterator[None]:
+    """Say in one line what is wrong with a file."""
     try:
-        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            data = {name: file[name] for name in file.files}
-        meta = json.loads(str(data.pop("meta")))
-        _check_version(path, meta)
-        mechanism = restore(meta["mechanism"])
-        width = mechanism.nq + mechanism.nv + len(mechanism.states) + 1
-        for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
-            _check_arrays(data[t], data[y], data[z], width)
-        if not {"method", "dense_order"} <= meta["settings"].keys():
-            raise ValueError("the settings of the run are missing")
-        steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
-        arrays = {name: data[name] for name in ("t", "y", "z_own")}
-        rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
-        listed = [{**x, **{key: tuple(x[key]) for key in ("q", "v", "closures")}} for x in meta.get("singular", ())]
-        passed = [Singular(**x) for x in listed]
-        in_use = [(int(i), tuple(int(k) for k in rows)) for i, rows in meta.get("in_use", ())]
-        if any(not 0 <= k < mechanism.ng for _, rows in in_use for k in rows):
-            raise ValueError("rows in use that the mechanism does not have")
-        return {"problem": mechanism, **arrays, **rest, "steps": steps, "singular": passed, "in_use": in_use}
-    except InputError:
-        raise
+        yield
     except FileNotFoundError:
         raise InputError(f"no such file: {path}") from None
     except DAMAGE as e:
-        reason = f"{type(e).__name__}: {str(e).splitlines()[0]}" if str(e) else type(e).__name__
+        words = one_line(e, lambda at: []) if isinstance(e, ValidationError) else (str(e).splitlines() or [""])[0]
+        reason = words if isinstance(e, ValidationError | InputError) else f"{type(e).__name__}: {words}".strip(": ")
         raise InputError(f"{path} is damaged or not a solution written by mbdae ({reason})") from None
 
 
-def _check_arrays(t: np.ndarray, y: np.ndarray, z: np.ndarray, width: int) -> None:
-    """Refuse what is not numbers for each time: t (n,), y (n, width), z (n, nz)."""
-    if any(x.dtype.kind != "f" for x in (t, y, z)):
+def _check_arrays(t: np.ndarray, y: np.ndarray, z: np.ndarray, width: int, ng: int) -> None:
+    """Refuse what is not numbers for each time: t (n,) in order, y (n, width), z (n, ng) or (n, 2 ng)."""
+    if any(x.dtype != float for x in (t, y, z)):
         raise ValueError("expected arrays of real numbers")
-    if t.ndim != 1 or y.shape != (len(t), width) or z.ndim != 2 or len(z) != len(t):
-        raise ValueError(f"arrays have shapes {t.shape}, {y.shape} and {z.shape}, expected (n,), (n, {width}), (n, nz)")
+    n = len(np.atleast_1d(t))
+    if t.shape != (n,) or y.shape != (n, width) or z.shape not in ((n, ng), (n, 2 * ng)):
+        shapes = f"{t.shape}, {y.shape} and {z.shape}"
+        raise ValueError(f"arrays have shapes {shapes}, expected (n,), (n, {width}), (n, {ng})")
+    if not (np.isfinite(t).all() and np.isfinite(y).all()) or len({*np.sign(np.diff(t)).tolist()} - {0.0}) > 1:
+        raise ValueError("times are not in order, or points are not finite")
 
 
 def _check_version(path: str | Path, meta: dict[str, Any]) -> None:

@@ -302,7 +302,10 @@ class Solution:
         Raises:
             InputError: for a missing or damaged file.
         """
-        return cls(**read(path))
+        found = read(path)
+        if found["status"] not in STATUS:
+            raise InputError(f"{path} is damaged: status {found['status']!r}; known: {', '.join(STATUS)}")
+        return cls(**found)
 
     def __repr__(self) -> str:
         title = getattr(self.problem, "title", "?")

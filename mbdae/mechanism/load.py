@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
+from pydantic import Field, ValidationError
 
 from ..errors import InputError, UnknownNameError
 from ..files import text_of
@@ -19,8 +19,10 @@ from .library import IN_FOLDER, MECHANISM, PARAMETRIC, find
 from .mechanism import Mechanism
 from .parametric import read_parametric, split
 from .part import Motor, Part
+from .plain import made, written
 from .schema import MechanismFile, Source, read_toml
 from .sources import merged, read_source, restored
+from .table import Table, one_line
 from .user import function_name
 from .workspace import make_data
 
@@ -176,31 +178,65 @@ def describe(mech: Mechanism) -> dict[str, Any]:
         order=mech.order,
         duration=mech.duration,
     )
-    return {"name": mech.title, "file": _plain(file), "model": mech.model.saveToString(), "functions": functions}
+    return {"name": mech.title, "file": _plain(file), "model": written(mech.model), "functions": functions}
 
 
-def restore(description: dict[str, Any]) -> Mechanism:
-    """Make the mechanism that `describe` described; its Python force laws are missing."""
-    d = description
-    file = MechanismFile.model_validate(d["file"])
-    if "model" not in d:
-        functions = [_missing(**f) for f in d["functions"]]
-        parts, motors = [restored(r) for r in d["parts"]], [Motor(*m) for m in d["motors"]]
-        return _make(Recipe(file, d["name"], parts, motors, d["left_out"], d.get("parameters", ())), functions)
-    model = pin.Model()
-    model.loadFromString(d["model"])
-    forces: list[Any] = list(file.force)
-    for f in d["functions"]:
-        forces.insert(f["at"], _missing(**f))
+class _Functions(Table):
+    """A Python force: its name, its place among all forces, and the start values of its states."""
+
+    name: str
+    at: int = Field(ge=0)
+    states: dict[str, float] | None
+
+
+class _Parameter(Table):
+    """A parameter of a mechanism.py: its value, and what it takes."""
+
+    name: str
+    value: Any
+    takes: str
+
+
+class _Description(Table):
+    """What `describe` gives: a file with its parts, or with a model."""
+
+    name: str
+    file: MechanismFile
+    functions: tuple[_Functions, ...]
+    model: dict[str, Any] | None = None
+    parts: tuple[dict[str, Any], ...] = ()
+    motors: tuple[Motor, ...] = ()
+    left_out: tuple[str, ...] = ()
+    parameters: tuple[_Parameter, ...] = ()
+
+
+def restore(description: Mapping[str, Any]) -> Mechanism:
+    """Make the mechanism that `describe` described; its Python force laws are missing.
+
+    Raises:
+        InputError: for a description that is damaged.
+    """
+    try:
+        d = _Description.model_validate(description)
+    except ValidationError as e:
+        raise InputError(one_line(e, lambda path: [])) from None
+    missing = [(f.at, _missing(f.name, f.states)) for f in d.functions]
+    if d.model is None:
+        parameters = [p.model_dump() for p in d.parameters]
+        parts = [restored(r) for r in d.parts]
+        return _make(Recipe(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in missing])
+    forces: list[Any] = list(d.file.force)
+    for at, law in missing:
+        forces.insert(at, law)
     return Mechanism(
-        model,
-        file.closure,
+        made(d.model),
+        d.file.closure,
         forces,
-        drivers=file.driver,
-        start=file.start,
-        title=file.title,
-        duration=file.duration,
-        order=file.order,
+        drivers=d.file.driver,
+        start=d.file.start,
+        title=d.file.title,
+        duration=d.file.duration,
+        order=d.file.order,
     )
 
 
@@ -222,7 +258,7 @@ def _functions(mech: Mechanism) -> list[dict[str, Any]]:
     return [{"name": name, "at": i, "states": states.get(name)} for i, name in python]
 
 
-def _missing(name: str, at: int, states: dict[str, float] | None) -> Any:
+def _missing(name: str, states: dict[str, float] | None) -> Any:
     """A force that refuses to act."""
 
     def missing(*point: Any) -> np.ndarray:

@@ -20,6 +20,7 @@ from .mjcf_loops import loops_of
 from .mjcf_rest import left_out, visuals
 from .mujoco_state import from_mujoco, pose
 from .part import Part
+from .plain import written
 from .schema import HUGE, Start
 from .shapes import pack
 
@@ -157,7 +158,7 @@ def read_mjcf(path: Path, key: str = "") -> Part:
     return Part(
         c.model,
         geometry,
-        lambda: {"model": c.model.saveToString(), "visuals": pack(geometry)},
+        lambda: {"model": written(c.model), "visuals": pack(geometry)},
         gravity=gravity,
         closures=tuple(closures),
         drivers=tuple(drivers),

@@ -5,8 +5,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import pinocchio as pin
-
 from ..errors import InputError, UnknownNameError
 from ..files import text_of
 from .forces import JointTorque, Wrench
@@ -14,6 +12,7 @@ from .frames import joint_names
 from .library import SOURCES, package_directories, resolve
 from .mjcf import read_mjcf
 from .part import Motor, Part, follow
+from .plain import made
 from .robot_yaml import read_robot_yaml
 from .schema import MechanismFile, Source
 from .shapes import unpack
@@ -47,9 +46,8 @@ def restored(record: Mapping[str, Any]) -> Part:
     if "urdf" in record:
         r = record
         return read_urdf(r["urdf"], "URDF", r["free_flyer"], r["packages"], kinds=r["kinds"], lock=r["lock"])
-    model = pin.Model()
-    model.loadFromString(record["model"])
-    return Part(model, unpack(record["visuals"]), dict(record).copy)
+    model = made(record["model"])
+    return Part(model, unpack(record["visuals"], model.njoints), dict(record).copy)
 
 
 def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, tuple[Motor, ...], tuple[str, ...]]:
