@@ -86,8 +86,3 @@ def robots_directory() -> Path:
         raise InputError("example-robot-data is installed without robots")
     up = len(found.parts) - found.parts.index("robots") - 1
     return Path(str(found.locate())).parents[up - 1]
-
-
-def package_directories(urdf: Path) -> list[str]:
-    """Folders in which ``package://`` and relative mesh names of a URDF file are looked up: all above it."""
-    return [str(d) for d in urdf.resolve().parents]

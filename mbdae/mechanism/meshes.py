@@ -1,8 +1,9 @@
 """Meshes: the bytes of their files, so that colours and textures survive, or else their triangles."""
 
+import os
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,8 +11,13 @@ import coal
 import numpy as np
 
 from ..errors import InputError
+from .places import package_of
 
 FILE_FORMATS = ("dae", "obj", "stl")
+LIBRARY = rb"^[ \t]*mtllib[ \t]+(.+?)\s*$"
+KEYWORDS = rb"newmtl|K[adse]|N[si]|d|T[rf]|illum|sharpness|P[rmsc]|Pcr|aniso\w*|map_\w+|bump|disp|decal|norm|refl"
+MATERIAL = re.compile(rb"^[ \t]*(?:" + KEYWORDS + rb")[ \t].*$", re.MULTILINE)
+PICTURES = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")  # how images begin
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +48,8 @@ def read_mesh(name: str, path: Path) -> Mesh:
         path: the file.
 
     Returns:
-        The mesh; a material library or texture that is missing is empty, and warned of.
+        The mesh; a material library or texture that is missing, stands outside of the mesh's package or is something
+        else is empty, and warned of. Of a material library only what says materials is taken.
 
     Raises:
         InputError: the file cannot be read.
@@ -54,14 +61,14 @@ def read_mesh(name: str, path: Path) -> Mesh:
         raise InputError(f"visual {name!r}: cannot read {path}: {error.strerror}") from error
     companions: dict[str, bytes] = {}
     if kind == "dae":
-        _add_companions(companions, path, rb"<init_from>([^<]+\.\w+)</init_from>", data)
+        _add_companions(companions, path, rb"<init_from>([^<]+\.\w+)</init_from>", data, _picture)
     elif kind == "obj":
-        _add_companions(companions, path, rb"^mtllib[ \t]+(.+?)\s*$", data)
+        _add_companions(companions, path, LIBRARY, data, _materials)
         for library in list(companions.values()):
-            _add_companions(companions, path, rb"^\s*map_\w+[ \t]+(.+?)\s*$", library)
+            _add_companions(companions, path, rb"^\s*map_\w+[ \t]+(.+?)\s*$", library, _picture)
     missing = sorted(companion for companion, found in companions.items() if not found)
     if missing:
-        warnings.warn(f"visual {name!r} is drawn without {', '.join(missing)}: not found", stacklevel=2)
+        warnings.warn(f"visual {name!r} is drawn without {', '.join(missing)}: not found beside the mesh", stacklevel=2)
     return Mesh(kind, data, companions)
 
 
@@ -91,8 +98,44 @@ def triangles(name: str, geometry: coal.CollisionGeometry) -> Mesh:
     return Mesh("triangles", vertices=np.array(vertices), faces=faces)
 
 
-def _add_companions(companions: dict[str, bytes], path: Path, pattern: bytes, text: bytes) -> None:
+def refuse_unreadable(path: Path) -> None:
+    """Refuse a mesh file whose format is not drawn, or whose material library stands outside of its package.
+
+    Raises:
+        InputError: names the file.
+    """
+    if path.suffix[1:].lower() not in FILE_FORMATS:
+        raise InputError(f"mesh {path.name!r} is not drawn; known: {', '.join('.' + f for f in FILE_FORMATS)}")
+    if path.suffix.lower() == ".obj":  # its reader opens the library too, or one of its own name
+        data = path.read_bytes().replace(b"\\\n", b"").replace(b"\\\r\n", b"")
+        named = re.findall(rb"mtllib[ \t]+(.+?)\s*$", data, re.MULTILINE)
+        for name in (*(n.decode("utf-8", errors="replace") for n in named), path.with_suffix(".mtl").name):
+            if _companion(path, name) is None and os.path.lexists(path.parent / name):
+                raise InputError(f"mesh {path.name!r} names {name!r}, outside of {package_of(path.resolve().parent)}")
+
+
+def _add_companions(
+    companions: dict[str, bytes], path: Path, pattern: bytes, text: bytes, needed: Callable[[bytes], bytes]
+) -> None:
     for found in re.findall(pattern, text, re.MULTILINE):
         name = found.decode("utf-8", errors="replace")
-        file = path.parent / name
-        companions[name] = file.read_bytes() if file.is_file() else b""
+        file = _companion(path, name)
+        companions[name] = needed(file.read_bytes()) if file else b""
+
+
+def _companion(path: Path, name: str) -> Path | None:
+    """The file in the package of a mesh that the mesh calls by a name."""
+    try:
+        file, package = (path.parent / name).resolve(), package_of(path.resolve().parent)
+        return file if file.is_file() and file.is_relative_to(package) else None
+    except (OSError, ValueError, RuntimeError):  # not a path, or links that lead to each other
+        return None
+
+
+def _materials(data: bytes) -> bytes:
+    return b"\n".join(MATERIAL.findall(data))
+
+
+def _picture(data: bytes) -> bytes:
+    bitmap = data.startswith(b"BM") and int.from_bytes(data[2:6], "little") == len(data)
+    return data if data.startswith(PICTURES) or bitmap or (data[:4], data[8:12]) == (b"RIFF", b"WEBP") else b""

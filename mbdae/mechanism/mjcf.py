@@ -15,11 +15,13 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import InputError, UnknownNameError
+from .mjcf_files import check_files
 from .mjcf_forces import disabled, motors_of, springs_of, weightless
 from .mjcf_loops import loops_of
 from .mjcf_rest import left_out, visuals
 from .mujoco_state import from_mujoco, pose
 from .part import Part
+from .places import Places
 from .plain import written
 from .schema import HUGE, Start
 from .shapes import pack
@@ -129,22 +131,24 @@ class Compiled:
         return number, after
 
 
-def read_mjcf(path: Path, key: str = "") -> Part:
+def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
     """Read an MJCF file.
 
     Args:
         path: the file; what it includes is found as MuJoCo finds it.
+        places: where that may stand.
         key: name of the keyframe to start from, ``"qpos0"`` for the reference configuration; the first keyframe, if
             there is one, when left out.
 
     Raises:
-        InputError: where MuJoCo is missing, or does not compile the file.
+        InputError: where MuJoCo is missing, or does not compile the file, or for a file that stands elsewhere.
         UnknownNameError: for a keyframe that does not exist.
     """
     try:
         import mujoco
     except ImportError:
         raise InputError(f"{path.name} is MJCF: reading it needs MuJoCo, pip install 'mbdae[mjcf]'") from None
+    check_files(path, places)
     m = _compile(mujoco, path)
     _refuse_wild(m, path.name)
     c = Compiled(mujoco, m, path.stem)

@@ -11,7 +11,6 @@ joint_type: [SPHERICAL]         and which: SPHERICAL, UJOINT_XY (also CARDAN), U
 A universal joint takes the place of the URDF's joint and keeps its name; it has two coordinates.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
@@ -25,6 +24,7 @@ from ..files import text_of
 from .closures import Closure
 from .frames import find_joint, joint_names
 from .part import Motor, Part
+from .places import Places
 from .table import one_line
 from .urdf import read_urdf
 
@@ -50,13 +50,13 @@ class RobotTables(BaseModel):
     joint_type: tuple[str, ...] = ()
 
 
-def read_robot_yaml(path: Path, free_flyer: bool = False, packages: Sequence[str] = ()) -> Part:
+def read_robot_yaml(path: Path, places: Places, free_flyer: bool = False) -> Part:
     """Read a robot.yaml and the robot.urdf beside it.
 
     Args:
         path: of the robot.yaml.
+        places: where meshes are looked up.
         free_flyer: put a free joint under the root link.
-        packages: folders in which ``package://`` names are looked up.
 
     Raises:
         InputError: one line with the key and what was expected.
@@ -67,8 +67,8 @@ def read_robot_yaml(path: Path, free_flyer: bool = False, packages: Sequence[str
     part = read_urdf(
         text_of(urdf),
         urdf.name,
+        places,
         free_flyer,
-        packages,
         kinds={n: KINDS[t] for n, t in kinds.items() if t != FIXED},
         lock={n: 0.0 for n, t in kinds.items() if t == FIXED},
     )

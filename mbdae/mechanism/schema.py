@@ -70,7 +70,7 @@ class Source(Table):
         rpy: turn in the parent frame, in rad.
         free_flyer: put a free joint under the root link of a URDF.
         key: keyframe of an MJCF file to start from.
-        packages: more folders in which ``package://`` names are looked up.
+        packages: more folders in which what the file names is looked up, ``package://`` names too, and may be read.
     """
 
     file: str

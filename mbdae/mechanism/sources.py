@@ -9,15 +9,16 @@ from ..errors import InputError, UnknownNameError
 from ..files import text_of
 from .forces import JointTorque, Wrench
 from .frames import joint_names
-from .library import SOURCES, package_directories, resolve
+from .library import SOURCES, resolve
 from .mjcf import read_mjcf
 from .part import Motor, Part, follow
+from .places import Places
 from .plain import made
 from .robot_yaml import read_robot_yaml
 from .schema import MechanismFile, Source
 from .shapes import unpack
 from .signals import Constant
-from .urdf import read_urdf
+from .urdf import Record, read_urdf
 
 
 def read_source(source: Source, base: Path) -> Part:
@@ -29,23 +30,28 @@ def read_source(source: Source, base: Path) -> Part:
     path = resolve(source.file, base)
     if path.suffix not in SOURCES:
         raise InputError(f"cannot read source {path.name}: expected {', '.join(SOURCES)}")
+    places = Places.of(path, [base, *(base / p for p in source.packages)])
     if path.suffix in (".xml", ".mjcf") and not _is_urdf(path):
         if source.free_flyer:
             raise InputError(f"free_flyer does not belong to an MJCF source: {path.name} has free joints of its own")
-        return read_mjcf(path, source.key)
+        return read_mjcf(path, places, source.key)
     if source.key:
         raise InputError(f"key belongs to an MJCF source, not to {path.name}")
-    packages = [*(str(base / p) for p in source.packages), *package_directories(path)]
     if path.suffix == ".yaml":
-        return read_robot_yaml(path, source.free_flyer, packages)
-    return read_urdf(text_of(path), path.name, source.free_flyer, packages)
+        return read_robot_yaml(path, places, source.free_flyer)
+    return read_urdf(text_of(path), path.name, places, source.free_flyer)
 
 
 def restored(record: Mapping[str, Any]) -> Part:
-    """Make the part again that remembers itself as ``record``, as far as its tree and visuals go."""
+    """Make the part again that remembers itself as ``record``, as far as its tree and visuals go.
+
+    Raises:
+        InputError: for a record that is damaged.
+    """
     if "urdf" in record:
-        r = record
-        return read_urdf(r["urdf"], "URDF", r["free_flyer"], r["packages"], kinds=r["kinds"], lock=r["lock"])
+        r = Record.model_validate(record)
+        places = Places(Path(r.folder), tuple(map(Path, r.packages)))
+        return read_urdf(r.urdf, "URDF", places, r.free_flyer, kinds=r.kinds, lock=r.lock)
     model = made(record["model"])
     return Part(model, unpack(record["visuals"], model.njoints), dict(record).copy)
 

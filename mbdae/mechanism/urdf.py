@@ -2,7 +2,7 @@
 
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -11,16 +11,19 @@ import pinocchio as pin
 from ..errors import InputError
 from .closures import Axis
 from .frames import joint_names
+from .meshes import refuse_unreadable
 from .part import Mimic, Part, follow, listed
-from .schema import WITH_AXIS
+from .places import Places
+from .schema import WITH_AXIS, Value
+from .table import Table
 from .tree import settled
 
 
 def read_urdf(
     text: str,
     name: str,
+    places: Places,
     free_flyer: bool = False,
-    packages: Sequence[str] = (),
     *,
     kinds: Mapping[str, str] | None = None,
     lock: Mapping[str, Any] | None = None,
@@ -30,8 +33,8 @@ def read_urdf(
     Args:
         text: the URDF.
         name: of the file, for messages.
+        places: where meshes are looked up.
         free_flyer: put a free joint, ``root_joint``, under the root link.
-        packages: folders in which ``package://`` names are looked up.
         kinds: joints of another kind than the URDF says.
         lock: joints that are locked at values.
 
@@ -41,7 +44,8 @@ def read_urdf(
     try:
         root = (pin.JointModelFreeFlyer(),) if free_flyer else ()
         model = pin.buildModelFromXML(text, *root)
-        mimics, axes = _mimics(text), _axes(text)
+        tree = ET.fromstring(text)
+        mimics, axes = _mimics(tree), _axes(tree)
     except (ValueError, RuntimeError, IndexError, ET.ParseError) as e:
         raise InputError(f"{name} is not a URDF that Pinocchio reads: {_short(e)}") from None
     names = joint_names(model)
@@ -52,11 +56,19 @@ def read_urdf(
     for joint, (_, axis) in axes.items():
         if not 0 < np.linalg.norm(axis) < np.inf:
             raise InputError(f"{name}: the axis of joint {joint!r} is no direction: {' '.join(map(str, axis))}")
-    record = {"urdf": text, "packages": list(packages), "free_flyer": free_flyer, "kinds": kinds, "lock": lock}
+    record = {
+        "urdf": text,
+        "folder": str(places.folder),
+        "packages": list(map(str, places.packages)),
+        "free_flyer": free_flyer,
+        "kinds": kinds,
+        "lock": lock,
+    }
     try:
-        visuals = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL, None, list(packages))
+        visuals = pin.buildGeomFromUrdfString(model, _shown(tree, places), pin.GeometryType.VISUAL, None, [])
     except (ValueError, RuntimeError) as e:
-        warnings.warn(f"{name}: visuals left out, {_short(e)}", stacklevel=2)
+        reason = str(e) if isinstance(e, InputError) else _short(e)
+        warnings.warn(f"{name}: visuals left out, {reason}", stacklevel=2)
         visuals = None
     model, visuals = settled(model, visuals, kinds, lock)
     return Part(
@@ -69,9 +81,39 @@ def read_urdf(
     )
 
 
-def _mimics(text: str) -> tuple[Mimic, ...]:
+class Record(Table):
+    """What a part remembers of itself, see `read_urdf`."""
+
+    urdf: str
+    folder: str
+    packages: tuple[str, ...]
+    free_flyer: bool
+    kinds: dict[str, str]
+    lock: dict[str, Value]
+
+
+def _shown(tree: ET.Element, places: Places) -> str:
+    """The URDF with the meshes of its visuals as paths that may be read.
+
+    Raises:
+        InputError: for a mesh that is missing, stands elsewhere, or is of a format that is not drawn.
+    """
+    for link in tree.iter("link"):
+        for collision in link.findall("collision"):
+            link.remove(collision)
+    for mesh in tree.iter("mesh"):
+        path = places.find(mesh.get("filename", ""))
+        refuse_unreadable(path)
+        mesh.set("filename", str(path))
+    for material in tree.iter("material"):
+        for texture in material.findall("texture"):
+            material.remove(texture)
+    return ET.tostring(tree, encoding="unicode")
+
+
+def _mimics(tree: ET.Element) -> tuple[Mimic, ...]:
     out = []
-    for joint in ET.fromstring(text).iter("joint"):
+    for joint in tree.iter("joint"):
         mimic = joint.find("mimic")
         if mimic is not None:
             numbers = [float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))]
@@ -79,10 +121,10 @@ def _mimics(text: str) -> tuple[Mimic, ...]:
     return tuple(out)
 
 
-def _axes(text: str) -> dict[str, tuple[str, Axis]]:
+def _axes(tree: ET.Element) -> dict[str, tuple[str, Axis]]:
     """Kind and axis, x when left out, of the joints that have one; floating and fixed joints have none."""
     out = {}
-    for joint in ET.fromstring(text).iter("joint"):
+    for joint in tree.iter("joint"):
         if (kind := joint.get("type", "")) in WITH_AXIS:
             axis = joint.find("axis")
             given = None if axis is None else axis.get("xyz")

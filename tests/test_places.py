@@ -1,0 +1,166 @@
+"""What a model file names is read from its package and from folders that the user names, and from nowhere else."""
+
+import shutil
+import struct
+
+import pytest
+from fuzzing import CUBE, DAE, MATERIAL, SHOWN, STL
+
+import mbdae
+from mbdae.errors import InputError
+
+SECRET = b"token 1234567890"
+PICTURE = b"\x89PNG\r\n\x1a\n" + b"pixels"
+MESHES = {"box.obj": CUBE, "box.dae": DAE, "box.stl": STL, "box.mtl": MATERIAL}
+
+
+@pytest.fixture
+def model(tmp_path):
+    """A folder with meshes, beside one that is nobody's business."""
+    (tmp_path / "model" / "meshes").mkdir(parents=True)
+    (tmp_path / "private").mkdir()
+    for name, text in MESHES.items():
+        (tmp_path / "model" / "meshes" / name).write_text(text)
+        (tmp_path / "private" / name).write_text(text)
+    for folder in ("model/meshes", "private"):
+        (tmp_path / folder / "box.png").write_bytes(PICTURE)
+    (tmp_path / "private" / "key.txt").write_bytes(SECRET)
+    (tmp_path / "private" / "key.mtl").write_bytes(SECRET + b"\nnewmtl red\nKd 1 0 0\n")
+    (tmp_path / "private" / "key.png").write_bytes(SECRET)
+    return tmp_path / "model"
+
+
+def load(folder, name, more=""):
+    """The mechanism of a URDF whose visual is a mesh, from a folder ``urdf``."""
+    (folder / "urdf").mkdir(exist_ok=True)
+    (folder / "urdf" / "shown.urdf").write_text(SHOWN.replace("NAME", name))
+    if more:
+        (folder / "urdf" / "shown.toml").write_text(f'[[source]]\nfile = "shown.urdf"\n{more}')
+    return mbdae.load(folder / "urdf" / ("shown.toml" if more else "shown.urdf"))
+
+
+def drawn(mech):
+    """The mesh that a page would carry, in bytes with all that it refers to; None without visuals."""
+    meshes = [s.mesh for s in mech.scene.shapes if s.role == "visual"]
+    return b"".join([meshes[0].data, *meshes[0].companions.values()]) if meshes else None
+
+
+@pytest.mark.parametrize("name", ["../meshes/box.obj", "meshes/box.dae", "package://model/meshes/box.stl"])
+def test_meshes_of_the_models_own_folder_are_drawn(model, name):
+    assert drawn(load(model, name)) is not None
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../../private/box.obj", "{outside}/box.stl", "file://{outside}/box.dae", "package://private/box.stl",
+     "package://model/../private/box.stl", "../meshes/link.stl", "../meshes/folder/box.stl"],
+)  # fmt: skip
+def test_meshes_elsewhere_are_not_read(model, name):
+    outside = model.parent / "private"
+    (model / "meshes" / "link.stl").symlink_to(outside / "box.stl")
+    (model / "meshes" / "folder").symlink_to(outside)
+    name = name.format(outside=outside)
+    with pytest.warns(UserWarning, match=rf"visuals left out, .*outside of {model}: `packages` "):
+        assert drawn(load(model, name)) is None
+    assert drawn(load(model, name, 'packages = ["../../private"]')) is not None
+
+
+def test_packages_with_manifests_find_each_other(model):
+    name = "package://private/box.stl"
+    for folder in (model, model.parent / "private"):
+        (folder / "package.xml").write_text("<package/>")
+    assert drawn(load(model, name)) is not None
+
+
+@pytest.mark.parametrize("library", ["../../private/key.mtl", "{private}/key.mtl", "link.mtl", "../../private/key.txt"])
+def test_material_libraries_elsewhere_are_not_read(model, library):
+    private = model.parent / "private"
+    (model / "meshes" / "link.mtl").symlink_to(private / "key.mtl")
+    (model / "meshes" / "box.obj").write_text(CUBE.replace("box.mtl", library.format(private=private)))
+    with pytest.warns(UserWarning, match=rf"visuals left out, mesh 'box.obj' names .*, outside of {model}"):
+        assert drawn(load(model, "../meshes/box.obj")) is None
+
+
+def test_only_materials_and_pictures_are_carried_away(model):
+    meshes, private = model / "meshes", model.parent / "private"
+    library = MATERIAL + "map_Ks key.png\nmap_Ka ../../private/key.png\nmap_Ns key.txt\n"
+    (meshes / "box.mtl").write_bytes(SECRET + b"\n" + library.encode())
+    for name in ("key.txt", "key.png"):
+        shutil.copy(private / name, meshes)
+    mech = load(model, "../meshes/box.obj")
+    with pytest.warns(UserWarning, match="drawn without"):
+        found = drawn(mech)
+    assert SECRET not in found
+    assert b"Kd 1 0 0" in found
+    assert PICTURE in found
+    (meshes / "box.dae").write_text(DAE.replace("<library_g", "<init_from>key.png</init_from><library_g", 1))
+    mech = load(model, "../meshes/box.dae")
+    with pytest.warns(UserWarning, match=r"drawn without key\.png"):
+        assert SECRET not in drawn(mech)
+
+
+def test_a_saved_run_reads_what_its_mechanism_read(model, tmp_path):
+    mech = load(model, "../meshes/box.stl")
+    mbdae.solve(mech, (0, 1e-3), step=1e-3).save(tmp_path / "run.npz")
+    assert drawn(mbdae.Solution.load(tmp_path / "run.npz").mechanism) == drawn(mech)
+
+
+# -- MJCF --------------------------------------------------------------------------------------------------------
+
+BODY = '<worldbody><body><joint name="j"/><geom size="0.1"/></body></worldbody>'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<mujoco><include file="../private/more.xml"/>{body}</mujoco>',
+        '<mujoco><include file="inner.xml"/>{body}</mujoco>',
+        '<mujoco><include file="{private}/more.xml"/>{body}</mujoco>',
+        '<mujoco><compiler meshdir="../private"/><asset><mesh name="m" file="box.stl"/></asset>{body}</mujoco>',
+        "<mujoco><asset><mesh name='m' file = '&#46;./private/box.stl'/></asset>{body}</mujoco>",
+        '<mujoco><asset><texture name="t" type="2d" file="link.png"/></asset>{body}</mujoco>',
+    ],
+)
+def test_mjcf_reads_no_files_elsewhere(model, text):
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    private = model.parent / "private"
+    (private / "more.xml").write_text("<mujoco/>")
+    (model / "inner.xml").write_text('<mujoco><include file="../private/more.xml"/></mujoco>')
+    (model / "link.png").symlink_to(private / "key.png")
+    (model / "x.xml").write_text(text.format(body=BODY, private=private))
+    with pytest.raises(InputError, match=rf"outside of {model}: `packages` "):
+        mbdae.load(model / "x.xml")
+
+
+def test_mjcf_reads_its_own_files_and_those_of_packages(model):
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    text = '<mujoco><include file="../common.xml"/><asset><mesh name="m" file="NAME/box.stl"/></asset></mujoco>'
+    (model / "common.xml").write_text(f"<mujoco>{BODY}</mujoco>")
+    (model / "mjcf").mkdir()
+    # MuJoCo reads binary STL only
+    binary = b"\0" * 80 + (4).to_bytes(4, "little")
+    corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)):
+        binary += struct.pack("<12fH", 0, 0, 0, *(x for i in face for x in corners[i]), 0)
+    for folder in (model / "meshes", model.parent / "private"):
+        (folder / "box.stl").write_bytes(binary)
+    (model / "mjcf" / "x.xml").write_text(text.replace("NAME", "../meshes"))
+    assert mbdae.load(model / "mjcf" / "x.xml").nv == 1
+    (model / "mjcf" / "x.xml").write_text(text.replace("NAME", "../../private"))
+    (model / "x.toml").write_text('[[source]]\nfile = "mjcf/x.xml"\npackages = ["../private"]')
+    assert mbdae.load(model / "x.toml").nv == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['<replicate count="1000"><replicate count="1000">{body}</replicate></replicate>',
+     '<replicate count="1000000000">{body}</replicate>',
+     '<body><composite type="cable" count="1000000000 1 1"/></body>',
+     '<body><flexcomp name="f" type="grid" count="1000 1000 1000" spacing="1 1 1"/></body>'],
+)  # fmt: skip
+def test_endless_mjcf_is_refused(model, text):
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    inner = BODY.removeprefix("<worldbody>").removesuffix("</worldbody>")
+    (model / "x.xml").write_text(f"<mujoco><worldbody>{text.format(body=inner)}</worldbody></mujoco>")
+    with pytest.raises(InputError, match="beyond 100000"):
+        mbdae.load(model / "x.xml")
