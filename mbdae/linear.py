@@ -3,7 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg.lapack import dgetrf, dgetrs, zgetrf, zgetrs
+from scipy.linalg.blas import dtrsv, ztrsv
+from scipy.linalg.lapack import dgetrf, zgetrf
 
 from .errors import StepError
 
@@ -20,8 +21,12 @@ def factorized(matrix: Array, message: str) -> Callable[[Array], Array]:
     Raises:
         StepError: ``"singular"`` with the message, where no factorization exists.
     """
-    getrf, getrs = (zgetrf, zgetrs) if np.iscomplexobj(matrix) else (dgetrf, dgetrs)
+    getrf, trsv = (zgetrf, ztrsv) if np.iscomplexobj(matrix) else (dgetrf, dtrsv)
     lu, pivots, info = getrf(matrix)
     if info or not np.isfinite(lu).all():
         raise StepError("singular", message)
-    return lambda b: getrs(lu, pivots, b)[0]
+    order = list(range(len(pivots)))
+    for i, k in enumerate(pivots.tolist()):
+        order[i], order[k] = order[k], order[i]
+    # not zgetrs: OpenBLAS threads it at any size, and threads round in another way than one alone
+    return lambda b: trsv(lu, trsv(lu, b[order], lower=1, diag=1, overwrite_x=1), overwrite_x=1)
