@@ -10,7 +10,9 @@ from chains import difference_quotient, free_force, jacobian, rates, rod
 import mbdae
 from mbdae import Closure, Mechanism
 from mbdae.mechanism import rows as rowmath
+from mbdae.methods import METHODS
 from mbdae.studies.drift import drift
+from mbdae.system import State
 
 
 def moving(name):
@@ -176,6 +178,21 @@ def test_rows_fixed_at_the_start_lose_the_way(other_cut, monkeypatch):
     monkeypatch.setattr(rowmath, "choose", lambda B, rows, *more: choose(B, None, *more) if rows is None else rows)
     sol = fall(5, [9.81, 0, 0], "python", project=False)
     assert not sol.success or drift(sol).g_max > 1e-3 or np.abs(sol.q - other_cut.q).max() > 1e-3
+
+
+def test_matrices_of_a_point_nearby_are_not_those_of_a_step():
+    mech = mbdae.load("four_bar")
+    system, given = mech.system(), []
+    F, z = system.derivative(0.0, mech.point())
+    end = METHODS["pherk4"].step(system, 0.0, 1e-2, State(mech.point(), system.carry(F, z))).state.y
+    choose = system.choose_rows
+    system.choose_rows = lambda t, U, G: (given.append((U.copy(), G.copy())), choose(t, U, G))[1]
+    for away in (0.0, 1e-12, 1e-4):
+        q = end[: mech.nq] + away
+        system.chart(0.0, np.concatenate([q, end[mech.nq :]]))
+        U, G = given.pop()
+        np.testing.assert_allclose(G, jacobian(mech, q), rtol=0, atol=1e-14)
+        np.testing.assert_allclose(U.T @ U, free_force(mech.model, q, np.zeros(mech.nv))[0], rtol=0, atol=1e-13)
 
 
 def parallelogram():

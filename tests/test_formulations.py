@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
+from chains import difference_quotient
 from click.testing import CliRunner
 from motions import ALL, distance, free_loop, levels, model, run, start_of
 
@@ -50,6 +51,18 @@ def test_baumgarte_reduces_the_drift():
     plain, stabilised = run(mech, 10.0, **options), run(mech, 10.0, baumgarte=(10.0, 10.0), **options)
     assert levels(plain)[0] > 20 * levels(stabilised)[0]
     assert stabilised.settings["baumgarte"] == (10.0, 10.0)
+
+
+def test_baumgarte_draws_residuals_back_by_their_own_equation():
+    """g'' + 2 alpha g' + beta^2 g = 0, with g'' along the motion by differences, at a state off the closures."""
+    mech = mbdae.load("pendulum")
+    alpha, beta = 3.0, 5.0
+    q, v = mech.start[0] + [0.1, 0.2, -0.1], np.array([0.7, -0.4, 0.2])
+    F = mech.system("index1", (alpha, beta)).derivative(0.0, np.concatenate([q, v, [0.0]]))[0]
+    (g, rate), dv = mech.residual(q, v), F[mech.nv : 2 * mech.nv]
+    second = difference_quotient(lambda h: mech.residual(q + h * v, v + h * dv)[1], 1e-3)
+    assert min(abs(g[0]), abs(rate[0])) > 0.05
+    np.testing.assert_allclose(second, -2 * alpha * rate - beta**2 * g, rtol=1e-8)
 
 
 def test_index1_counts_steps_and_stops_by_name():

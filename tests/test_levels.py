@@ -154,3 +154,15 @@ def test_projection_is_least_in_the_mass_metric(name):
         force = M @ part  # normal: a combination of the rows of G, to first order of the move
         rest = force - G.T @ np.linalg.lstsq(G.T, force, rcond=1e-8)[0]
         assert np.abs(rest).max() < tolerance
+
+
+@pytest.mark.parametrize("away", [1e-10, 1e-6, 1e-2])
+def test_projection_goes_on_until_positions_are_met(away):
+    """However far off, as Newton's method does: a correction is as exact as its square is small."""
+    mech = mbdae.load("four_bar")
+    system = mech.system()
+    off = mech.point()
+    off[: mech.nq] += away * np.array([1.0, -0.5, 0.3])
+    back = system.restore(0.0, off)
+    assert np.abs(mech.residual(off[: mech.nq], np.zeros(mech.nv))[0]).max() > 0.1 * away
+    assert max(np.abs(r).max() for r in mech.residual(*system.split(back))) < 1e-13

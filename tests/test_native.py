@@ -258,14 +258,3 @@ def test_a_closure_that_closes_nothing():
         native, python = both(mech, (0, 1), np.zeros(1), np.ones(1), **options)
         assert_same(native, python)
         np.testing.assert_allclose(native.q[-1], 1.0)
-
-
-def test_what_rounding_loses_is_added_to_the_next_step():
-    model = pin.Model()
-    model.gravity.linear = np.zeros(3)
-    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-    sol = mbdae.solve(
-        Mechanism(model), (0, 1), np.ones(1), np.full(1, 0.1), step=1e-5, method="herk1", backend="native"
-    )
-    assert sol.q[-1, 0] == pytest.approx(1.1, abs=5e-16)  # 8e-12 off without

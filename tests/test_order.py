@@ -9,7 +9,7 @@ import pytest
 
 import mbdae
 from mbdae.methods import Tableau
-from mbdae.studies.order import LEAST_OUTPUTS, _above, _done
+from mbdae.studies.order import LEAST_OUTPUTS, _above, _done, _Measure
 from mbdae.textbook import hessenberg_a
 
 REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")
@@ -58,3 +58,13 @@ def test_rules():
     assert _done(errors, np.zeros(5))
     assert not _done(errors[:4], np.zeros(4))
     assert _done([1.0, 1e-9], [1e-3, 1e-3])
+
+
+@pytest.mark.parametrize("claimed", [2, 5])
+def test_an_order_holds_down_to_a_fifth_below_its_claim(claimed):
+    steps = [10, 20, 40, 80, 160, 320]
+    for less, verdict in ((-0.5, "holds"), (0.0, "holds"), (0.15, "holds"), (0.25, "misses"), (0.9, "misses")):
+        errors = [n ** -(claimed - less) for n in steps]
+        found = _Measure._fit(None, "q", claimed, steps, errors, [1e-30] * len(steps))
+        assert found.observed == pytest.approx(claimed - less)
+        assert (found.verdict, found.fitted) == (verdict, (1, 6))

@@ -1,6 +1,7 @@
 """The step is the tableau: coefficients recovered by running it, orders on a textbook problem, purity."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import mbdae
@@ -178,6 +179,18 @@ def test_the_error_estimate_has_the_order_it_is_used_with(name):
     if tableau.project_embedded:
         velocity = step.errors[0, mech.nv : 2 * mech.nv]
         assert np.abs(mech.residual(step.state.y[:3], velocity)[1]).max() < 1e-3 * np.abs(velocity).max()
+
+
+@pytest.mark.usefixtures("back_end")
+def test_what_rounding_loses_is_added_to_the_next_step():
+    """Without forces q grows by the same small amount in every step, of which rounding takes the same part."""
+    model = pin.Model()
+    model.gravity.linear = np.zeros(3)
+    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
+    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    mech = mbdae.Mechanism(model)
+    sol = mbdae.solve(mech, (0, 1), np.full(1, 1e6), np.full(1, 0.1), step=1e-3, method="herk1")
+    assert sol.q[-1, 0] == pytest.approx(1e6 + 0.1, abs=2e-10)
 
 
 @pytest.mark.usefixtures("back_end")

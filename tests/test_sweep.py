@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy.special import ellipk
 from scipy.stats import norm
@@ -124,6 +125,17 @@ def test_joints_of_a_urdf_are_those_of_an_edited_urdf(tmp_path):
     changed = Template("slider_crank").make(changes).model
     assert all(a == b for a, b in zip(changed.inertias, edited.inertias, strict=True))
     assert all(a == b for a, b in zip(changed.jointPlacements, edited.jointPlacements, strict=True))
+
+
+def test_joints_of_a_source_are_turned():
+    """Roll, pitch and yaw one after another, in addition to the turn that the source has."""
+    plain, turned = (Template("slider_crank").make(c).model for c in ({}, {"joint.crank_pin.rpy": [0.3, -0.2, 0.5]}))
+    at = plain.getJointId("crank_pin")
+    roll, pitch, yaw = (pin.exp3(x * e) for x, e in zip((0.3, -0.2, 0.5), np.eye(3), strict=True))
+    np.testing.assert_allclose(turned.jointPlacements[at].rotation, yaw @ pitch @ roll, atol=1e-15)
+    np.testing.assert_array_equal(turned.jointPlacements[at].translation, plain.jointPlacements[at].translation)
+    yawed = Template("slider_crank").make({"joint.crank_pin.rpy.2": 0.5}).model
+    np.testing.assert_allclose(yawed.jointPlacements[at].rotation, yaw, atol=1e-15)
 
 
 def test_runs_that_differ_in_their_start_share_a_mechanism():

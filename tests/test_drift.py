@@ -1,0 +1,32 @@
+"""Drift: what is compared with what, at known states."""
+
+import numpy as np
+import pytest
+from links import arm
+
+import mbdae
+from mbdae import JointDamping
+
+
+def test_energies_are_compared_with_their_range():
+    """Not with the potential itself, which depends on where zero is: a mile up nothing else changes."""
+    scales = []
+    for height in (0.0, 1600.0):
+        mech = arm(JointDamping(joint="arm", damping=0.01))
+        mech.model.jointPlacements[1].translation = np.array([0.0, 0.0, height])
+        sol = mbdae.solve(mech, (0, 1), rtol=1e-3)
+        found = mbdae.drift(sol)
+        energies = np.array([mech.energy(q, v) for q, v in zip(sol.q, sol.v, strict=True)])
+        assert found.energy_scale == pytest.approx(max(energies[:, 0].max(), np.ptp(energies[:, 1])), rel=1e-9)
+        assert found.energy_relative == pytest.approx(found.energy_error / found.energy_scale)
+        scales.append(found.energy_scale)
+    assert scales[1] == pytest.approx(scales[0], rel=1e-6)
+
+
+def test_residuals_at_the_end_are_those_of_the_last_state():
+    sol = mbdae.solve(mbdae.load("four_bar"), (0, 3.3), method="RK45", formulation="index1", rtol=1e-4)
+    (g, Gv), start = sol.mechanism.residual(sol.q[-1], sol.v[-1]), sol.mechanism.residual(sol.q[0], sol.v[0])
+    found = mbdae.drift(sol)
+    assert found.g_end == pytest.approx(np.abs(g).max(), rel=1e-6)
+    assert found.Gv_end == pytest.approx(np.abs(Gv).max(), rel=1e-6)
+    assert min(found.g_end, found.Gv_end) > 1e3 * np.abs(start).max()
