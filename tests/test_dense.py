@@ -34,6 +34,32 @@ def test_each_sweep_raises_the_order_by_one(sweeps):
     assert np.log2(error(0.2) / error(0.1)) > 4 + sweeps - 0.2
 
 
+@pytest.mark.parametrize("order", [4, 5, 6, 7])
+def test_a_step_of_a_mechanism_is_read_at_the_wanted_order(order):
+    """Errors of v fall as h^(order + 1), those of q by one more, between points and rates of a tight reference."""
+    mech, t, errors = mbdae.load("pendulum"), 0.3, []
+    for h in (0.1, 0.05):
+        times = [t, t + 0.4 * h, t + h]
+        y0, y, y1 = mbdae.solve(mech, (0, t + h), method="pherk6", step=0.0025, t_eval=times).y
+        system = mech.system()
+        rates = system.derivative(t, y0)[0], system.derivative(t + h, y1)[0]
+        off = np.abs(system.interpolant(t, h, (y0, y1), rates, order)(0.4) - y)
+        errors.append((off[: mech.nq].max(), off[mech.nq : -1].max()))
+    of_q, of_v = np.log2(np.divide(*errors))
+    assert of_v > order + 1 - 0.2
+    assert of_q > order + 2 - 0.2
+
+
+@pytest.mark.parametrize(("method", "steps"), [("pherk4", 20), ("pherk5", 10), ("pherk6", 10)])
+def test_between_steps_the_order_is_that_of_the_steps(method, steps):
+    problem, errors = TEXTBOOK["hessenberg_a"](), []
+    for n in (steps, 2 * steps):
+        sol = mbdae.solve(problem, (0, 1), method=method, step=1 / n)
+        times = (np.arange(n)[:, None] + [0.31, 0.5, 0.77]).ravel() / n
+        errors.append(max(np.abs(sol.point(t) - problem.exact(t)[0]).max() for t in times))
+    assert np.log2(np.divide(*errors)) > mbdae.METHODS[method].order - 0.2
+
+
 @pytest.mark.parametrize("order", range(3, 10))
 def test_problems_offer_every_order(order):
     for problem, method in ((TEXTBOOK["hessenberg_a"](), "pherk5"), (mbdae.load("four_bar"), "pherk6")):

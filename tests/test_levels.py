@@ -19,7 +19,7 @@ def test_ggl_keeps_both_levels_over_a_hundred_seconds(name):
     sol = run(mbdae.load("four_bar"), 100.0, method=name, formulation="ggl", rtol=rtol)
     g, Gv = levels(sol)
     assert g <= 1e-11
-    assert Gv <= 1e-11
+    assert Gv <= 1e-11 * (1 + np.abs(sol.v).max())  # implicit stages are solved so far, or to rounding
 
 
 CASES = [

@@ -1,5 +1,6 @@
 """The compiled core against Python: the same trajectories, points and statuses, and the tableaus it is given."""
 
+import sys
 from functools import cache
 
 import numpy as np
@@ -95,6 +96,19 @@ def test_every_force(force):
     assert_same(*both(mech, (0, 1), step=0.023, method="rule38", jumps=[0.31]))
 
 
+def test_gears_of_unbounded_joints_are_projected_in_the_core(monkeypatch):
+    """Many turns on, the gap is that of the teeth; Python, which would know, is not asked."""
+    coupling = Closure.coupling("continuous_0", "continuous_1", (0.2, -2.5))
+    gears = Mechanism(tree(["continuous", "continuous"], [0, 0]), [coupling])
+    monkeypatch.setattr(sys.modules["mbdae.solve"], "_one", None)
+    start = gears.assemble({"continuous_1": 0.4}, {"continuous_1": 20.0})
+    sol = mbdae.solve(gears, (0, 2), *start, rtol=1e-8, project=True, backend="native")
+    assert sol.success, sol.message
+    driven, driving = sol.signals()["q.continuous_0"], sol.signals()["q.continuous_1"]
+    assert abs(driving[-1] - driving[0]) > 20
+    np.testing.assert_allclose(driven - driven[0], -2.5 * (driving - driving[0]), atol=1e-10)
+
+
 def test_ways_through_a_span():
     mech = model("four_bar")
     for options in (
@@ -186,6 +200,17 @@ def test_every_joint(kind):
     free = Mechanism(model, [], forces)
     q, v = random_q(model, rng, 0.5), rng.uniform(-1, 1, model.nv)
     assert_same(*both(free, (0, 0.2), q, v, step=0.01))
+
+
+def test_a_point_near_the_last_stage_is_computed_for_itself():
+    mech = model("four_bar")
+    y, core = mech.point(), mech.system(native=backend.load())
+    carry = core.carry(*core.derivative(0.0, y))
+    for away in (0.0, 1e-12, 1e-9, 1e-4):
+        near = core.compiled_step(METHODS["pherk4"], 0.0, 1e-2, State(y, carry)).state.y
+        near[: mech.nq] += away
+        for found, expected in zip(core.derivative(0.0, near), mech.system().derivative(0.0, near), strict=True):
+            assert_near(found, expected, 1e-13)
 
 
 # -- the tableau, recovered by running the core ----------------------------------------------------------------------

@@ -9,6 +9,8 @@ import mbdae
 from mbdae import DCMotor, JointPID, Sampled
 from mbdae.errors import InputError
 from mbdae.mechanism.signals import Steps
+from mbdae.studies.course import Course
+from mbdae.studies.order import _Measure
 
 
 def piecewise(t_end, period, sample, y0, memory=0.0):
@@ -140,6 +142,28 @@ def test_two_rates_and_an_actuator_between():
     crossed = sol.t[1:][np.diff(sol.t) < 1e-12]
     np.testing.assert_allclose(crossed, instants[instants > 0], atol=1e-14)
     assert mbdae.drift(sol).energy_relative < 1e-9
+
+
+def test_what_is_read_at_a_step_is_of_that_step():
+    """At a jump two points stand a few roundings apart, the second one behind it: torques and multipliers differ."""
+    brake = Sampled(lambda t, q, v: -2 * v[:1], rate=7.0, joints="crank", name="brake")
+    mech = mbdae.load("four_bar", forces=[brake])
+    sol = mbdae.solve(mech, (0, 1), step=1 / 28)
+    assert len(sol.t) == 29 + 6
+    np.testing.assert_array_equal(list(sol.points(sol.t)), sol.y)
+    np.testing.assert_array_equal([sol.point(t) for t in sol.t], sol.y)
+    asked = mbdae.solve(mech, (0, 1), step=1 / 28, t_eval=sol.t)
+    np.testing.assert_array_equal(asked.y, sol.y)
+    np.testing.assert_array_equal(asked.lam_own, sol.lam_own)
+    np.testing.assert_allclose(asked.lam, sol.lam, rtol=1e-12, atol=1e-12)
+    samples = Course(mech, *mech.start, (0.0, 1.0), sol.t[1:], 100).sample(sol)
+    np.testing.assert_array_equal(samples.v, sol.v[1:])
+    np.testing.assert_allclose(samples.lam, sol.lam[1:], rtol=1e-12, atol=1e-12)
+    q, _, own, hidden = _Measure(mech, 1.0, 14, None, lambda name: None).sample(sol)
+    after = [np.flatnonzero(np.abs(sol.t - k / 14) < 1e-12)[-1] for k in range(1, 15)]
+    np.testing.assert_array_equal(q, sol.q[after])
+    np.testing.assert_array_equal(own, sol.lam_own[after])
+    np.testing.assert_allclose(hidden, sol.lam[after], rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.usefixtures("back_end")

@@ -132,6 +132,26 @@ def test_regular_motions_have_none(name):
 
 
 @pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("options", [{"rtol": 1e-8}, {"step": fall()[0] / 64}], ids=str)
+def test_a_run_to_a_singular_configuration_says_so(options):
+    mech, end = mbdae.load("n_four_bar", N=1), fall()[0]
+    sol = mbdae.solve(mech, (0, end), project=True, **options)
+    assert sol.status == "rank"
+    assert "singular configuration" in sol.message
+    assert sol.t[-1] < end
+    assert mbdae.solve(mech, (0, 0.99 * end), project=True, **options).success
+
+
+@pytest.mark.usefixtures("back_end")
+def test_every_closure_that_loses_rank_is_named():
+    """All pins of a row of linkages do, at once."""
+    found = mbdae.solve(mbdae.load("n_four_bar", N=6), (0, 1), rtol=1e-6, project=True).singular[0]
+    assert found.closures == tuple(f"pin_{i}" for i in range(1, 7))
+    assert (found.rank, found.rank_there) == (12, 6)
+    assert "6 closures from pin_1 to pin_6" in str(found)
+
+
+@pytest.mark.usefixtures("back_end")
 def test_backwards():
     mech = mbdae.load("n_four_bar", N=1)
     there = mbdae.solve(mech, (0, 1), rtol=1e-8, project=True)
