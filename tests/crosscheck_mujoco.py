@@ -6,6 +6,7 @@ Its equality constraints are soft: made stiff, with small steps of its RK4, they
 import mujoco
 import numpy as np
 
+mujoco.set_mju_user_warning(lambda text: None)  # else they go to a file in the working directory
 STEP = 2e-4
 OPTIONS = f"""<compiler angle="radian"/>
 <default><equality solref="{2 * STEP} 1" solimp="0.9999 0.9999 0.001"/></default>

@@ -1,6 +1,9 @@
 """MJCF files: start states, inputs, visuals, what is left out, and what is wrong."""
 
 import shutil
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -9,7 +12,7 @@ from mujoco_models import DATA, FILES, compiled, load
 
 import mbdae
 from mbdae.errors import AssemblyError, InputError, UnknownNameError
-from mbdae.mechanism import describe, restore, to_mujoco
+from mbdae.mechanism import describe, mjcf, restore, to_mujoco
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 NO_STATES = np.empty(0)
@@ -152,6 +155,19 @@ def test_a_saved_mechanism_comes_back_without_mujoco(monkeypatch):
 
 
 # -- open loops and wrong files --------------------------------------------------------------------------------
+
+
+def test_what_mujoco_finds_odd_goes_to_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    link = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    joint = '<parent link="a"/><child link="b"/><axis xyz="0 1 0"/><limit lower="1" upper="1" effort="1" velocity="1"/>'
+    Path("odd.xml").write_text(
+        f'<robot name="r"><link name="a"/><link name="b">{link}</link>'
+        f'<joint name="j" type="revolute">{joint}</joint></robot>'
+    )
+    with warnings.catch_warnings(action="ignore"), ThreadPoolExecutor(8) as threads:  # at a time, as in a sweep
+        list(threads.map(lambda _: mjcf.read_mjcf(Path("odd.xml")), range(100)))
+    assert [file.name for file in tmp_path.iterdir()] == ["odd.xml"]
 
 
 def test_a_missing_mujoco_is_named(monkeypatch):

@@ -8,6 +8,7 @@ inner links have no mass. Equalities become exact closures: their softness (solr
 
 import warnings
 from pathlib import Path
+from threading import Lock
 from types import ModuleType
 from typing import Any
 
@@ -27,6 +28,7 @@ from .schema import HUGE, Start
 from .shapes import pack
 
 REFERENCE = "qpos0"
+ONE_AT_A_TIME = Lock()  # MuJoCo has one place for all threads where it says what it finds odd
 NUMBERS = (
     "body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat", "jnt_pos", "jnt_axis",
     "jnt_stiffness", "dof_armature", "dof_damping", "qpos0", "qpos_spring", "key_qpos", "key_qvel", "eq_data",
@@ -177,14 +179,16 @@ def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
 
 def _compile(lib: ModuleType, path: Path) -> Any:
     said: list[str] = []
-    before = lib.get_mju_user_warning()
-    lib.set_mju_user_warning(said.append)  # else MuJoCo writes them to a file of its own in the working directory
-    try:
-        m = lib.MjModel.from_xml_path(str(path))
-    except (ValueError, RuntimeError, lib.FatalError) as e:
-        raise InputError(f"{path.name} is not an MJCF file that MuJoCo compiles: {' '.join(str(e).split())}") from None
-    finally:
-        lib.set_mju_user_warning(before)
+    with ONE_AT_A_TIME:
+        before = lib.get_mju_user_warning()
+        lib.set_mju_user_warning(said.append)  # else MuJoCo writes them to a file of its own in the working directory
+        try:
+            m = lib.MjModel.from_xml_path(str(path))
+        except (ValueError, RuntimeError, lib.FatalError) as e:
+            words = " ".join(str(e).split())
+            raise InputError(f"{path.name} is not an MJCF file that MuJoCo compiles: {words}") from None
+        finally:
+            lib.set_mju_user_warning(before)
     for text in said:
         warnings.warn(f"{path.name}: MuJoCo says {text.strip()}", stacklevel=4)
     return m
