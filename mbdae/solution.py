@@ -31,7 +31,7 @@ STATUS = {
     "newton": "Newton's method did not converge",
     "singular": "a linear system was singular",
     "rank": "the rank of the closures changed",
-    "driver": "a driver is not defined there",
+    "driver": "a driver is not defined there, or its derivatives do not fit",
     "force": "a force law or an event function failed",
     "chart": "a joint turned too far within one step",
 }

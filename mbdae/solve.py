@@ -123,6 +123,8 @@ def solve(
             run.begin()
             watch.begin(t0, run.state.y)
             stopped = _march(run, pace, watch, max_steps, progress)
+            for driver in problem.drivers if isinstance(problem, Mechanism) else ():
+                driver.check_run(t0, run.t)
         if stopped:
             status, message = "event", f"{STATUS['event']} at t = {run.t:.17g}"
     except StepError as e:

@@ -58,6 +58,32 @@ def test_refusals():
         mbdae.load("four_bar", drivers=[Driver.speed("crank", 1.0), Driver.speed("crank", 1.0)])
 
 
+@pytest.mark.parametrize(("k", "what"), [(1, "rate"), (2, "acceleration")])
+def test_derivatives_that_become_wrong_during_the_run_are_named(k, what):
+    right = (lambda t: 1.2 + np.sin(t), np.cos, lambda t: -np.sin(t))
+    spoiled = [lambda t, i=i: right[i](t) + 0.01 * (t > 0.6) * (i == k) for i in range(3)]
+    mech = mbdae.load("four_bar", drivers=[Driver.function("crank", *spoiled)])
+    sol = mbdae.solve(mech, (0, 1), *mech.assemble({}, {}), rtol=1e-4)
+    assert sol.status == "driver"
+    assert f"the {what} of driver 'crank driver' is" in sol.message
+    assert 0.6 < float(sol.message.split("t = ")[1].split(" s")[0]) < 0.65
+    assert sol.t[-1] == 1.0
+    assert mbdae.solve(mech, (0, 0.6), *mech.assemble({}, {}), rtol=1e-4).success
+
+
+def test_a_jump_of_the_acceleration_is_no_wrong_derivative():
+    """u = t^2 / 2 to t = 0.5, and straight on from there: u'' has no difference quotient at one time only."""
+    early = Driver.function(
+        "crank",
+        lambda t: 1.2 + (t * t / 2 if t < 0.5 else t / 2 - 0.125),
+        lambda t: min(t, 0.5),
+        lambda t: float(t < 0.5),
+    )
+    mech = mbdae.load("four_bar", drivers=[early])
+    sol = mbdae.solve(mech, (0, 1), *mech.assemble({}, {}), jumps=[0.5], rtol=1e-6)
+    assert sol.status == "finished", sol.message
+
+
 FILE = """
 [[driver]]
 joint = "crank"

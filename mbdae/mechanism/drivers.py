@@ -6,16 +6,21 @@ So g_t = -u', g_tt = -u'' and g_tq = 0. Its multiplier is the torque (N m) or fo
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from math import sqrt
 from typing import Any
 
 from pydantic import Field, model_validator
 
-from ..errors import InputError
+from ..errors import InputError, StepError
 from .closure_rows import Coordinate, Distance, Rows
 from .signals import Function, Harmonic, Polynomial, Signal, Steps, TimeTable, curve
 from .table import Table
 
 Motion = tuple[float, float, float]
+SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
+OFTEN = 2  # of them must differ: one may stand where a motion's u'' jumps
+GOLDEN = (sqrt(5) - 1) / 2  # multiples of it, less whole numbers, fill (0, 1) evenly and meet no grid
+SPACING = 1e-5  # s
 Target = str | tuple[str, str]
 
 
@@ -98,17 +103,35 @@ class Driver(Table):
         Raises:
             InputError: if one of them does not fit.
         """
-        if not isinstance(self.motion, Function):
+        if isinstance(self.motion, Function) and (mistake := self._mistake(t + 1e-3)):
+            raise InputError(mistake)
+
+    def check_run(self, t0: float, t1: float) -> None:
+        """Compare the derivatives of Python functions with difference quotients at 64 times between t0 and t1.
+
+        Raises:
+            StepError: if one of them does not fit at two times or more; the first is named.
+        """
+        length = abs(t1 - t0) - 2 * SPACING
+        if not isinstance(self.motion, Function) or length <= 0:
             return
-        s, e = t + 1e-3, 1e-4
-        before, here, behind = self.follow(s - e), self.follow(s), self.follow(s + e)
+        first = min(t0, t1) + SPACING
+        times = sorted(first + length * (k * GOLDEN % 1.0) for k in range(1, SAMPLES + 1))
+        found = [mistake for mistake in map(self._mistake, times) if mistake]
+        if len(found) >= OFTEN:
+            raise StepError("driver", found[0])
+
+    def _mistake(self, t: float) -> str:
+        """Say which derivative does not fit its function around t; "" if both do."""
+        before, here, behind = self.follow(t - SPACING), self.follow(t), self.follow(t + SPACING)
         for k, what in ((0, "rate"), (1, "acceleration")):
-            quotient = (behind[k] - before[k]) / (2 * e)
+            quotient = (behind[k] - before[k]) / (2 * SPACING)
             if abs(quotient - here[k + 1]) > 1e-3 * (1 + abs(quotient)):
-                raise InputError(
-                    f"the {what} of driver {self.name!r} is {here[k + 1]:.6g} at t = {s:g} s, "
+                return (
+                    f"the {what} of driver {self.name!r} is {here[k + 1]:.6g} at t = {t:g} s, "
                     f"but its function's slope is {quotient:.6g}"
                 )
+        return ""
 
     @classmethod
     def speed(cls, target: Target, rate: float, *, start: float = 0.0, **more: Any) -> "Driver":
@@ -151,8 +174,8 @@ class Driver(Table):
     ) -> "Driver":
         """Python functions of t: u, u' and u''; target as for `speed`.
 
-        Both derivatives are asked for because difference quotients would cost the methods their order. Assembly
-        compares them with difference quotients, to find mistakes.
+        Both derivatives are asked for because difference quotients would cost the methods their order. To find
+        mistakes they are compared with difference quotients, at the start and at 64 times of a run that is done.
         """
         motion = Function(function=u, rate=rate, acceleration=acceleration)
         return cls(motion=motion, **_target(target, more))
