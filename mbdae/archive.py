@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
+from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -136,6 +136,8 @@ def read(path: str | Path) -> dict[str, Any]:
 
 def _content(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """The arrays of a file, and what it says of them."""
+    if Path(path).exists() and not is_zipfile(path):
+        raise BadZipFile("expected a .npz file, as `mbdae run MODEL -o run.npz` or Solution.save writes it")
     with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
         data = {name: file[name] for name in file.files}
     meta = json.loads(str(data.pop("meta")))

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 from types import UnionType
+from typing import Any
 
 
 class MbdaeError(Exception):
@@ -33,6 +34,18 @@ def require(value: object, kind: type | UnionType, what: str) -> None:
     """
     if not isinstance(value, kind):
         raise InputError(f"{what}, got {value!r:.60}")
+
+
+def several(values: Any, what: str) -> list[Any]:
+    """Return an argument that lists names as a list; a bare name is a list of one.
+
+    Raises:
+        InputError: for what cannot be listed: ``what``, and what came.
+    """
+    if isinstance(values, str):
+        return [values]
+    require(values, Iterable, what)
+    return list(values)
 
 
 class UnknownNameError(InputError):

@@ -27,7 +27,7 @@ class Event:
         direction: +1 for zeros where the function rises, -1 where it falls, 0 for both.
 
     Raises:
-        InputError: for another direction.
+        InputError: for what is not a function, and for another direction.
     """
 
     function: Callable[..., float]
@@ -35,6 +35,8 @@ class Event:
     direction: int = 0
 
     def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise InputError(f"an event is a function of (t, q, v), or of (t, y), got {self.function!r:.60}")
         if self.direction not in (-1, 0, 1):
             raise InputError(f"an event's direction is -1, 0 or 1, got {self.direction!r}")
 

@@ -151,6 +151,10 @@ def test_a_damaged_file_is_one_clear_error(sol, tmp_path):
         mbdae.Solution.load(rewritten(good, tmp_path / "edited.npz", settings={}))
     with pytest.raises(InputError, match="no such file"):
         mbdae.Solution.load(tmp_path / "gone.npz")
+    (tmp_path / "press.toml").write_text("source = 'press.urdf'")
+    for other in (tmp_path, tmp_path / "press.toml"):
+        with pytest.raises(InputError, match=r"not a solution .*expected a \.npz file, as .mbdae run MODEL -o"):
+            mbdae.Solution.load(other)
 
 
 def test_files_are_written_whole_or_not_at_all(sol, tmp_path, monkeypatch):

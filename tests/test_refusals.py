@@ -209,6 +209,36 @@ def test_studies_say_what_they_take(call):
 
 def test_a_replay_says_what_it_takes(tmp_path):
     refused(InputError, lambda: mbdae.animate("run", tmp_path / "run.html"), "takes a Solution", "'run'")
+    sol, path = mbdae.solve(mbdae.load("four_bar"), (0, 0.01)), tmp_path / "run.html"
+    refused(InputError, lambda: mbdae.animate(sol, path, ghosts=sol), "ghosts are solutions by name")  # type: ignore[arg-type]
+    refused(InputError, lambda: mbdae.animate(sol, path, ghosts={"other": 3}), "ghost 'other'", "got 3")  # type: ignore[dict-item]
+    for name in ("plots", "traces", "arrows"):
+        refused(InputError, lambda name=name: mbdae.animate(sol, path, **{name: 3}), f"{name} is", "got 3")
+    mbdae.animate(sol, path, plots="q.crank", traces="rocker_tip", arrows="pin")
+    assert path.exists()
+
+
+def test_lists_of_names_say_what_they_take(four_bar):
+    def compare(**more):
+        return lambda: mbdae.compare(four_bar, (0, 0.1), **{"methods": ["pherk5"], "rtol": [1e-3], **more})
+
+    refused(UnknownNameError, compare(methods=[four_bar]), "unknown method", "valid: herk1", "DOP853")
+    refused(InputError, compare(methods=3), "methods is a list of names, got 3")
+    refused(InputError, compare(formulations=3), "formulations is a list of names, got 3")
+    refused(UnknownNameError, compare(reference=[four_bar, "radau9"]), "unknown method", "valid: herk1")
+    refused(InputError, compare(rtol=1e-3), "rtol is a list of numbers, got 0.001")
+    refused(InputError, compare(rtol=None, steps=10), "steps is a list of whole numbers, got 10")
+    refused(InputError, lambda: mbdae.check_order(four_bar, 3), "methods is a list of names, got 3")  # type: ignore[arg-type]
+    assert [p.method for p in compare(methods="herk3", formulations="ggl")().points] == ["ggl:herk3"]
+
+
+def test_values_of_a_table_have_names():
+    words = "JointSpring takes its values by name", "stiffness", "got 'crank', 3.0"
+    refused(InputError, lambda: JointSpring("crank", 3.0), *words)  # type: ignore[call-arg]
+
+
+def test_an_event_is_a_function():
+    refused(InputError, lambda: mbdae.Event(3), "an event is a function", "got 3")  # type: ignore[arg-type]
 
 
 def test_small_gaps_and_words_for_numbers(four_bar):

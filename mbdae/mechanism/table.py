@@ -20,10 +20,13 @@ class _OneLine(ModelMetaclass):
     """Turns pydantic's report about a table written in Python into one line."""
 
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
+        known = sorted(getattr(cls, "model_fields", ()))
+        if args:
+            got = ", ".join(f"{value!r:.40}" for value in args)
+            raise InputError(f"{cls.__name__} takes its values by name, {', '.join(known)}, got {got} without")
         try:
-            return super().__call__(*args, **kwargs)
+            return super().__call__(**kwargs)
         except ValidationError as e:
-            known = sorted(getattr(cls, "model_fields", ()))
             raise InputError(f"{cls.__name__}: {one_line(e, lambda path: known)}") from None
 
 

@@ -28,8 +28,8 @@ def compare(
     q: Array | None = None,
     v: Array | None = None,
     *,
-    methods: Iterable[str | Variant] = METHODS,
-    formulations: Iterable[str] | None = None,
+    methods: str | Iterable[str | Variant] = METHODS,
+    formulations: str | Iterable[str] | None = None,
     rtol: Sequence[float] | None = None,
     steps: Sequence[int] | None = None,
     reference: Sequence[str | Variant] = REFERENCE,
@@ -131,10 +131,12 @@ def _tasks(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequence
     if rtol is not None and steps is not None:
         raise InputError("a comparison takes tolerances or numbers of steps, not both")
     if steps is not None:
+        require(steps, Sequence | np.ndarray, "steps is a list of whole numbers")
         if not len(steps) or any(n < 1 or n != int(n) for n in steps):
             raise InputError(f"steps are whole numbers of at least 1, got {steps!r}")
         return [Task(m, None, n) for m in methods for n in sorted({int(n) for n in steps})]
     chosen = TOLERANCES if rtol is None else rtol
+    require(chosen, Sequence | np.ndarray, "rtol is a list of numbers")
     if not len(chosen) or not all(0 < r < 1 for r in chosen):
         raise InputError(f"rtol holds numbers between 0 and 1, got {rtol!r}")
     return [Task(m, r) for m in methods for r in sorted({float(r) for r in chosen}, reverse=True)]

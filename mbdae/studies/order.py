@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, require
+from ..errors import InputError, require, several
 from ..mechanism import Mechanism
 from ..methods import METHODS
 from ..methods import method as find_method
@@ -137,7 +137,7 @@ def check_order(
         InputError: for wrong T or steps, or no problem.
     """
     require(problem, Problem, "check_order takes a Mechanism (see mbdae.load) or a Hessenberg problem")
-    names = [methods] if isinstance(methods, str) else list(methods or METHODS)
+    names = several(methods or METHODS, "methods is a list of names")
     for name in names:
         find_method(name)
     mech = problem if isinstance(problem, Mechanism) else None

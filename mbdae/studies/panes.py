@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..columns import row_names, signals, units
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError, UnknownNameError, several
 from .figures_run import NAMES
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Pane:
 
 
 def panes(
-    sol: "Solution", plots: Sequence[Plot] | None, own: Mapping[str, Signal], ghosts: Iterable["Solution"] = ()
+    sol: "Solution", plots: str | Sequence[Plot] | None, own: Mapping[str, Signal], ghosts: Iterable["Solution"] = ()
 ) -> list[Pane]:
     """Return the panes of a solution, one for each entry and unit.
 
@@ -81,8 +81,9 @@ class _Group(NamedTuple):
     note: str = ""
 
 
-def _entries(plots: Sequence[Plot] | None) -> list[tuple[str, ...]]:
-    return [(e,) if isinstance(e, str) else tuple(e) for e in ([plots] if isinstance(plots, str) else plots or ())]
+def _entries(plots: str | Sequence[Plot] | None) -> list[tuple[str, ...]]:
+    what = "plots is a list of signals, or of lists of them"
+    return [tuple(several(entry, what)) for entry in several(plots or (), what)]
 
 
 def _defaults(table: Mapping[str, Curve], mech: "Mechanism") -> list[_Group]:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import umsgpack
 
-from ..errors import InputError
+from ..errors import InputError, require
 from ..files import write_whole
 from . import tracks
 from .figures_run import COLOURS
@@ -46,11 +46,11 @@ def animate(
     *,
     fps: float | None = None,
     speed: float = 1.0,
-    plots: Sequence[Plot] | None = None,
+    plots: str | Sequence[Plot] | None = None,
     signals: Mapping[str, Signal] | None = None,
-    traces: Sequence[str] = (),
+    traces: str | Sequence[str] = (),
     ghosts: Mapping[str, "Solution"] | None = None,
-    arrows: bool | Sequence[str] = False,
+    arrows: bool | str | Sequence[str] = False,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Writes a solution as a self-contained HTML page that plays in any browser, or as a video.
@@ -105,11 +105,11 @@ def page(
     *,
     fps: float | None = None,
     speed: float = 1.0,
-    plots: Sequence[Plot] | None = None,
+    plots: str | Sequence[Plot] | None = None,
     signals: Mapping[str, Signal] | None = None,
-    traces: Sequence[str] = (),
+    traces: str | Sequence[str] = (),
     ghosts: Mapping[str, "Solution"] | None = None,
-    arrows: bool | Sequence[str] = False,
+    arrows: bool | str | Sequence[str] = False,
 ) -> str:
     """Returns the page that `animate` writes.
 
@@ -121,6 +121,10 @@ def page(
     for name, value in (("fps", fps), ("speed", speed)):
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} must be a positive number, not {value!r}")
+    require(ghosts or {}, Mapping, "ghosts are solutions by name")
+    for name, ghost in (ghosts or {}).items():
+        if not hasattr(ghost, "mechanism"):
+            raise InputError(f"ghost {name!r} is a Solution (see mbdae.solve), got {ghost!r:.60}")
     mechanism, ghosts = sol.mechanism, ghosts or {}
     times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
     scene = mechanism.scene

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, several
 from ..mechanism.frames import paths
 from .figures_run import COLOURS
 from .panes import resampled
@@ -65,19 +65,20 @@ def _alike(a: "Mechanism", b: "Mechanism") -> bool:
     return a.joint_names == b.joint_names and a.nq == b.nq and np.allclose(p, r)
 
 
-def traces(mechanism: "Mechanism", names: Sequence[str], q: Array) -> list[dict[str, Any]]:
+def traces(mechanism: "Mechanism", names: str | Sequence[str], q: Array) -> list[dict[str, Any]]:
     """Paths of the origins of frames at configurations q (m, nq).
 
     Raises:
         UnknownNameError: for a frame that does not exist.
     """
+    listed = several(names, "traces is a list of frames")
     return [
         {"name": name, "colour": COLOURS[i % len(COLOURS)], "points": typed(track, "float32")}
-        for i, (name, track) in enumerate(zip(names, paths(mechanism.model, names, q), strict=True))
+        for i, (name, track) in enumerate(zip(listed, paths(mechanism.model, listed, q), strict=True))
     ]
 
 
-def arrows(sol: "Solution", names: bool | Sequence[str], times: Array) -> dict[str, Any]:
+def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> dict[str, Any]:
     """Forces of closures on the bodies of their second frames, in N and where they act, (m, 3) each; and the largest.
 
     Raises:
@@ -90,7 +91,8 @@ def arrows(sol: "Solution", names: bool | Sequence[str], times: Array) -> dict[s
     if names is True and not joined:
         raise InputError(f"{sol.mechanism.title!r} has no closures between frames: there are no forces to draw")
     sample = resampled(sol, times)
-    found = [sample.reaction(name) for name in (joined if names is True else names)]
+    chosen = joined if names is True else several(names, "arrows is True, or a list of closures")
+    found = [sample.reaction(name) for name in chosen]
     at = paths(sol.mechanism.model, [joined[r.name][1] for r in found], sample.q)
     forces = [
         {

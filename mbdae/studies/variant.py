@@ -9,8 +9,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from ..baseline import find
-from ..errors import InputError, UnknownNameError
+from ..baseline import SCIPY, find
+from ..errors import InputError, UnknownNameError, several
+from ..methods import METHODS
 
 FORMULATIONS = ("index2", "project", "ggl", "index1", "baumgarte=ALPHA,BETA")
 
@@ -73,18 +74,22 @@ class Variant:
         return {"method": self.method, "formulation": self.formulation, **rest}
 
 
-def variants(methods: Iterable[str | Variant], formulations: Iterable[str] | None = None) -> list[Variant]:
-    """Read a list of methods; those without a formulation of their own take each of ``formulations``.
+def variants(methods: str | Iterable[str | Variant], formulations: str | Iterable[str] | None = None) -> list[Variant]:
+    """Read a list of methods, or one name; those without a formulation of their own take each of ``formulations``.
 
     Raises:
         InputError: for an empty list, or as `Variant`.
+        UnknownNameError: for a formulation or a method that does not exist.
     """
     out: list[Variant] = []
-    for m in methods:
-        if isinstance(m, Variant) or ":" in m:
-            out.append(m if isinstance(m, Variant) else Variant.parse(m))
+    before = several(formulations or "index2", "formulations is a list of names")
+    for m in several(methods, "methods is a list of names"):
+        if isinstance(m, Variant):
+            out.append(m)
+        elif not isinstance(m, str):
+            raise UnknownNameError("method", m, (*METHODS, *SCIPY))
         else:
-            out += [Variant.parse(f"{f}:{m}") for f in formulations or ("index2",)]
+            out += [Variant.parse(m)] if ":" in m else [Variant.parse(f"{f}:{m}") for f in before]
     if not out:
         raise InputError("a comparison needs at least one method")
     return list(dict.fromkeys(out))
