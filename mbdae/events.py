@@ -1,4 +1,4 @@
-"""Events: where functions of time and state change sign, located on the dense output."""
+"""Events: where functions of time and state change sign, located on the dense output; terminal ones on a step."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,11 +8,14 @@ import numpy as np
 from scipy.optimize import brentq
 
 from .errors import InputError
+from .system import Step
 
 Array = np.ndarray
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
 SAME = 1e-10  # s, or relative to t: an event this close to the start is the start, whose state carries rounding
 Evaluate = Callable[[float, Array], float]
+BESIDE = 1e-3  # of a step: how far on either side of an event the slope of its function is taken
+TRIALS = 8  # steps towards a terminal event, of which three or four are needed
 
 
 @dataclass(frozen=True)
@@ -75,18 +78,25 @@ class Watch:
         self._start = (t, y)
         self._last = [self.evaluate(e, t, y) for e in self.events]
 
-    def step(self, t: float, h: float, at: Callable[[float], Array]) -> tuple[float, Array] | None:
-        """Look at a step from t to t + h; return time and point of the first terminal event in it."""
+    def step(self, t: float, h: float, at: Callable[[float], Array]) -> tuple[float, Event] | None:
+        """Look at a step from t to t + h; return the first terminal event in it, behind the share of the step there."""
         hits: list[tuple[float, int]] = []
         for i, event in enumerate(self.events):
             hits += [(theta, i) for theta in self._zeros(i, event, t, h, at)]
+        same, stop = SAME * max(1.0, abs(t)), None
         for theta, i in sorted(hits):
-            begins = t == self._start[0] and theta * abs(h) <= SAME * max(1.0, abs(t))
-            when, y = self._start if begins else (t + theta * h, at(theta))
-            self.found[i].append((when, y))
-            if self.events[i].terminal and not begins:
-                return when, y
-        return None
+            if stop and (theta - stop[0]) * abs(h) > same:
+                break
+            begins = t == self._start[0] and theta * abs(h) <= same
+            self.found[i].append(self._start if begins else (t + theta * h, at(theta)))
+            if self.events[i].terminal and not begins and stop is None:
+                stop = theta, self.events[i]
+        return stop
+
+    def end(self, t: float, y: Array, sign: float) -> None:
+        """Let the run end at (t, y): what was found at that time, or by the dense output beyond it, was found there."""
+        limit = sign * t - SAME * max(1.0, abs(t))
+        self.found = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.found]
 
     def _zeros(self, i: int, event: Event, t: float, h: float, at: Callable[[float], Array]) -> list[float]:
         def value(theta: float) -> float:
@@ -106,3 +116,43 @@ class Watch:
             theta0, g0 = theta1, g1
         self._last[i] = g0
         return zeros
+
+    def land(
+        self,
+        event: Event,
+        theta: float,
+        t: float,
+        h: float,
+        at: Callable[[float], Array],
+        take: Callable[[float], Step],
+    ) -> tuple[float, Step]:
+        """Return the share of a step from t to t + h at which the event is on the method's own steps, and that step.
+
+        The dense output, of one order less, gives the start and the slope for secants; where they lead nowhere (an
+        event that jumps) the start stays.
+
+        Args:
+            event: the event.
+            theta: where it is on the dense output.
+            t: start of the step.
+            h: its size.
+            at: the dense output.
+            take: takes a share of the step anew.
+
+        Raises:
+            StepError: if a shorter step cannot be taken.
+        """
+        low, high = max(0.0, theta - BESIDE), min(1.0, theta + BESIDE)
+        rise = self.evaluate(event, t + high * h, at(high)) - self.evaluate(event, t + low * h, at(low))
+        slope, step = rise / (high - low), take(theta)
+        miss = self.evaluate(event, t + theta * h, step.state.y)
+        for _ in range(TRIALS):
+            nearer = theta - miss / slope if slope else theta
+            if nearer == theta or not 0 < nearer <= 1:
+                break
+            trial = take(nearer)
+            left = self.evaluate(event, t + nearer * h, trial.state.y)
+            if not abs(left) < abs(miss):
+                break
+            slope, theta, miss, step = (left - miss) / (nearer - theta), nearer, left, trial
+        return theta, step

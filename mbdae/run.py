@@ -128,12 +128,12 @@ class Run:
             self.ts.extend(ts)
             self.t, self.state = ts[-1], state
 
-    def end_at(self, t: float, y: Array) -> None:
-        """Replace the last step's end by an event inside it; leave the step out if the event is at its start."""
-        if t == self.ts[-2]:
-            del self.ts[-1:], self.ys[-1:], self.zs[-1:]
-        self.t, self.ts[-1], self.ys[-1] = t, t, y
-        self.zs[-1] = self.system.derivative(t, y)[1]
+    def take_back(self, state: State) -> None:
+        """Forget the last step, which started from a state."""
+        del self.ts[-1:], self.ys[-1:], self.zs[-1:]
+        self.t, self.state = self.ts[-1], state
+        self.in_use = self.record().in_use = [(i, rows) for i, rows in self.in_use if i < len(self.ts)]
+        self.system.hold(self.in_use[-1][1])
 
     def record(self) -> Solution:
         """The run so far as a solution that shares the lists: its dense output serves the events."""

@@ -10,7 +10,7 @@ import numpy as np
 from .baseline import Scipy, find
 from .doubts import doubts
 from .errors import InputError, StepError, require
-from .events import Watch, as_events
+from .events import Event, Watch, as_events
 from .jumps import Jumps
 from .march import Core, bind
 from .mechanism import Compiled, Mechanism
@@ -156,16 +156,17 @@ def _march(run: "Run", pace: "Pace", watch: Watch, max_steps: int | None, progre
         left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
         if left is not None and left <= 0:
             raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
-        before = len(run.ts)
+        before, start = len(run.ts), run.state
         leapt = run.singular is not None and run.singular.leap(run)
         if not leapt and not (run.core and run.core.advance(run, pace, 1 if watch.events else left)):
             _one(run, pace)
         if len(run.ts) == before:
             continue
         if watch.events:
-            stop = watch.step(run.ts[-2], run.t - run.ts[-2], run.record().dense(len(run.ts) - 2))
+            at = run.record().dense(len(run.ts) - 2)
+            stop = watch.step(run.ts[-2], run.t - run.ts[-2], at)
             if stop:
-                run.end_at(*stop)
+                _end(run, pace, watch, None if leapt else start, at, *stop)
                 return True
         if run.t == run.leg.end and run.leg.restart is not None:
             run.cross(run.leg.restart)
@@ -195,6 +196,33 @@ def _one(run: "Run", pace: "Pace") -> None:
     run.accept(t_next, step._replace(state=run.restored(t_next, step.state)) if run.project else step)
     if run.singular:
         run.singular.step(run, run.to_go() == 0)
+
+
+def _end(
+    run: "Run", pace: "Pace", watch: Watch, start: State | None, at: Callable[[float], Array], theta: float, event: Event
+) -> None:
+    """End in a terminal event with a step of the method from a start: closures hold there as at any other node.
+
+    Where no shorter step can be taken, or none led there (start is None), it is the point of the dense output, projected
+    on the closures; with scipy's solvers, whose nodes do not meet the closures either, the point as it is.
+    """
+    t, h = run.ts[-2], run.t - run.ts[-2]
+    run.take_back(start or State(run.ys[-2]))
+
+    def take(share: float) -> Step:
+        step = pace.take(run, share * h)
+        return step._replace(state=run.restored(t + share * h, step.state)) if run.project else step
+
+    step = None
+    if start and not isinstance(pace, Scipy):
+        with suppress(StepError):
+            theta, step = watch.land(event, theta, t, h, at, take)
+    if step is None:
+        y = at(theta) if isinstance(pace, Scipy) else run.system.restore(t + theta * h, at(theta))
+        step = Step(State(y), run.system.derivative(t + theta * h, y)[1], np.empty(0))
+    if t + theta * h != t:
+        run.accept(t + theta * h, step)
+    watch.end(run.t, run.ys[-1], run.sign)
 
 
 def _report(

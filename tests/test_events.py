@@ -60,3 +60,55 @@ def test_functions_with_attributes_as_in_scipy():
     sol = run(events=ground)
     assert sol.status == "event"
     assert abs(sol.q[-1][2] + 0.5) < 1e-12
+
+
+@pytest.mark.parametrize("name", mbdae.model_names())
+@pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}], ids=str)
+def test_closures_hold_in_a_terminal_event(name, options):
+    """The event: the fastest coordinate passes the place that it has at three fifths of the span."""
+    mech, options = mbdae.load(name), {"rtol": 1e-4, **options}
+    system, end = mech.system(), min(mech.duration, 0.15)
+    plain = mbdae.solve(mech, (0, end), **options)
+    place, speed = plain(0.6 * end)
+    k = int(np.abs(speed).argmax())
+    passage = mbdae.Event(lambda t, q, v: mech.manifold.difference(place, q)[k], terminal=True)
+    sol = mbdae.solve(mech, (0, end), events=passage, **options)
+    assert sol.status == "event"
+
+    def open_by(sol, i):
+        return np.array([np.abs(r).max(initial=0) for r in system.residual(sol.t[i], sol.q[i], sol.v[i])])
+
+    after = int(np.searchsorted(plain.t, sol.t[-1]))
+    usual = 2 * np.maximum(open_by(plain, after - 1), open_by(plain, after))
+    usual[1] *= sum(sol.redundant.values()) > 0  # positions drift, and where they do rows depend only nearly
+    met = np.array([1e-13, 1e-12 * (1 + np.abs(sol.v[-1]).max())])
+    assert (open_by(sol, -1) <= met + (usual if len(options) == 1 else 0)).all()
+    assert mbdae.solve(mech, (sol.t[-1], end), sol.q[-1], sol.v[-1], sol.s[-1], **options).success
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize(("method", "order"), [("herk3", 3), ("pherk4", 4), ("pherk5", 5), ("radau5", 5)])
+def test_the_time_of_a_terminal_event_has_the_order_of_the_method(method, order):
+    lowest, errors = mbdae.Event(lambda t, q, v: q[0], terminal=True), []
+    for n in (20, 40, 80):
+        sol = mbdae.solve(mbdae.load("pendulum"), (0, 0.7), method=method, step=0.7 / n, events=lowest)
+        assert abs(sol.q[-1][0]) < 1e-14
+        errors.append(abs(sol.t[-1] - QUARTER))
+    slopes = -np.diff(np.log2(errors))
+    assert (slopes > order - 0.35).all(), (errors, slopes)
+
+
+@pytest.mark.usefixtures("back_end")
+def test_all_events_at_the_time_of_a_terminal_one_are_listed():
+    ends = mbdae.Event(lambda t, q, v: q[0], terminal=True)
+    sol = run(events=[ends, lambda t, q, v: 2 * q[0], lambda t, q, v: q[0] * (1 + t), lambda t, q, v: t - 0.7])
+    assert [len(t) for t, _ in sol.events] == [1, 1, 1, 0]
+    for t, y in sol.events[:3]:
+        assert t[0] == sol.t[-1]
+        np.testing.assert_array_equal(y[0], sol.y[-1])
+
+
+def test_a_jumping_function_ends_a_run_where_it_jumps():
+    sol = run(events=mbdae.Event(lambda t, q, v: -1.0 if t < 0.3 else 1.0, terminal=True))
+    assert sol.status == "event"
+    assert sol.t[-1] == pytest.approx(0.3, abs=1e-12)
