@@ -283,6 +283,8 @@ class Adaptive:
 
         d0, d1 = norm(s.size(y)), norm(F)
         h0 = min(1e-6 if min(d0, d1) < 1e-5 else 0.01 * d0 / d1, run.left())
+        if not h0 > 0:  # the rates overflow: the smallest step shows what there is to see
+            return 0.0
         F1 = s.derivative(run.t + run.sign * h0, s.add(y, run.sign * h0 * F))[0]
         d2 = norm(F1 - F) / h0
         steepest = max(d1, d2)

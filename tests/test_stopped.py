@@ -220,3 +220,11 @@ def test_a_run_that_explodes_says_so_once(model, options):
     """Numbers overflow on the way: the status tells, not warnings of numpy."""
     sol = consistent(mbdae.solve(mbdae.load(model), (0, 50), **options))
     assert sol.status == "nonfinite"
+
+
+@pytest.mark.parametrize("options", [{}, {"backend": "python"}, {"method": "radau5"}, {"step": 1e-3}])
+def test_a_start_whose_accelerations_overflow_is_a_status(four_bar, options):
+    q, v = four_bar.assemble(v={"crank": 1e150})
+    sol = mbdae.solve(four_bar, (0, 1), q, v, **options)
+    assert sol.status in ("nonfinite", "newton")
+    assert len(sol.t) == 1
