@@ -1,5 +1,7 @@
 """Figures: units on the axes, legends beside the data, one look per method, nothing drawn that is not known."""
 
+from dataclasses import replace
+
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from mbdae.studies.comparison import Comparison, Point
 from mbdae.studies.drift import history
 from mbdae.studies.figures_run import drifts, motion
 from mbdae.studies.figures_study import convergence, work_precision
+from mbdae.studies.figures_sweep import spread
 from mbdae.studies.order import OrderStudy, Slope
 
 NAMES = ("pherk5", "ggl:pherk5", "herk3", "index1:DOP853")
@@ -200,3 +203,26 @@ def test_panels_by_unit():
     figure = motion(mbdae.solve(mech, (0, 0.5)))
     labels = [ax.get_ylabel() for ax in figure.axes]
     assert labels[:4] == ["angles (rad)", "positions (m)", "turning rates (rad/s)", "speeds (m/s)"]
+
+
+def test_dollars_in_names_are_dollars(tmp_path, four_bar):
+    title = r"press $5_^ to \$ 7$ $\frac"
+    mech = mbdae.Mechanism(four_bar.model, four_bar.closures, start=four_bar.start_values, title=title)
+    sol = mbdae.solve(mech, (0, 0.1), rtol=1e-3)
+
+    def last(sol):
+        return {title: float(sol.q[-1, 0])}
+
+    runs = [{"start.q.crank": x} for x in (1.1, 1.2)]
+    grid = mbdae.sweep("four_bar", runs, 0.1, outputs=[last], executor="threads", rtol=1e-3)
+    drawings = (
+        motion(sol),
+        drifts([history(sol)] * 2),
+        work_precision(replace(comparison(), title=title)),
+        convergence(replace(orders(), title=title)),
+        spread(grid, title),
+    )
+    for i, figure in enumerate(drawings):
+        figures.save(figure, tmp_path / f"{i}.svg")
+    for figure in drawings[:4]:
+        assert title in figure._suptitle.get_text().replace(r"\$", "$")

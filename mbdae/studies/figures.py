@@ -109,6 +109,11 @@ def sheet(width: float, height: float) -> "Figure":
     return Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.06))
 
 
+def plain(text: str) -> str:
+    """A text of the user's, in which dollars are dollars and begin no formula."""
+    return text.replace("$", r"\$")
+
+
 def logarithmic(axis: "Axis", labels: int = 9) -> None:
     """A logarithmic axis with at most so many labels, at powers of ten; more where it spans about one."""
     from matplotlib.ticker import LogFormatterSciNotation, LogLocator

@@ -8,7 +8,7 @@ import numpy as np
 from ..columns import units
 from ..solution import Solution
 from .drift import History
-from .figures import WIDTH, beside, logarithmic, look, settled, sheet
+from .figures import WIDTH, beside, logarithmic, look, plain, settled, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ def motion(sol: Solution) -> "Figure":
     axes = np.atleast_1d(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
     for ax, (u, names) in zip(axes, groups.items(), strict=False):
         for i, name in enumerate(names):
-            ax.plot(sol.t, signals[name], label=name, **_own(i))
+            ax.plot(sol.t, signals[name], label=plain(name), **_own(i))
         ax.set_ylabel(f"{NAMES[u]} ({u})" if u != "1" else NAMES[u])
         beside(ax, labelspacing=0.3)
     for name, label, style in (("g", "$|g|$ (m, rad)", "-"), ("Gv", "$|G v|$ (m/s, rad/s)", ":")):
@@ -46,7 +46,7 @@ def motion(sol: Solution) -> "Figure":
     axes[-1].set_xlabel("$t$ (s)")
     axes[-1].set_xlim(sol.t[0], sol.t[-1])
     figure.align_ylabels(axes)
-    figure.suptitle(f"{sol.mechanism.title}, {sol.settings.get('method', '')}", fontsize=9)
+    figure.suptitle(plain(f"{sol.mechanism.title}, {sol.settings.get('method', '')}"), fontsize=9)
     return figure
 
 
@@ -64,14 +64,14 @@ def drifts(runs: Sequence[History]) -> "Figure":
         style = look(run.method) | ({} if apart else _own(i))
         label = run.label if len(titles) == 1 else f"{run.title}: {run.label}"
         for ax, values in ((top, run.g), (bottom, run.energy)):
-            _line(ax, run.t, values, (i + 0.5) / len(runs), label=label, **style)
+            _line(ax, run.t, values, (i + 0.5) / len(runs), label=plain(label), **style)
     top.set_ylabel("max $|g|$ (m, rad)")
     bottom.set_ylabel("$|E - E_0 - W|$ / scale")
     bottom.set_xlabel("$t$ (s)")
     bottom.set_xlim(min(run.t[0] for run in runs), max(run.t[-1] for run in runs))
     figure.align_ylabels([top, bottom])
     beside(top)
-    figure.suptitle(f"Drift of {', '.join(titles)}", fontsize=9)
+    figure.suptitle(plain(f"Drift of {', '.join(titles)}"), fontsize=9)
     return figure
 
 

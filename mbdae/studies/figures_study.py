@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .comparison import Comparison, Point, Quantity
-from .figures import WIDTH, beside, logarithmic, look, settled, sheet
+from .figures import WIDTH, beside, logarithmic, look, plain, settled, sheet
 from .order import OrderStudy, Slope
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def work_precision(result: Comparison, quantity: Quantity = "q") -> "Figure":
         axes[0].text(0.02, 0.02, "not known by the reference", transform=axes[0].transAxes, fontsize=7, color="0.35")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     t0, t1 = result.t_span
-    figure.suptitle(f"{result.title}, {t0:g} to {t1:g} s", fontsize=9)
+    figure.suptitle(plain(f"{result.title}, {t0:g} to {t1:g} s"), fontsize=9)
     return figure
 
 
@@ -87,7 +87,8 @@ def convergence(study: OrderStudy) -> "Figure":
         ax.set_xlabel("step $h$ (s)")
         ax.set_ylabel(f"error of {AXES.get(quantities[k], quantities[k])}")
         beside(ax, title="observed (claimed)", title_fontsize=7.5, alignment="left", handlelength=1.0)
-    figure.suptitle(f"{study.title}, T = {study.T:g} s; lines: fitted slopes, dotted: claimed", fontsize=9)
+    title = f"{study.title}, T = {study.T:g} s; lines: fitted slopes, dotted: claimed"
+    figure.suptitle(plain(title), fontsize=9)
     return figure
 
 

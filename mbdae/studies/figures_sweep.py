@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError, UnknownNameError
-from .figures import WIDTH, settled, sheet
+from .figures import WIDTH, plain, settled, sheet
 from .sweep_table import Sweep
 
 if TYPE_CHECKING:
@@ -43,10 +43,10 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
     panels = list(axes.flat)
     for ax, parameter in zip(panels, parameters, strict=False):
         ax.plot(sweep[parameter][known], y[known], ".", color=COLOURS[0], markersize=3, alpha=0.7)
-        ax.set_xlabel(parameter)
+        ax.set_xlabel(plain(parameter))
         ax.locator_params(axis="x", nbins=3)
     for row in axes:
-        row[0].set_ylabel(name)
+        row[0].set_ylabel(plain(name))
     last = panels[len(parameters)]
     last.hist(y[known], bins="sqrt", color=COLOURS[0], orientation="horizontal")
     last.axhline(y[known].mean(), color=COLOURS[1], linewidth=1.2)
@@ -54,5 +54,6 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
     for ax in panels[len(parameters) + 1 :]:
         ax.set_visible(False)
     failed = "" if known.all() else f", {(~known).sum()} without a value"
-    figure.suptitle(f"{sweep.meta['manifest']['model']}: {len(sweep)} runs{failed}", fontsize=9)
+    title = f"{sweep.meta['manifest']['model']}: {len(sweep)} runs{failed}"
+    figure.suptitle(plain(title), fontsize=9)
     return figure
