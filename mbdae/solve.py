@@ -1,6 +1,7 @@
 """The only time loop: step, accept or reject, record, look for events."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from numbers import Real
 from time import perf_counter
 from typing import Any
@@ -19,7 +20,7 @@ from .pace import Adaptive, Fixed, Pace
 from .run import Run
 from .singular import SingularWatch
 from .solution import STATUS, Problem, Solution, event_value
-from .system import Array
+from .system import Array, State, Step
 
 Progress = Callable[[float], None]
 
@@ -199,12 +200,12 @@ def _one(run: "Run", pace: "Pace") -> None:
 
 
 def _end(
-    run: "Run", pace: "Pace", watch: Watch, start: State | None, at: Callable[[float], Array], theta: float, event: Event
+    run: Run, pace: Pace, watch: Watch, start: State | None, at: Callable[[float], Array], theta: float, event: Event
 ) -> None:
     """End in a terminal event with a step of the method from a start: closures hold there as at any other node.
 
-    Where no shorter step can be taken, or none led there (start is None), it is the point of the dense output, projected
-    on the closures; with scipy's solvers, whose nodes do not meet the closures either, the point as it is.
+    Where no shorter step can be taken, or none led there (start is None), it is the point of the dense output,
+    projected on the closures; with scipy's solvers, whose nodes do not meet the closures either, the point as it is.
     """
     t, h = run.ts[-2], run.t - run.ts[-2]
     run.take_back(start or State(run.ys[-2]))
