@@ -10,6 +10,7 @@ from .jumps import Jumps
 from .rows import Rows
 from .singular import SingularWatch
 from .solution import Problem, Solution
+from .stiffness import StiffnessWatch
 from .system import Array, State, Step, System
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ class Run:
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
         self.pace: Pace
         self.singular: SingularWatch | None = None
+        self.stiffness: StiffnessWatch | None = None
         self.core: Core | None = None
         self._record: Solution | None = None
 

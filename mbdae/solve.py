@@ -1,7 +1,7 @@
 """The only time loop: step, accept or reject, record, look for events."""
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from dataclasses import asdict
 from numbers import Real
 from time import perf_counter
 from typing import Any
@@ -9,18 +9,20 @@ from typing import Any
 import numpy as np
 
 from .baseline import Scipy, find
-from .doubts import doubts
+from .ending import end_in_event, report
 from .errors import InputError, StepError, require
-from .events import Event, Watch, as_events
+from .events import Watch, as_events
 from .jumps import Jumps
 from .march import Core, bind
 from .mechanism import Compiled, Mechanism
 from .mechanism.descriptor import Descriptor
+from .methods import Tableau
 from .pace import Adaptive, Fixed, Pace
 from .run import Run
 from .singular import SingularWatch
 from .solution import STATUS, Problem, Solution, event_value
-from .system import Array, State, Step
+from .stiffness import StiffnessWatch
+from .system import Array
 
 Progress = Callable[[float], None]
 
@@ -110,6 +112,8 @@ def solve(
         pace = Fixed(step, t0, t1)
     else:
         pace = Adaptive(tableau.error_power, rtol, atol, first_step, max_step)
+        if isinstance(system, Descriptor) and isinstance(tableau, Tableau):
+            run.stiffness = StiffnessWatch(tableau, pace)
     run.pace = pace
     if isinstance(system, Descriptor) and system.ng:
         controlled = pace if isinstance(pace, Adaptive) and formulation != "index1" else None
@@ -138,7 +142,7 @@ def solve(
     settings = {"method": method, "formulation": formulation, "project": project, "baumgarte": baumgarte}
     settings |= {"t_span": [t0, t1], **pace.settings(), "dense_order": max(1, order - 1)}
     seconds = perf_counter() - started
-    stats = {
+    stats: dict[str, Any] = {
         "steps": run.steps,
         "rejected": run.rejected,
         **run.system.counts.to_dict(),
@@ -147,7 +151,10 @@ def solve(
     }
     if fallback:
         stats["fallback"] = fallback
-    return _report(run, watch, status, message, stats, settings, times)
+    if run.stiffness and run.stiffness.found:
+        stats["stiff"] = asdict(run.stiffness.found)
+        message = f"{message}; {run.stiffness.found}"
+    return report(run, watch, status, message, stats, settings, times)
 
 
 def _march(run: "Run", pace: "Pace", watch: Watch, max_steps: int | None, progress: Progress | None) -> bool:
@@ -163,17 +170,21 @@ def _march(run: "Run", pace: "Pace", watch: Watch, max_steps: int | None, progre
             _one(run, pace)
         if len(run.ts) == before:
             continue
+        if run.stiffness:
+            run.stiffness.look(run)
         if watch.events:
             at = run.record().dense(len(run.ts) - 2)
             stop = watch.step(run.ts[-2], run.t - run.ts[-2], at)
             if stop:
-                _end(run, pace, watch, None if leapt else start, at, *stop)
+                end_in_event(run, pace, watch, None if leapt else start, at, *stop)
                 return True
         if run.t == run.leg.end and run.leg.restart is not None:
             run.cross(run.leg.restart)
             pace.restart()
             if run.singular:
                 run.singular.restart(len(run.ts) - 1)
+            if run.stiffness:
+                run.stiffness.restart(len(run.ts) - 1)
         if progress:
             progress(1 - run.to_go() / total)
     return False
@@ -197,63 +208,6 @@ def _one(run: "Run", pace: "Pace") -> None:
     run.accept(t_next, step._replace(state=run.restored(t_next, step.state)) if run.project else step)
     if run.singular:
         run.singular.step(run, run.to_go() == 0)
-
-
-def _end(
-    run: Run, pace: Pace, watch: Watch, start: State | None, at: Callable[[float], Array], theta: float, event: Event
-) -> None:
-    """End in a terminal event with a step of the method from a start: closures hold there as at any other node.
-
-    Where no shorter step can be taken, or none led there (start is None), it is the point of the dense output,
-    projected on the closures; with scipy's solvers, whose nodes do not meet the closures either, the point as it is.
-    """
-    t, h = run.ts[-2], run.t - run.ts[-2]
-    run.take_back(start or State(run.ys[-2]))
-
-    def take(share: float) -> Step:
-        step = pace.take(run, share * h)
-        return step._replace(state=run.restored(t + share * h, step.state)) if run.project else step
-
-    step = None
-    if start and not isinstance(pace, Scipy):
-        with suppress(StepError):
-            theta, step = watch.land(event, theta, t, h, at, take)
-    if step is None:
-        y = at(theta) if isinstance(pace, Scipy) else run.system.restore(t + theta * h, at(theta))
-        step = Step(State(y), run.system.derivative(t + theta * h, y)[1], np.empty(0))
-    if t + theta * h != t:
-        run.accept(t + theta * h, step)
-    watch.end(run.t, run.ys[-1], run.sign)
-
-
-def _report(
-    run: Run, watch: Watch, status: str, message: str, stats: dict, settings: dict, times: Array | None
-) -> Solution:
-    n = len(run.ts)
-    t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
-    hits = [[(w, p) for w, p in hits if (w - t[-1]) * run.sign <= 0] for hits in watch.found]
-    found = [(np.array([w for w, _ in some]), np.array([p for _, p in some])) for some in hits]
-    passed = run.singular.found if run.singular else []
-    rows = [(i, rows) for i, rows in run.in_use if i < n]
-    rest: dict[str, Any] = {"events": found, "singular": passed, "in_use": rows}
-    full = Solution(run.problem, t, y, z, status, message, stats, settings, **rest)
-    if full.success and isinstance(run.system, Descriptor) and (words := doubts(full, run.system)):
-        full.status, full.message = status, message = "doubtful", words
-    if times is None:
-        return full
-    reached = times[(times - t[-1]) * run.sign <= 0]
-    read: list[Array] = []
-    try:
-        for point in full.points(reached):
-            read.append(point)
-    except StepError as e:  # a method without a stage there may end a step where the forces fail
-        if full.success:
-            status, message = e.status, f"t_eval cannot be read: {e}"
-    reached, points = reached[: len(read)], np.array(read).reshape(len(read), y.shape[1])
-    own = np.array([np.interp(run.sign * reached, run.sign * t, column) for column in z.T]).T.reshape(
-        len(reached), z.shape[1]
-    )
-    return Solution(run.problem, reached, points, own, status, message, stats, settings, (t, y, z), **rest)
 
 
 def _projected(problem: Problem, project: bool | str, formulation: str, step: float | None) -> bool:
