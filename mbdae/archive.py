@@ -15,7 +15,7 @@ from zipfile import BadZipFile, is_zipfile
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from .errors import InputError
+from .errors import STATUS, InputError
 from .files import write_whole
 from .mechanism import Singular, describe, restore
 from .mechanism.table import one_line
@@ -154,6 +154,8 @@ def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, A
         _check_arrays(data[t], data[y], data[z], width, mechanism.ng)
     if not len(data["t"]) and not len(data["steps_t"]):
         raise ValueError("the run has no times")
+    if run.status not in STATUS:
+        raise ValueError(f"status {run.status!r}; known: {', '.join(STATUS)}")
     if any(not 0 <= k < mechanism.ng for _, rows in run.in_use for k in rows):
         raise ValueError("rows are in use that the mechanism does not have")
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None

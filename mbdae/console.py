@@ -33,7 +33,9 @@ formulation_option = click.option(
     show_default=True,
     help="index2; ggl: positions of closures kept too; index1: accelerations, -m RK45, DOP853, Radau or LSODA.",
 )
-project_option = click.option("--project", is_flag=True, help="Bring the state back to the closures after each step.")
+project_option = click.option(
+    "--project/--no-project", default=None, help="Bring the state back to the closures after each step, or not."
+)
 backend_option = click.option(
     "--backend", type=click.Choice(BACKENDS), default="auto", show_default=True, help="The compiled core, or Python."
 )
@@ -85,6 +87,7 @@ def simulate(
         raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
     with bar(method, 1.0) as tell:
         rtol = RTOL if rtol is None else rtol
+        options["project"] = "auto" if options.get("project") is None else options["project"]
         return solve(mech, span(mech, end), method=method, progress=tell, rtol=rtol, step=step, **options)
 
 

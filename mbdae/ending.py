@@ -10,10 +10,12 @@ from .baseline import Scipy
 from .doubts import doubts
 from .errors import StepError
 from .events import Event, Watch
+from .mechanism import Mechanism
 from .mechanism.descriptor import Descriptor
+from .mechanism.user import called, checked, function_name
 from .pace import Pace
 from .run import Run
-from .solution import Solution
+from .solution import Problem, Solution
 from .system import Array, State, Step
 
 
@@ -73,3 +75,15 @@ def report(
         len(reached), z.shape[1]
     )
     return Solution(run.problem, reached, points, own, status, message, stats, settings, (t, y, z), **rest)
+
+
+def event_value(problem: Problem, event: Event, t: float, y: Array) -> float:
+    """Evaluate an event function.
+
+    Raises:
+        StepError: if it fails or does not return a finite number.
+    """
+    what, parts = f"event {function_name(event.function)!r}", [y]
+    if isinstance(problem, Mechanism):
+        parts = [y[: problem.nq], y[problem.nq : problem.nq + problem.nv]]
+    return float(checked(called(what, event.function, t, *parts), (), t, what))

@@ -5,6 +5,22 @@ from difflib import get_close_matches
 from types import UnionType
 from typing import Any
 
+STATUS = {
+    "finished": "the end of the time span was reached",
+    "event": "a terminal event occurred",
+    "doubtful": "the end was reached, but the motion cannot be trusted",
+    "interrupted": "stopped by the user",
+    "step_size": "the step size became too small",
+    "max_steps": "the largest number of steps was reached",
+    "nonfinite": "a value was not finite",
+    "newton": "Newton's method did not converge",
+    "singular": "a linear system was singular",
+    "rank": "the rank of the closures changed",
+    "driver": "a driver is not defined there, or its derivatives do not fit",
+    "force": "a force law or an event function failed",
+    "chart": "a joint turned too far within one step",
+}
+
 
 class MbdaeError(Exception):
     """Base of every error that mbdae raises on purpose; its text is one line that names the thing."""
@@ -81,7 +97,7 @@ class StepError(MbdaeError):
     """A step could not be taken; `solve` turns it into a status and keeps what was computed.
 
     Attributes:
-        status: short name of the reason, one of `mbdae.solution.STATUS`.
+        status: short name of the reason, one of `mbdae.errors.STATUS`.
     """
 
     def __init__(self, status: str, message: str) -> None:

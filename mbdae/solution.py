@@ -14,27 +14,10 @@ from .archive import read, write
 from .between import at_once
 from .columns import signals
 from .errors import InputError, StepError
-from .events import Event
 from .mechanism import Compiled, Effort, Mechanism, NotCompiled, Reaction, Singular, effort, reaction, redundant
-from .mechanism.user import called, checked, function_name
 from .textbook import Hessenberg
 
 Array = np.ndarray
-STATUS = {
-    "finished": "the end of the time span was reached",
-    "event": "a terminal event occurred",
-    "doubtful": "the end was reached, but the motion cannot be trusted",
-    "interrupted": "stopped by the user",
-    "step_size": "the step size became too small",
-    "max_steps": "the largest number of steps was reached",
-    "nonfinite": "a value was not finite",
-    "newton": "Newton's method did not converge",
-    "singular": "a linear system was singular",
-    "rank": "the rank of the closures changed",
-    "driver": "a driver is not defined there, or its derivatives do not fit",
-    "force": "a force law or an event function failed",
-    "chart": "a joint turned too far within one step",
-}
 
 
 class Sample(NamedTuple):
@@ -53,7 +36,7 @@ class Solution:
         t: times of the accepted steps or of ``t_eval``, (n,).
         y: points, (n, ...): (q, v, s, w) of a mechanism. At a jump there are two, the second just after the first.
         z_own: the method's own multipliers at t, (n, nz).
-        status: one of `STATUS`; ``"finished"`` and ``"event"`` are successes.
+        status: one of `mbdae.errors.STATUS`; ``"finished"`` and ``"event"`` are successes.
         message: one line.
         stats: counts of steps, rejections, evaluations, solves, and seconds.
         settings: method, tolerances and steps that were used.
@@ -302,10 +285,7 @@ class Solution:
         Raises:
             InputError: for a missing or damaged file.
         """
-        found = read(path)
-        if found["status"] not in STATUS:
-            raise InputError(f"{path} is damaged: status {found['status']!r}; known: {', '.join(STATUS)}")
-        return cls(**found)
+        return cls(**read(path))
 
     def __repr__(self) -> str:
         title = getattr(self.problem, "title", "?")
@@ -319,15 +299,3 @@ class Solution:
 
 
 Problem = Mechanism | Hessenberg
-
-
-def event_value(problem: Problem, event: Event, t: float, y: Array) -> float:
-    """Evaluate an event function.
-
-    Raises:
-        StepError: if it fails or does not return a finite number.
-    """
-    what, parts = f"event {function_name(event.function)!r}", [y]
-    if isinstance(problem, Mechanism):
-        parts = [y[: problem.nq], y[problem.nq : problem.nq + problem.nv]]
-    return float(checked(called(what, event.function, t, *parts), (), t, what))

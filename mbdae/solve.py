@@ -9,22 +9,24 @@ from typing import Any
 import numpy as np
 
 from .baseline import Scipy, find
-from .ending import end_in_event, report
-from .errors import InputError, StepError, require
+from .ending import end_in_event, event_value, report
+from .errors import STATUS, InputError, StepError, require
 from .events import Watch, as_events
 from .jumps import Jumps
 from .march import Core, bind
 from .mechanism import Compiled, Mechanism
+from .mechanism.assemble import START
 from .mechanism.descriptor import Descriptor
 from .methods import Tableau
 from .pace import Adaptive, Fixed, Pace
 from .run import Run
 from .singular import SingularWatch
-from .solution import STATUS, Problem, Solution, event_value
+from .solution import Problem, Solution
 from .stiffness import StiffnessWatch
 from .system import Array
 
 Progress = Callable[[float], None]
+DRIFTED = 100.0  # times rtol: how far loops may stand open at the start, as after a run that let them drift
 
 
 def solve(
@@ -104,7 +106,7 @@ def solve(
     times = None if t_eval is None else _times(t_eval, t0, t1)
     system, fallback = bind(problem, tableau, formulation, baumgarte, backend)
     ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
-    run = Run(problem, tableau, t0, ahead, problem.point(q, v, t0, s), system, project)
+    run = Run(problem, tableau, t0, ahead, _start(problem, q, v, t0, s, None if step else rtol), system, project)
     pace: Pace
     if formulation == "index1":
         pace = Scipy(tableau, run.system, step, rtol, atol, first_step, max_step)
@@ -208,6 +210,14 @@ def _one(run: "Run", pace: "Pace") -> None:
     run.accept(t_next, step._replace(state=run.restored(t_next, step.state)) if run.project else step)
     if run.singular:
         run.singular.step(run, run.to_go() == 0)
+
+
+def _start(problem: Problem, q: Any, v: Any, t: float, s: Any, rtol: Any) -> Array:
+    """The start; under step-size control loops may stand open as after a run that let them drift."""
+    drifted = DRIFTED * float(rtol) if isinstance(rtol, Real) else 0.0
+    if isinstance(problem, Mechanism):
+        return problem.point(q, v, t, s, max(START, drifted))
+    return problem.point(q, v, t, s)
 
 
 def _projected(problem: Problem, project: bool | str, formulation: str, step: float | None) -> bool:

@@ -204,8 +204,8 @@ def close_velocity(system: "Descriptor", q: Array, v: Array, held: Array, t: flo
     return v
 
 
-def refuse_inconsistent(mech: "Mechanism", q: Array, v: Array, t: float) -> None:
-    """Refuse a start at time t that leaves a closure or a driver open by more than 1e-6.
+def refuse_inconsistent(mech: "Mechanism", q: Array, v: Array, t: float, most: float = START) -> None:
+    """Refuse a start at time t that leaves a closure or a driver open by more than ``most``, 1e-6 when left out.
 
     Raises:
         InputError: names the closure that is open the most, and by how much.
@@ -213,7 +213,7 @@ def refuse_inconsistent(mech: "Mechanism", q: Array, v: Array, t: float) -> None
     if not mech.ng:
         return
     g, Gv = mech.residual(q, v, t)
-    for residual, per, allowed in ((g, "", START), (Gv, "/s", START * (1 + np.abs(v).max()))):
+    for residual, per, allowed in ((g, "", most), (Gv, "/s", most * (1 + np.abs(v).max()))):
         gap = widest(mech, residual, per)
         if gap.size > allowed:
             raise InputError(

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import InputError, UnknownNameError
-from .assemble import assemble, refuse_inconsistent
+from .assemble import START, assemble, refuse_inconsistent
 from .closures import Closure
 from .compiled import Compiled
 from .constraints import Constraints, anchors
@@ -88,13 +88,8 @@ class Mechanism:
             raise InputError("mimic joints are not supported: close them by a coupling or lock them")
         if not is_depth_first(model):
             found = ", ".join(joint_names(model))
-            raise InputError(
-                f"joints must be numbered depth first, as Pinocchio's algorithms assume; they are {found}: "
-                "see mbdae.mechanism.depth_first"
-            )
-        self.closure_anchors: list[tuple[Closure, tuple[Anchor, Anchor]]] = [
-            (c, anchors(model, c)) for c in self.closures if c.frames
-        ]
+            raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {found}")
+        self.closure_anchors = [(c, anchors(model, c)) for c in self.closures if c.frames]
         self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
         self.ng = len(self.row_names)
         data = make_data(model)
@@ -261,8 +256,12 @@ class Mechanism:
         """The closure that the start values leave open the most, before assembly; None without closures."""
         return widest(self, self.residual(*self.given)[0]) if self.ng else None
 
-    def point(self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None) -> Array:
+    def point(
+        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None, gap: float = START
+    ) -> Array:
         """Return y = (q, v, s, w = 0) at time t; the start state where q or v is left out, start values for s.
+
+        Closures may stand open by ``gap``, in m or rad.
 
         Raises:
             InputError: for wrong shapes, values that are not finite, or a state that is not consistent.
@@ -274,7 +273,7 @@ class Mechanism:
         v0 = self.start_at(t)[1] if v is None else self.vector("v", v, self.nv)
         if not pin.isNormalized(self.model, q0, 1e-8):
             raise InputError("q is not on the manifold: normalise its quaternions, or pass it through assemble(q, v)")
-        refuse_inconsistent(self, q0, v0, t)
+        refuse_inconsistent(self, q0, v0, t, gap)
         return np.concatenate([q0, v0, s0, [0.0]])
 
     def vector(self, name: str, value: Any, n: int) -> Array:

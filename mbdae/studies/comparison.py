@@ -26,7 +26,7 @@ class Point:
         method: a `mbdae.studies.variant.Variant` as text.
         rtol: relative tolerance; None for a fixed step.
         n: number of fixed steps; None under step-size control.
-        status: one of `mbdae.solution.STATUS`.
+        status: one of `mbdae.errors.STATUS`.
         error_q: largest component of q (-) q_ref in the tangent (rad, m) over the common times.
         error_v: the same of v - v_ref (rad/s, m/s).
         error_lam: the same of lam - lam_ref (N, N m), both from the hidden constraint.

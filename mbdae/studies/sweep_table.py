@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, UnknownNameError
-from ..solution import STATUS
+from ..errors import STATUS, InputError, UnknownNameError
 from .plan import Task, names
 from .sweep_file import MORE, Row, read, write
 from .sweep_run import COUNTS, FAILURES
