@@ -107,7 +107,7 @@ def drift(
     writable((plot, PICTURES))
     if limit is not None and not limit > 0:
         raise InputError(f"--max must be positive, got {limit}")
-    given = any([names, formulation != "index2", project is not None, *(value is not None for value in options.values())])
+    given = any([names, formulation != "index2", *(value is not None for value in (project, *options.values()))])
     if given and all(target.endswith(".npz") for target in targets):
         raise InputError("a saved run has its method, time and tolerances: options of a run go with a model")
     if project and formulation != "index2":
