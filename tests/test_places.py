@@ -4,7 +4,7 @@ import shutil
 import struct
 
 import pytest
-from fuzzing import CUBE, DAE, MATERIAL, SHOWN, STL
+from fuzzing import CUBE, DAE, DATA, MATERIAL, SHOWN, STL
 
 import mbdae
 from mbdae.errors import InputError
@@ -164,3 +164,22 @@ def test_endless_mjcf_is_refused(model, text):
     (model / "x.xml").write_text(f"<mujoco><worldbody>{text.format(body=inner)}</worldbody></mujoco>")
     with pytest.raises(InputError, match="beyond 100000"):
         mbdae.load(model / "x.xml")
+
+
+# -- robot.yaml --------------------------------------------------------------------------------------------------
+
+
+def test_aliases_that_explode_are_refused(tmp_path):
+    """600 bytes that stand for ten to the ninth entries."""
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
+    for text, size in (("\n".join([*lines, "name_mot: *a8"]), r"2\.35e\+09"), ("name_mot: &x [*x]", "inf")):
+        (tmp_path / "robot.yaml").write_text(text)
+        with pytest.raises(InputError, match=rf"robot.yaml: its aliases stand for {size} entries, more than 100000$"):
+            mbdae.load(tmp_path / "robot.yaml")
+    robot = DATA / "robot"
+    shutil.copy(robot / "robot.urdf", tmp_path)
+    text = (robot / "robot.yaml").read_text() + "\nmore: &x [1]\nagain: *x\n"
+    (tmp_path / "robot.yaml").write_text(text)
+    with pytest.warns(UserWarning, match=r"keys of robot\.yaml again, more"):
+        assert mbdae.load(tmp_path / "robot.yaml").nv > 0

@@ -11,6 +11,7 @@ joint_type: [SPHERICAL]         and which: SPHERICAL, UJOINT_XY (also CARDAN), U
 A universal joint takes the place of the URDF's joint and keeps its name; it has two coordinates.
 """
 
+import math
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
@@ -36,6 +37,7 @@ KINDS = {
     **{f"UJOINT_{a}{b}": f"universal_{a}{b}".lower() for a, b in permutations("XYZ", 2)},
 }
 FIXED = "FIXED"
+LARGEST = 100_000  # entries of a robot.yaml
 
 
 class RobotTables(BaseModel):
@@ -97,7 +99,11 @@ def read_tables(text: str, name: str) -> RobotTables:
         InputError: one line with the key and what was expected.
     """
     try:
+        if (size := _written_out(yaml.compose(text, yaml.SafeLoader), {})) > LARGEST:
+            raise InputError(f"{name}: its aliases stand for {size:.3g} entries, more than {LARGEST}")
         content: Any = yaml.safe_load(text)
+    except InputError:
+        raise
     except (yaml.YAMLError, ValueError, RecursionError) as e:
         raise InputError(f"{name} is not YAML: {' '.join(str(e).split())[:200]}") from None
     if not isinstance(content, dict) or not any(k in RobotTables.model_fields for k in content):
@@ -117,6 +123,17 @@ def read_tables(text: str, name: str) -> RobotTables:
     for t in tables.joint_type:
         _one_of(name, "joint_type", t.upper(), [*KINDS, FIXED])
     return tables
+
+
+def _written_out(node: yaml.Node | None, known: dict[int, float]) -> float:
+    """Number of entries of a node where every alias is written out; without end where one stands for itself."""
+    if not isinstance(node, yaml.CollectionNode):
+        return 1
+    if id(node) not in known:
+        known[id(node)] = math.inf  # while it is open
+        inner = (x for entry in node.value for x in (entry if isinstance(entry, tuple) else (entry,)))
+        known[id(node)] = 1 + sum(_written_out(x, known) for x in inner)
+    return known[id(node)]
 
 
 def _same_length(name: str, key: str, values: tuple[Any, ...], other: str, others: tuple[Any, ...]) -> None:
