@@ -18,7 +18,7 @@ from .forces import FORCES, PYTHON_FORCES, Actuator
 from .library import IN_FOLDER, MECHANISM, PARAMETRIC, find
 from .mechanism import Mechanism
 from .parametric import read_parametric, split
-from .part import Motor, Part
+from .part import Motor, Part, shortened
 from .plain import made, written
 from .schema import MechanismFile, Source, read_toml
 from .sources import merged, read_source, restored
@@ -60,7 +60,7 @@ def load(
     more = {"closure": closures, "driver": drivers, "force": described, "motor": motors or {}}
     recipe = read(path, parameters, key=key, assemble=assemble, more=more)
     if recipe.left_out:
-        warnings.warn(f"{recipe.name}: not carried over: {'; '.join(recipe.left_out)}", stacklevel=2)
+        warnings.warn(f"{recipe.name}: not carried over: {'; '.join(map(shortened, recipe.left_out))}", stacklevel=2)
     mech = _make(recipe, [f for f in forces if not isinstance(f, FORCES)])
     if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
         _remark_open(mech, recipe.name)

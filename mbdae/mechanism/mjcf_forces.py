@@ -23,6 +23,7 @@ def motors_of(c: "Compiled") -> tuple[dict[int, Motor], list[str], list[str]]:
             lib.mjtGain(m.actuator_gaintype[i]) == lib.mjtGain.mjGAIN_FIXED
             and lib.mjtBias(m.actuator_biastype[i]) == lib.mjtBias.mjBIAS_NONE
             and lib.mjtDyn(m.actuator_dyntype[i]) == lib.mjtDyn.mjDYN_NONE
+            and m.actuator_plugin[i] < 0
         )
         gear = float(m.actuator_gear[_address(m, "actuator_outadr", i), 0])
         if joint is not None:
@@ -35,7 +36,7 @@ def motors_of(c: "Compiled") -> tuple[dict[int, Motor], list[str], list[str]]:
             if _is_limited(c, i, control, joint):
                 limited.append(name)
         else:
-            others.append(name)
+            others.append(name if m.actuator_plugin[i] < 0 else f"{name} (plugin)")
     return motors, others, limited
 
 

@@ -83,7 +83,10 @@ def left_out(
         ("motion of mocap bodies", (c.name("BODY", int(b)) for b in np.flatnonzero(m.body_mocapid >= 0))),
         ("flexes", (c.name("FLEX", f) or f"flex{f}" for f in range(m.nflex))),
         ("skins", (c.name("SKIN", s) or f"skin{s}" for s in range(m.nskin))),
-        ("plugins", (f"plugin{p}" for p in range(m.nplugin))),
+        ("plugins", (c.name("PLUGIN", p) or f"plugin{p}" for p in range(m.nplugin))),
+        ("adhesion of geoms", (c.name("GEOM", g) or f"geom{g}" for g in _rows(m, "geom_adhesion"))),
+        ("adhesion of pairs of geoms", (f"pair{p}" for p in _rows(m, "pair_adhesion"))),
+        ("sleep of bodies", _sleepers(c)),
         ("forces of a fluid", [""] if m.opt.density or m.opt.viscosity else []),
         ("shapes", shapes),
     ]
@@ -103,6 +106,17 @@ def _rows(m: Any, name: str) -> list[int]:
 def _joints(c: "Compiled", per_dof: np.ndarray) -> list[str]:
     dofs = np.flatnonzero(per_dof.reshape(c.m.nv, -1).any(axis=1)).tolist() if c.m.nv else []
     return list(dict.fromkeys(c.joints[c.m.dof_jntid[d]] for d in dofs))
+
+
+def _sleepers(c: "Compiled") -> list[str]:
+    """Bodies whose trees sleep or do not as the file says; a nameless one where it only switches sleeping on."""
+    m, own = c.m, getattr(c.lib, "mjtSleepPolicy", None)
+    if own is None:
+        return []
+    trees = np.flatnonzero(m.tree_sleep_policy > int(own.mjSLEEP_AUTO_ALLOWED))
+    bodies = [int(np.flatnonzero(m.body_treeid == tree)[0]) for tree in trees]
+    on = m.opt.enableflags & c.lib.mjtEnableBit.mjENBL_SLEEP
+    return [c.name("BODY", b) or f"body{b}" for b in bodies] or ([""] if on else [])
 
 
 def _touching(c: "Compiled") -> bool:

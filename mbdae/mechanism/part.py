@@ -1,6 +1,6 @@
 """What one source file brings to a mechanism: a tree, and what the file says beyond it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeVar
 
@@ -129,7 +129,13 @@ def follow(
     ], locked
 
 
-def listed(what: str, names: list[str]) -> str:
-    """One phrase: what, and the first names."""
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f"{what} {', '.join(names[:NAMED])}{more}".strip()
+def listed(what: str, names: Iterable[str]) -> str:
+    """One phrase: what, and all names."""
+    return f"{what} {', '.join(names)}".strip()
+
+
+def shortened(phrase: str) -> str:
+    """A phrase of `listed` with its first names only: ``mbdae info`` has them all."""
+    names = phrase.split(", ")
+    more = len(names) - NAMED
+    return f"{', '.join(names[:NAMED])} and {more} more (see mbdae info)" if more > 0 else phrase

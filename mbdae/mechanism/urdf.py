@@ -77,7 +77,7 @@ def read_urdf(
         record.copy,
         mimics=tuple(m for m in mimics if m.joint not in lock),
         normals={n: axis for n, (kind, axis) in axes.items() if kind == "planar"},
-        left_out=(listed("mimicry of joints that do not move, by", lost),) if lost else (),
+        left_out=(listed("mimicry of joints that do not move by", lost),) if lost else (),
     )
 
 

@@ -20,6 +20,7 @@ from ..errors import InputError, MbdaeError, UnknownNameError
 from ..mechanism import Mechanism, describe
 from ..mechanism.library import model_names
 from ..mechanism.parametric import split as split_name
+from ..mechanism.part import shortened
 from ..mechanism.user import function_name
 from ..solve import solve
 from .executors import Pool, pool
@@ -245,7 +246,7 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
     if mech is None:
         raise InputError(f"no mechanism can be made of these values ({len(some)} runs were tried): {problem}")
     if mech.left_out:
-        warnings.warn(f"{mech.title}: not carried over: {'; '.join(mech.left_out)}", stacklevel=3)
+        warnings.warn(f"{mech.title}: not carried over: {'; '.join(map(shortened, mech.left_out))}", stacklevel=3)
     check(mech, job.outputs, job.times is not None)
     return mech
 
