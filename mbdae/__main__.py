@@ -32,7 +32,7 @@ from .console import (
     time_option,
     writable,
 )
-from .errors import InputError, MbdaeError
+from .errors import InputError, MbdaeError, printable
 from .methods.conditions import check_conditions
 from .studies.card import card
 from .studies.drift import drift as measure_drift
@@ -209,24 +209,29 @@ for command in (order, drift, compare, report, sweep):
 
 def main() -> None:
     """Entry point: errors are one line on stderr, exit codes 0 holds, 1 failed or refuted, 2 usage, 3 not judged."""
-    warnings.showwarning = lambda message, *_: click.echo(f"mbdae: warning: {message}", err=True)  # type: ignore[assignment]
+    warnings.showwarning = lambda message, *_: _say(f"warning: {message}")  # type: ignore[assignment]
     try:
         sys.exit(cli(standalone_mode=False) or HOLDS)
     except click.exceptions.NoArgsIsHelpError as e:
         click.echo(e.format_message())
         sys.exit(USAGE)
     except click.ClickException as e:
-        click.echo(f"mbdae: {e.format_message()}", err=True)
+        _say(e.format_message())
         sys.exit(USAGE)
     except MbdaeError as e:
-        click.echo(f"mbdae: {e}", err=True)
+        _say(str(e))
         sys.exit(USAGE if isinstance(e, InputError) else FAILED)
     except MemoryError as e:
-        click.echo(f"mbdae: the memory does not suffice: {e or 'std::bad_alloc'}", err=True)
+        _say(f"the memory does not suffice: {e or 'std::bad_alloc'}")
         sys.exit(FAILED)
     except (click.exceptions.Abort, KeyboardInterrupt):
-        click.echo("mbdae: stopped by the user", err=True)
+        _say("stopped by the user")
         sys.exit(FAILED)
+
+
+def _say(text: str) -> None:
+    """Say one line on stderr; names from files may hold anything."""
+    click.echo(printable(f"mbdae: {text}"), err=True)
 
 
 if __name__ == "__main__":

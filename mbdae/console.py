@@ -13,9 +13,10 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from .backend import BACKENDS
-from .errors import InputError
+from .errors import InputError, printable
 from .mechanism import Mechanism
 from .solution import Solution
 from .solve import solve
@@ -94,13 +95,13 @@ def simulate(
 def finish(sol: Solution) -> None:
     """Exit 1, with the reason on stderr, when a run did not come to its end."""
     if not sol.success:
-        click.echo(f"mbdae: {sol.status}: {sol.message}", err=True)
+        click.echo(printable(f"mbdae: {sol.status}: {sol.message}"), err=True)
         sys.exit(FAILED)
 
 
 def emit(data: Any, text: str, as_json: bool) -> None:
     """Print a result as one JSON document, numbers that are not finite as null, or as text."""
-    click.echo(json.dumps(_finite(data), allow_nan=False) if as_json else text)
+    click.echo(json.dumps(_finite(data), allow_nan=False) if as_json else printable(text))
 
 
 def _finite(data: Any) -> Any:
@@ -120,7 +121,7 @@ def show(rows: list[dict[str, Any]], as_json: bool) -> None:
     for key, value in rows[0].items():
         table.add_column(key, justify="left" if isinstance(value, str) else "right", no_wrap=True)
     for row in rows:
-        table.add_row(*("-" if v is None else str(v) for v in row.values()))
+        table.add_row(*("-" if v is None else Text(printable(str(v))) for v in row.values()))
     screen = sys.stdout.isatty()
     Console(width=None if screen else 200, highlight=False, force_terminal=screen).print(table)
 

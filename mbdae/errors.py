@@ -4,7 +4,9 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from types import UnionType
 from typing import Any
+from unicodedata import category
 
+ACTING = ("Cc", "Cf", "Cs", "Zl", "Zp")  # control, format (writing direction), halves of characters, line ends
 STATUS = {
     "finished": "the end of the time span was reached",
     "event": "a terminal event occurred",
@@ -22,11 +24,16 @@ STATUS = {
 }
 
 
+def printable(text: str) -> str:
+    """A text whose control characters, but for line ends and tabs, are escapes: they could act on a terminal."""
+    return "".join(ascii(c)[1:-1] if category(c) in ACTING and c not in "\n\t" else c for c in text)
+
+
 class MbdaeError(Exception):
     """Base of every error that mbdae raises on purpose; its text is one line that names the thing."""
 
     def __init__(self, message: str = "") -> None:
-        super().__init__(" ".join(message.splitlines()))  # names may hold anything
+        super().__init__(printable(" ".join(message.splitlines())))  # names may hold anything
 
     def __reduce__(self) -> tuple:  # an error of a worker process comes home as it is
         return _again, (type(self), self.args, self.__dict__)

@@ -52,7 +52,8 @@ def test_a_users_own_file(tower):
     assert mech.joint_kind("floor_0") == "RevoluteUnaligned"
     assert mbdae.load(f"{tower}?floors=1&kind=prismatic").joint_kind("floor_0") == "PrismaticUnaligned"
     (tower.parent / "mechanism.py").write_text(TOWER)
-    assert mbdae.load(tower.parent, floors=2).nv == 2
+    with pytest.warns(UserWarning, match=r"the Python file .*mechanism\.py is run$"):
+        assert mbdae.load(tower.parent, floors=2).nv == 2
 
 
 def test_commands_show_and_take_parameters(tmp_path):

@@ -6,7 +6,7 @@ from typing import NoReturn
 import numpy as np
 import pinocchio as pin
 
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError, UnknownNameError, printable
 from .frames import WORLD, find_frame, frame_names
 from .part import Part
 from .schema import HUGE, Body, Frame, MechanismFile, Source
@@ -44,6 +44,7 @@ def build(file: MechanismFile, parts: Sequence[Part], name: str) -> tuple[pin.Mo
     if not tree.model.nv:
         raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
     refuse_infinite(tree.model)
+    refuse_acting(tree.model)
     normals = {s.prefix + n: axis for s, p in zip(file.source, parts, strict=True) for n, axis in p.normals.items()}
     model, visuals = settled(tree.model, tree.visuals, file.joint_type, file.lock, normals)
     return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
@@ -61,6 +62,17 @@ def refuse_infinite(model: pin.Model) -> None:
             raise InputError(f"the inertia or placement of joint {name!r} is not finite, or beyond {HUGE:g}")
         if inertia.mass < 0:
             raise InputError(f"the mass behind joint {name!r} is negative: {inertia.mass:g} kg")
+
+
+def refuse_acting(model: pin.Model) -> None:
+    """Refuse names of joints and frames with control characters, which could act on a terminal.
+
+    Raises:
+        InputError: names the name.
+    """
+    for name in (*model.names, *(f.name for f in model.frames)):
+        if printable(name) != name:
+            raise InputError(f"the name {name!r} holds control characters")
 
 
 def _refuse(waiting: Sequence[tuple[Source | Frame, Part | None]], known: Sequence[str]) -> NoReturn:

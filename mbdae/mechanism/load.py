@@ -15,7 +15,7 @@ from .build import build
 from .closures import Closure
 from .drivers import Driver
 from .forces import FORCES, PYTHON_FORCES, Actuator
-from .library import IN_FOLDER, MECHANISM, PARAMETRIC, find
+from .library import IN_FOLDER, MECHANISM, PARAMETRIC, find, model_names
 from .mechanism import Mechanism
 from .parametric import read_parametric, split
 from .part import Motor, Part, shortened
@@ -99,6 +99,8 @@ def read(
     plain, written = split(str(path))
     found = find(plain)
     name = found.parent.name if found.name in IN_FOLDER else found.stem
+    if found.suffix == PARAMETRIC and Path(plain).suffix != PARAMETRIC and plain not in model_names():
+        warnings.warn(f"{plain}: the Python file {found} is run", stacklevel=3)
     file, chosen = _read(found, name, {**written, **parameters})
     added = dict(more or {})
     update = {

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
-from ..errors import InputError
+from ..errors import InputError, printable
 from .closures import Closure
 from .drivers import Driver
 from .forces import FORCES, AnyForce
@@ -162,7 +162,7 @@ def checked(content: Mapping[str, Any], name: str) -> MechanismFile:
     """
     wild = next(_wild(content), None)
     if wild is not None:
-        raise InputError(f"{name}: {wild} is beyond {HUGE:g} in magnitude")
+        raise InputError(f"{name}: {wild} is beyond {HUGE:g} in magnitude, or holds control characters")
     try:
         return MechanismFile.model_validate(content)
     except ValidationError as e:
@@ -170,10 +170,15 @@ def checked(content: Mapping[str, Any], name: str) -> MechanismFile:
 
 
 def _wild(value: Any, where: str = "") -> Iterator[str]:
-    """Keys of numbers whose products would overflow."""
+    """Keys of numbers whose products would overflow, and of texts that would act on a terminal."""
     if isinstance(value, dict | list | tuple):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+            if printable(str(key)) != str(key):
+                yield str(key)
             yield from _wild(inner, f"{where}.{key}" if where else str(key))
+    elif isinstance(value, str):
+        if printable(value) != value:
+            yield where
     elif isinstance(value, float | int) and abs(value) > HUGE and value not in (math.inf, -math.inf):
         yield where
 

@@ -14,6 +14,7 @@ Dotted names may be written as they are, or in quotes where they hold blanks or 
 """
 
 import tomllib
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -22,6 +23,7 @@ from pydantic import Field, ValidationError
 
 from ..errors import InputError
 from ..files import text_of
+from ..mechanism.library import PARAMETRIC, find, model_names
 from ..mechanism.parametric import split
 from ..mechanism.table import Table, one_line
 from .plan import RANGE, Parameters, Random
@@ -85,9 +87,8 @@ def read_sweep(path: str | Path) -> dict[str, Any]:
     if table.start and table.end is None:
         raise InputError(f"{path}: start goes with end")
     check_settings(list(table.settings))
-    beside = path.parent / split(table.model)[0]
     return {
-        "model": str(path.parent / table.model) if beside.exists() else table.model,
+        "model": _model(table.model, path),
         "parameters": _parameters(table, path),
         "t_span": None if table.end is None else (table.start, table.end),
         "times": table.times,
@@ -97,6 +98,17 @@ def read_sweep(path: str | Path) -> dict[str, Any]:
         "workers": table.workers,
         **table.settings,
     }
+
+
+def _model(name: str, path: Path) -> str:
+    """The model that a file names, beside it if there is one; a Python file among them is named before it is run."""
+    plain, _ = split(name)
+    if plain in model_names() or not (path.parent / plain).exists():
+        return name
+    found = find(str(path.parent / plain))
+    if found.suffix == PARAMETRIC:
+        warnings.warn(f"{path}: the Python file {found} is run", stacklevel=3)
+    return str(found) + name[len(plain) :]
 
 
 def _known_keys(at: Sequence[Any]) -> list[str]:
