@@ -28,8 +28,6 @@ def pytest_report_header():
 def back_end(request, monkeypatch):
     """Run a test on both back ends: runs and, by `Mechanism.system()`, single points and steps."""
     core, system = backend.choose(request.param) if backend.load() else None, Mechanism.system
-    if core is None and request.param == "native":
-        pytest.skip(backend.status())
 
     def bound(self, *args, **named):
         return system(self, *args, **named) if core is None or args or named else system(self, native=core)
@@ -40,10 +38,16 @@ def back_end(request, monkeypatch):
 
 
 def pytest_collection_modifyitems(items):
-    """What the core does not have runs once, on Python."""
+    """What the core does not have runs once, on Python; what needs the core is skipped where it is missing."""
+
+    def given(item):
+        return getattr(getattr(item, "callspec", None), "params", {})
 
     def twice(item):
-        given = getattr(getattr(item, "callspec", None), "params", {})
-        return given.get("back_end") == "native" and any(x in str(given) for x in ("radau", "ggl"))
+        return given(item).get("back_end") == "native" and any(x in str(given(item)) for x in ("radau", "ggl"))
 
     items[:] = [item for item in items if not twice(item)]
+    if backend.load() is None:
+        for item in items:
+            if item.get_closest_marker("native") or "native" in map(str, given(item).values()):
+                item.add_marker(pytest.mark.skip(reason=backend.status()))

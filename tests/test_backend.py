@@ -119,6 +119,6 @@ def test_info_names_versions_and_back_end():
     assert json.loads(json_model)["backend"] == backend.status()
 
 
-@pytest.mark.skipif(backend.load() is None, reason=backend.status())
+@pytest.mark.native
 def test_the_core_knows_what_it_was_built_for():
     assert backend.load().version() == HERE

@@ -263,6 +263,7 @@ def test_times_are_taken_in_turn(four_bar, monkeypatch):
     assert all(len(p.times) == 1 for p in once.points), "long runs are timed once"
 
 
+@pytest.mark.native
 def test_one_back_end_for_all_runs(four_bar):
     """Times compare: a method that the core does not have takes the others to Python."""
     options = {"t_span": (0, 0.2), "rtol": [1e-4], "repeats": 1, "outputs": 2}

@@ -18,7 +18,7 @@ from mbdae.mechanism.library import model_names
 from mbdae.methods import METHODS, Tableau
 from mbdae.system import State
 
-pytestmark = pytest.mark.skipif(backend.load() is None, reason=backend.status())
+pytestmark = pytest.mark.native
 TABLEAUS = [name for name, m in METHODS.items() if isinstance(m, Tableau)]
 SPANS = {  # s; 0.5 s for the others
     "andrews_squeezer": 0.015,

@@ -15,7 +15,7 @@ from mbdae import backend
 from mbdae.errors import InputError
 from mbdae.textbook import hessenberg_a
 
-pytestmark = pytest.mark.skipif(backend.load() is None, reason=backend.status())
+pytestmark = pytest.mark.native
 
 # -- Python within the core ------------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from mbdae import backend
 from mbdae.mechanism.compiled_parts import constraints_of, laws_of
 from mbdae.methods import METHODS
 
-pytestmark = pytest.mark.skipif(backend.load() is None, reason=backend.status())
+pytestmark = pytest.mark.native
 REFUSED = (ValueError, TypeError, RuntimeError, OverflowError, IndexError, KeyError)
 
 

@@ -10,7 +10,7 @@ from test_native import assert_near, assert_same, both
 import mbdae
 from mbdae import Closure, Mechanism, backend
 
-pytestmark = pytest.mark.skipif(backend.load() is None, reason=backend.status())
+pytestmark = pytest.mark.native
 
 
 def chain(n):

@@ -127,6 +127,7 @@ def test_interrupt_within_the_progress_bar(four_bar, times):
     assert 0.7 < sol.t[-1] < 1.1
 
 
+@pytest.mark.native
 def test_interrupt_between_the_steps_of_the_compiled_core(four_bar):
     """They come by the hundred, several times a second: all of them are kept."""
 
