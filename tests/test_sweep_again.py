@@ -15,16 +15,16 @@ def closing_over(g):
 
 def test_functions_are_told_apart_by_what_they_hold(tmp_path):
     """Not by their names or their text: a resume would return the results of another sweep."""
-    path = tmp_path / "runs.parquet"
+    options = {"path": tmp_path / "runs.parquet", "executor": "threads"}
     count = [lambda s: {"n": s.q.shape[1]}]
-    first = mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=count, path=path)
-    again = mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=[lambda s: {"n": s.q.shape[1]}], path=path)
+    first = mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=count, **options)
+    again = mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=[lambda s: {"n": s.q.shape[1]}], **options)
     assert first["n"].tolist() == again["n"].tolist() == [3.0]
     assert not again.seconds
     with pytest.raises(InputError, match="other mechanism"):
-        mbdae.sweep(closing_over(2), {"k": [1]}, 0.05, outputs=count, path=path)
+        mbdae.sweep(closing_over(2), {"k": [1]}, 0.05, outputs=count, **options)
     with pytest.raises(InputError, match="other functions"):
-        mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=[lambda s: {"n": 2.0 * s.q.shape[1]}], path=path)
+        mbdae.sweep(closing_over(1), {"k": [1]}, 0.05, outputs=[lambda s: {"n": 2.0 * s.q.shape[1]}], **options)
 
 
 def test_a_fresh_sweep_that_stops_goes_on_where_an_older_file_stood(tmp_path):
@@ -54,7 +54,7 @@ def test_a_fresh_sweep_that_stops_goes_on_where_an_older_file_stood(tmp_path):
     ],
 )
 def test_outputs_do_not_overwrite_columns(outputs, words):
-    row = mbdae.sweep("pendulum", {"solve.rtol": [1e-3]}, 0.05, outputs=outputs).rows[0]
+    row = mbdae.sweep("pendulum", {"solve.rtol": [1e-3]}, 0.05, outputs=outputs, executor="threads").rows[0]
     assert (row["run"], row["status"]) == (0, "output")
     assert words in row["message"]
 
