@@ -3,6 +3,9 @@
 from importlib import import_module
 from typing import Any
 
+from . import interrupt  # noqa: F401, before all that takes a second to import
+
+# isort: split
 from .errors import MbdaeError
 from .events import Event
 from .mechanism import (

@@ -33,6 +33,7 @@ from .console import (
     writable,
 )
 from .errors import InputError, MbdaeError, printable
+from .interrupt import CODE, release
 from .methods.conditions import check_conditions
 from .studies.card import card
 from .studies.drift import drift as measure_drift
@@ -208,7 +209,8 @@ for command in (order, drift, compare, report, sweep):
 
 
 def main() -> None:
-    """Entry point: errors are one line on stderr, exit codes 0 holds, 1 failed or refuted, 2 usage, 3 not judged."""
+    """Entry point: errors are one line on stderr; exit codes as in `mbdae.console`, 130 for Ctrl-C without a result."""
+    release()
     warnings.showwarning = lambda message, *_: _say(f"warning: {message}")  # type: ignore[assignment]
     try:
         sys.exit(cli(standalone_mode=False) or HOLDS)
@@ -226,7 +228,7 @@ def main() -> None:
         sys.exit(FAILED)
     except (click.exceptions.Abort, KeyboardInterrupt):
         _say("stopped by the user")
-        sys.exit(FAILED)
+        sys.exit(CODE)
 
 
 def _say(text: str) -> None:

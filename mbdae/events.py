@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from .errors import InputError
-from .system import Step
+
+if TYPE_CHECKING:
+    from .system import Step
 
 Array = np.ndarray
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
@@ -124,8 +126,8 @@ class Watch:
         t: float,
         h: float,
         at: Callable[[float], Array],
-        take: Callable[[float], Step],
-    ) -> tuple[float, Step]:
+        take: Callable[[float], "Step"],
+    ) -> tuple[float, "Step"]:
         """Return the share of a step from t to t + h at which the event is on the method's own steps, and that step.
 
         The dense output, of one order less, gives the start and the slope for secants; where they lead nowhere (an

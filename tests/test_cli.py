@@ -168,6 +168,15 @@ def test_a_stopped_run_is_written(tmp_path):
     assert (tmp_path / "run.html").exists()
 
 
+@pytest.mark.parametrize("module", ["pinocchio", "scipy", "click"])
+def test_ctrl_c_during_the_imports_is_one_line(module, tmp_path):
+    (tmp_path / f"{module}.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    command = [sys.executable, "-m", "mbdae", "models"]
+    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": paths}, capture_output=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"mbdae: stopped by the user\n")
+
+
 def test_a_damaged_tableau_is_refuted(monkeypatch, capsys):
     from dataclasses import replace
 

@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "mbdae"
 FLOORS = (  # a room imports from the floors below its own, never from rooms beside it
-    ("errors",),
+    ("errors", "interrupt"),
     ("files", "linear", "dense", "events", "rows", "backend"),
     ("system",),
     ("mechanism", "methods", "textbook"),
