@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from .. import backend
 from ..errors import InputError, UnknownNameError
 from .plan import Task
+from .processes import leave_with_parent
 from .sweep_run import Job, Stop, run
 
 KINDS = ("threads", "processes")
@@ -111,6 +112,7 @@ def _processors() -> int:
 
 
 def _prepare(event: Any) -> None:
+    leave_with_parent()
     warnings.filterwarnings("ignore", backend.SLOW)
     _here["stop"] = event.is_set
 

@@ -1,13 +1,15 @@
 """Runs of a comparison, here or in processes of their own."""
 
+import os
 import pickle
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import Any
 
 from ..errors import InputError
@@ -72,7 +74,21 @@ def pool(workers: int, course: Course, reference: Samples | None) -> Iterator[Su
             raise
 
 
+def leave_with_parent() -> None:
+    """End this worker when the process that started it is gone, however that ended: nobody wants its results."""
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def wait() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
 def _prepare(course: Course, reference: Samples | None, flag: Any) -> None:
+    leave_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes: the parent decides and sets the flag
     _here.update(course=course, reference=reference, stop=flag.is_set)
 
