@@ -200,6 +200,8 @@ def _one(run: "Run", pace: "Pace") -> None:
     try:
         step = pace.take(run, run.sign * h)
         error = pace.error(run, step)
+        if run.project and error <= 1:
+            step = step._replace(state=run.restored(t_next, step.state))
     except StepError as e:
         if not pace.may_retry(run, h, e):
             raise
@@ -207,7 +209,7 @@ def _one(run: "Run", pace: "Pace") -> None:
     if step is None or not pace.judge(run, h, error):
         run.rejected = (run.rejected or 0) + 1
         return
-    run.accept(t_next, step._replace(state=run.restored(t_next, step.state)) if run.project else step)
+    run.accept(t_next, step)
     if run.singular:
         run.singular.step(run, run.to_go() == 0)
 
