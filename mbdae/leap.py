@@ -85,25 +85,22 @@ class Path:
         return np.concatenate([s.manifold.integrate(self.y[: s.nq], x), self.tail(dt)])
 
 
-def leap(system: Descriptor, run: Any, way: float, usual: float, first: int) -> Leap | None:
+def leap(system: Descriptor, run: Any, way: float, first: int) -> Leap | None:
     """Find the way over a singular configuration that lies about ``way`` seconds ahead; None where there is none.
 
     Args:
         system: a workspace with the run's rank and rows.
-        run: its nodes and their rates, and the end of its leg.
+        run: its nodes and their rates, the end of its leg, and the way back from its last node.
         way: seconds until the ratio of pivots vanishes, positive.
-        usual: the ratio of pivots elsewhere.
         first: node behind the last jump.
 
     Raises:
-        StepError: if the point behind cannot be brought onto the closures.
+        StepError: if states before cannot be found, or the point behind not be brought onto the closures.
     """
-    nodes = _nodes(np.abs(np.array(run.ts[first:]) - run.t), way) + first
-    if len(nodes) < 2:
+    ts, ys, rates = _before(run, way, first)
+    if len(ts) < 2:
         return None
-    ts = np.array([run.ts[i] for i in nodes])
-    us = np.array([run.ys[int(i)][system.nq :] for i in nodes])
-    rates = np.array([run.record().rate(int(i))[system.nv :] for i in nodes])
+    us, rates = ys[:, system.nq :], rates[:, system.nv :]
     reach, y = run.sign * REACH * way, run.ys[-1]
     path = Path(system, ts, y, us, rates, reach)
     here = ratio(system, run.t, y)
@@ -132,15 +129,25 @@ def leap(system: Descriptor, run: Any, way: float, usual: float, first: int) -> 
     return Leap(t, closed, error, system.difference(there, closed), passed)
 
 
-def _nodes(back: Array, way: float) -> Array:
-    """The last node, and those that lie nearest to `OFFSETS` times the way behind it, one after another."""
+def _before(run: Any, way: float, first: int) -> tuple[Array, Array, Array]:
+    """Times, points and rates of the last node and of states about `OFFSETS` times the way before it.
+
+    Where the run can go back they are found anew from the last node: those on the way to it have errors of the steps
+    between, which a polynomial magnifies a hundredfold. An implicit method, for stiff motions, cannot go back.
+    """
+    back = np.abs(np.array(run.ts[first:]) - run.t)
+    if run.back and back[0] > 0:
+        offsets = np.array(OFFSETS) * min(1.0, back[0] / (OFFSETS[-1] * way))
+        return run.back(run.t - run.sign * way * offsets)
     chosen = [len(back) - 1]
     for offset in OFFSETS:
         earlier = back[: chosen[-1]]
         if not len(earlier):
             break
         chosen.append(int(np.abs(earlier - offset * way).argmin()))
-    return np.array(chosen)
+    nodes = [first + i for i in chosen]
+    points, rates = [run.ys[i] for i in nodes], [run.record().rate(i) for i in nodes]
+    return np.array([run.ts[i] for i in nodes]), np.array(points), np.array(rates)
 
 
 def _lowest(value: Any, dts: Array) -> tuple[float, float] | None:

@@ -1,5 +1,6 @@
 """State and record of a run."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,7 @@ class Run:
         self.ts, self.ys, self.zs = [t0], Rows(start), Rows(np.full(self.system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
         self.pace: Pace
+        self.back: Callable[[Array], tuple[Array, Array, Array]] | None = None  # see `mbdae.leap`
         self.singular: SingularWatch | None = None
         self.stiffness: StiffnessWatch | None = None
         self.core: Core | None = None

@@ -23,7 +23,7 @@ ZONE = 0.2  # of the largest ratio: below, loops are closed and steps look ahead
 NEAR = 0.1  # likewise: below, a leap is tried
 APPROACH = 0.5  # of the way to the singular configuration: the longest step
 NEARER = 0.75  # of the way of the leap tried before: how much nearer the next one begins
-MET = 0.5  # of the last one's error: one that has not fallen to it has met the errors of the steps
+MET, PATIENCE = 0.5, 2  # of the last one's error: who does not fall to it so often has met the errors of the steps
 TRUSTED = 1e3  # times the tolerance: up to where such an error may stand for theirs
 MOVED = 100.0  # times the tolerance: how far a leap may end beside the closures
 BEND, EXPLAINED = 0.2, 3.0  # rad, and times the turning before: what tangent spaces may differ by
@@ -116,7 +116,7 @@ class SingularWatch:
         """Forces jump at node ``first``: what was before does not continue."""
         self.leg = first
         self.entered: int | None = None  # the node from which steps came near a singular configuration
-        self.tried: tuple[float, float] = (np.inf, np.inf)  # way and error of the last leap that was not taken
+        self.tried, self.stalled = (np.inf, np.inf), 0  # way and error of the last leap that was not taken
         self._begin(first)
 
     def _begin(self, first: int) -> None:
@@ -181,13 +181,13 @@ class SingularWatch:
                 run.close()
         if self.entered is not None and (last or not near):
             self._compare(run, self.entered, len(run.ts) - 1)
-            self.entered, self.tried = None, (np.inf, np.inf)
+            self.entered, self.tried, self.stalled = None, (np.inf, np.inf), 0
             if self.pace:
                 self.pace.cap = np.inf
 
     def leap(self, run: Run) -> bool:
         """Where a singular configuration is near, shorten the next step, or take the leap over it: then say True."""
-        if self.pace is None or self.entered is None or len(run.ts) - 1 == self.leg:
+        if self.pace is None or self.entered is None or len(run.ts) - 1 == self.first:
             return False
         self.pace.cap = np.inf
         (t0, t1), (y0, y1) = run.ts[-2:], (run.ys[-2], run.ys[-1])
@@ -200,18 +200,18 @@ class SingularWatch:
             return False
         found = None
         with suppress(StepError):
-            found = leap(self.own, run, way, self.largest, self.leg)
+            found = leap(self.own, run, way, self.leg)
         if found is None:
             return False
         error, move = (self.pace.measure(run, found.y, x) for x in (found.error, found.move))
-        met = error >= MET * self.tried[1] and error <= TRUSTED
-        if not (error <= 1 or met) or move > MOVED * max(1.0, error):
+        self.stalled = self.stalled + 1 if error >= MET * self.tried[1] else 0
+        if not (error <= 1 or (self.stalled >= PATIENCE and error <= TRUSTED)) or move > MOVED * max(1.0, error):
             self.tried = way, error
             return False
         self.found.append(found.passed)
         run.land(found.t, found.y)
         self.pace.cap, self.pace.h = np.inf, APPROACH * way
-        self.tried = np.inf, np.inf
+        self.tried, self.stalled = (np.inf, np.inf), 0
         self._begin(len(run.ts) - 1)
         if run.to_go() == 0 or self._ratio(found.t, found.y) >= ZONE * self.largest:
             self._compare(run, self.entered, len(run.ts) - 1)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from numbers import Real
 from time import perf_counter
 from typing import Any
@@ -26,6 +27,7 @@ from .stiffness import StiffnessWatch
 from .system import Array
 
 Progress = Callable[[float], None]
+BACK, SMALLEST_BACK = 1e-3, 1e-12  # times rtol, and rtol: of steps back in front of singular configurations
 DRIFTED = 100.0  # times rtol: how far loops may stand open at the start, as after a run that let them drift
 
 
@@ -120,6 +122,8 @@ def solve(
     if isinstance(system, Descriptor) and system.ng:
         controlled = pace if isinstance(pace, Adaptive) and formulation != "index1" else None
         run.singular = SingularWatch(system, project or formulation == "ggl", controlled, formulation == "index2")
+        if controlled and isinstance(tableau, Tableau):
+            run.back = partial(_back, run, {"method": method, "backend": backend}, float(rtol))
     if isinstance(system, Compiled):
         run.core = Core(system, tableau, project)
     watch = Watch(as_events(events), lambda e, t, y: event_value(problem, e, t, y))
@@ -220,6 +224,25 @@ def _start(problem: Problem, q: Any, v: Any, t: float, s: Any, rtol: Any) -> Arr
     if isinstance(problem, Mechanism):
         return problem.point(q, v, t, s, max(START, drifted))
     return problem.point(q, v, t, s)
+
+
+def _back(run: Run, options: dict[str, Any], rtol: float, times: Array) -> tuple[Array, Array, Array]:
+    """Step back from a run's last node to earlier times; return times (k,), points (k, ...) and rates (k, ny), with it.
+
+    Raises:
+        StepError: where that cannot be done.
+    """
+    m, rtol = run.problem, max(BACK * rtol, SMALLEST_BACK)
+    ts, ys, rates = [run.t], [run.ys[-1]], [run.record().rate(len(run.ts) - 1)]
+    for t in times.tolist():
+        q, v, s = np.split(ys[-1][:-1], [m.nq, m.nq + m.nv])
+        sol = solve(m, (ts[-1], t), q, v, s, rtol=rtol, **options)
+        if not sol.ended:
+            raise StepError(sol.status, sol.message)
+        ts.append(t)
+        ys.append(np.append(sol.y[-1][:-1], ys[-1][-1] + sol.work[-1]))
+        rates.append(sol.rate(len(sol.t) - 1))
+    return np.array(ts), np.array(ys), np.array(rates)
 
 
 def _projected(problem: Problem, project: bool | str, formulation: str, step: float | None) -> bool:
