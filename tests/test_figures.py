@@ -226,3 +226,23 @@ def test_dollars_in_names_are_dollars(tmp_path, four_bar):
         figures.save(figure, tmp_path / f"{i}.svg")
     for figure in drawings[:4]:
         assert title in figure._suptitle.get_text().replace(r"\$", "$")
+
+
+@pytest.mark.parametrize("ratio", [1.05, 1.3, 2.0, 2.8, 3.5, 4.5, 1e3, 1e7, 1e12])
+@pytest.mark.parametrize("low", [105.0, 95.0, 0.0021])
+def test_labels_of_logarithmic_axes_do_not_overlap(low, ratio):
+    @figures.settled
+    def drawing():
+        figure = figures.sheet(figures.WIDTH, 3.5)
+        ax = figure.subplots(1, 2)[0]
+        figures.logarithmic(ax.xaxis)
+        ax.set_xlim(low, low * ratio)
+        return figure
+
+    figure = drawing()
+    ax = figure.axes[0]
+    FigureCanvasAgg(figure).draw()
+    labels = [text for minor in (False, True) for text in ax.get_xticklabels(minor=minor) if text.get_text()]
+    boxes = [text.get_window_extent() for text in labels if low <= text.get_position()[0] <= low * ratio]
+    assert len(boxes) >= 2
+    assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])

@@ -60,6 +60,7 @@ LOOKS = {  # a hue for a family, a shade and a marker for a method
     "RK45": ("#969696", "<"), "DOP853": ("#000000", "P"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
 }  # fmt: skip
 OTHER = ("#17becf", "d")
+FEW = 4.0  # an axis whose ends have a smaller ratio may have one multiple of a power of ten, or none
 LINES: dict[str, Any] = {"": "-", "project": (0, (6, 1.5)), "ggl": (0, (3, 1.5)), "index1": ":", "baumgarte": "-."}
 
 
@@ -115,12 +116,21 @@ def plain(text: str) -> str:
 
 
 def logarithmic(axis: "Axis", labels: int = 9) -> None:
-    """A logarithmic axis with at most so many labels, at powers of ten; more where it spans about one."""
-    from matplotlib.ticker import LogFormatterSciNotation, LogLocator
+    """A logarithmic axis with at most so many labels, at powers of ten; at others where it spans about one or less."""
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator
+
+    class Minor(LogLocator):
+        """Multiples of powers of ten; where these are too few, a few round numbers, whose labels have room."""
+
+        def tick_values(self, vmin: float, vmax: float) -> Any:
+            few = vmin > 0 and vmax < FEW * vmin
+            return (
+                MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(vmin, vmax) if few else super().tick_values(vmin, vmax)
+            )
 
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})  # type: ignore[attr-defined]
     axis.set_major_locator(LogLocator(numticks=labels))
-    axis.set_minor_locator(LogLocator(subs=tuple(range(2, 10)), numticks=labels))
+    axis.set_minor_locator(Minor(subs=tuple(range(2, 10)), numticks=labels))
     axis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(1.3, 0.4)))
 
 
