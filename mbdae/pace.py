@@ -195,6 +195,7 @@ class Adaptive:
         self.controller, self.largest = Controller(power), largest
         self.h: Any = first
         self.cap = np.inf  # of the next step, near singular configurations
+        self.reason = ""  # why the last step could not be taken
         self._cut = 0.0  # the step that would have been taken, had there not been the end of a leg
 
     def propose(self, run: Run) -> tuple[float, float]:
@@ -206,9 +207,8 @@ class Adaptive:
             return left, run.leg.end
         if h < _smallest(run.t, run.t1):
             limit = f"{_smallest(run.t, run.t1):.1e} s, where t + h rounds to t"
-            raise StepError(
-                "step_size", f"the step size fell to {h:.1e} s at t = {run.t:.17g}, below {limit}: rtol cannot be met"
-            )
+            fell = f"the step size fell to {h:.1e} s at t = {run.t:.17g}, below {limit}"
+            raise StepError("step_size", f"{fell}: {self.reason or 'rtol cannot be met'}")
         return h, run.t + run.sign * h
 
     def take(self, run: Run, h: float) -> Step:
@@ -222,14 +222,14 @@ class Adaptive:
 
     def may_retry(self, run: Run, h: float, reason: StepError) -> bool:
         """Say whether a smaller step is worth a try after one that could not be taken."""
-        self.h = self.controller.next_step(h, np.inf)
+        self.h, self.reason = self.controller.next_step(h, np.inf), str(reason)
         return self.h > _smallest(run.t, run.t1)
 
     def judge(self, run: Run, h: float, error: float) -> bool:
         """Say whether a step is accepted, and choose the next one."""
         self.h = self.controller.next_step(h, error)
         if error <= 1:
-            self.h = max(self.h, self._cut)
+            self.h, self.reason = max(self.h, self._cut), ""
         return error <= 1
 
     def restart(self) -> None:

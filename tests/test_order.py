@@ -65,6 +65,23 @@ def test_an_order_holds_down_to_a_fifth_below_its_claim(claimed):
     steps = [10, 20, 40, 80, 160, 320]
     for less, verdict in ((-0.5, "holds"), (0.0, "holds"), (0.15, "holds"), (0.25, "misses"), (0.9, "misses")):
         errors = [n ** -(claimed - less) for n in steps]
-        found = _Measure._fit(None, "q", claimed, steps, errors, [1e-30] * len(steps))
+        found = _Measure(hessenberg_a(), 1.0, 10, None, print)._fit("q", claimed, steps, errors, [1e-30] * len(steps), 0.0)
         assert found.observed == pytest.approx(claimed - less)
         assert (found.verdict, found.fitted) == (verdict, (1, 6))
+
+
+@pytest.mark.parametrize(
+    ("errors", "uncertainty", "why"),
+    [
+        ([], 0.0, "no run came to its end"),
+        ([1e-9] * 6, 1e-10, "no error above 100 times the uncertainty of the reference, 1.0e-10"),
+        ([1e-15] * 6, 1e-17, "no error above 100 times rounding"),
+        ([1e-3, 1e-4, 1e-9], 1e-10, "only 1 halvings above 100 times the uncertainty of the reference, 1.0e-10"),
+        ([1e-3, 1e-4, 1e-5], 0.0, "only 2 halvings within 120000 solves"),
+    ],
+)
+def test_the_reason_why_an_order_cannot_be_judged(errors, uncertainty, why):
+    """Rounding is 1e-15."""
+    ns, floors = [10 * 2**i for i in range(len(errors))], [100 * (uncertainty + 1e-15)] * len(errors)
+    measure = _Measure(hessenberg_a(), 1.0, 10, None, print)
+    assert measure._fit("q", 5, ns, errors, floors, uncertainty).verdict == f"cannot be judged: {why}"

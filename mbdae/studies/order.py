@@ -261,15 +261,24 @@ class _Measure:
                     break
             n *= 2
         return tuple(
-            self._fit(q, claims[i], ns, [e[i] for e in errors], [f[i] for f in floors]) for i, q in enumerate(judged)
+            self._fit(q, claims[i], ns, [e[i] for e in errors], [f[i] for f in floors], float(uncertainty[i]))
+            for i, q in enumerate(judged)
         )
 
-    def _fit(self, quantity: str, claimed: int, ns: list[int], errors: list[float], floors: list[float]) -> Slope:
+    def _fit(
+        self, quantity: str, claimed: int, ns: list[int], errors: list[float], floors: list[float], uncertainty: float
+    ) -> Slope:
         end = _above(errors, floors)
         window = slice(max(0, end - HALVINGS - 1), end)
         record = (tuple(ns), tuple(float(e) for e in errors), tuple(float(f) for f in floors))
         if end < HALVINGS + 1:
-            what = "no error above rounding" if end == 0 else f"only {end - 1} halvings above rounding and reference"
+            counted = f"only {end - 1} halvings" if end else "no error"
+            if end == len(ns):
+                what = f"{counted} within {LARGEST_RUN} solves" if end else "no run came to its end"
+            elif 2 * ABOVE * uncertainty > floors[end]:
+                what = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
+            else:
+                what = f"{counted} above {ABOVE:g} times rounding"
             return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
         slope = -float(np.polyfit(np.log2(ns[window]), np.log2(errors[window]), 1)[0])
         verdict = "holds" if slope >= claimed - MARGIN else "misses"
