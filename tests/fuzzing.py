@@ -25,6 +25,7 @@ DATA = Path(__file__).parent / "data"
 PATIENCE = 20.0  # s without an answer
 SPELLED = ["nan", "inf", "-inf", "1e300", "-1", "0", "", "x", "1 2", "1e999", "1e-320", "0x10", "10" * 200, "1e9",
            "1000000000", "-1000000000", "99999999999999999999", "0.5", "../../x", "/etc/passwd"]  # fmt: skip
+NUMBERS = [-1, 0, 1, 7, 1e9, 1e300, -1e300, 2**31, 2**63, 0.1]
 VALUES = [None, True, -1, 0, 1e308, 2**40, "x", "", [], {}, [[]], {"x": 1}, 0.5, "../x", "\x1b[31m"]
 
 CUBE = """mtllib box.mtl
@@ -40,14 +41,24 @@ f 1 2 4
 f -1 -2 -3
 """
 MATERIAL = "newmtl red\nKd 1 0 0\nmap_Kd box.png\n"
-STL = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
+STL = """solid a
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 1 0
+endloop
+endfacet
+endsolid a
+"""
 DAE = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><unit meter="0.5"/><up_axis>Z_UP</up_axis></asset><library_geometries><geometry id="g"><mesh>
 <source id="p"><float_array id="a" count="9">0 0 0 1 0 0 0 1 0</float_array><technique_common>
 <accessor source="#a" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
 <param name="Z" type="float"/></accessor></technique_common></source><vertices id="v">
-<input semantic="POSITION" source="#p"/></vertices><triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/>
-<p>0 1 2</p></triangles></mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s">
+<input semantic="POSITION" source="#p"/></vertices>
+<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s">
 <node id="n"><matrix>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix><instance_geometry url="#g"/></node></visual_scene>
 </library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
 SHOWN = """<robot name="shown"><link name="base"/><link name="arm"><inertial><mass value="1"/>
@@ -65,11 +76,18 @@ executor = "threads"
 rtol = 1e-6
 [KIND]
 """
-SWEEPS = (
-    SWEEP.replace("[KIND]", '[random]\nn = 3\n[random.parameters]\nstart.q.crank = { distribution = "normal", loc = 0.3, '
-                  'scale = 0.01 }\nforce.damping.damping = [0.1]\n').replace("force.damping.damping = [0.1]\n", ""),
-    SWEEP.replace("[KIND]", "[grid]\nstart.q.crank = { from = 0.1, to = 0.3, n = 3 }\nstart.v.crank = [1.0, 2.0]\n"),
-    SWEEP.replace("[KIND]", "[[run]]\nstart.q.crank = 0.1\n[[run]]\nstart.q.crank = 0.2\n"),
+SAMPLE = """[random]
+n = 3
+[random.parameters]
+start.q.crank = { distribution = "normal", loc = 0.3, scale = 0.01 }
+"""
+SWEEPS = tuple(
+    SWEEP.replace("[KIND]\n", runs)
+    for runs in (
+        SAMPLE,
+        "[grid]\nstart.q.crank = { from = 0.1, to = 0.3, n = 3 }\nstart.v.crank = [1.0, 2.0]\n",
+        "[[run]]\nstart.q.crank = 0.1\n[[run]]\nstart.q.crank = 0.2\n",
+    )
 )
 REPLICATED = """<mujoco><option timestep="0.001"/><worldbody>
 <replicate count="2" euler="0 0 90"><replicate count="2" offset="1 0 0"><body><joint name="j" axis="0 1 0"/>
@@ -130,7 +148,7 @@ def changed(table, rng):
         number = isinstance(inner, int | float) and rng.random() < 0.7
         action = rng.choice(["replace"] * 4 + ["remove", "double"])
         if action == "replace":
-            holder[key] = rng.choice([-1, 0, 1, 7, 1e9, 1e300, -1e300, 2**31, 2**63, 0.1]) if number else rng.choice(VALUES)
+            holder[key] = rng.choice(NUMBERS if number else VALUES)
         elif action == "remove":
             del holder[key]
         elif isinstance(holder, list):
@@ -158,8 +176,9 @@ def saved(path, rng, runs):
 def models_of_runs(folder):
     """Saved runs of mechanisms that stand in files in different ways."""
     sys.path.insert(0, str(Path(__file__).parent))
-    import mbdae
     from chains import JOINTS, tree
+
+    import mbdae
 
     kinds = sorted(JOINTS)
     made = [
@@ -185,8 +204,7 @@ class Mutants:
         self.runs = []
         self.inside = folder / "model"
         self.inside.mkdir()
-        for name in ("materials.xml",):
-            shutil.copy(DATA / "mjcf" / name, self.inside)
+        shutil.copy(DATA / "mjcf" / "materials.xml", self.inside)
 
     def make(self, kind, seed):
         """Write a mutant; return its path, with parameters."""

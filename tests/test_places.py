@@ -77,8 +77,11 @@ def test_material_libraries_elsewhere_are_not_read(model, library):
     private = model.parent / "private"
     (model / "meshes" / "link.mtl").symlink_to(private / "key.mtl")
     (model / "meshes" / "box.obj").write_text(CUBE.replace("box.mtl", library.format(private=private)))
-    with pytest.warns(UserWarning, match=rf"visuals left out, mesh 'box.obj' names .*, outside of {model}"):
-        assert drawn(load(model, "../meshes/box.obj")) is None
+    mech = load(model, "../meshes/box.obj")
+    with pytest.warns(UserWarning, match=r"drawn without .*: not found beside the mesh"):
+        found = drawn(mech)
+    assert SECRET not in found
+    assert b"newmtl" not in found
 
 
 def test_only_materials_and_pictures_are_carried_away(model):

@@ -1,6 +1,5 @@
 """Meshes: the bytes of their files, so that colours and textures survive, or else their triangles."""
 
-import os
 import re
 import warnings
 from collections.abc import Callable, Mapping
@@ -11,7 +10,9 @@ import coal
 import numpy as np
 
 from ..errors import InputError
+from .mesh_points import points_of
 from .places import package_of
+from .shapes import mesh
 
 FILE_FORMATS = ("dae", "obj", "stl")
 LIBRARY = rb"^[ \t]*mtllib[ \t]+(.+?)\s*$"
@@ -98,20 +99,17 @@ def triangles(name: str, geometry: coal.CollisionGeometry) -> Mesh:
     return Mesh("triangles", vertices=np.array(vertices), faces=faces)
 
 
-def refuse_unreadable(path: Path) -> None:
-    """Refuse a mesh file whose format is not drawn, or whose material library stands outside of its package.
+def stand_in(path: Path, scale: np.ndarray) -> coal.BVHModelOBBRSS:
+    """What has the bounds of a mesh file, scaled; the points count that no face has, too.
 
     Raises:
-        InputError: names the file.
+        InputError: for a file that is damaged, or of a format that is not drawn.
     """
     if path.suffix[1:].lower() not in FILE_FORMATS:
         raise InputError(f"mesh {path.name!r} is not drawn; known: {', '.join('.' + f for f in FILE_FORMATS)}")
-    if path.suffix.lower() == ".obj":  # its reader opens the library too, or one of its own name
-        data = path.read_bytes().replace(b"\\\n", b"").replace(b"\\\r\n", b"")
-        named = re.findall(rb"mtllib[ \t]+(.+?)\s*$", data, re.MULTILINE)
-        for name in (*(n.decode("utf-8", errors="replace") for n in named), path.with_suffix(".mtl").name):
-            if _companion(path, name) is None and os.path.lexists(path.parent / name):
-                raise InputError(f"mesh {path.name!r} names {name!r}, outside of {package_of(path.resolve().parent)}")
+    points = points_of(path) * scale
+    low, high = points.min(axis=0), points.max(axis=0)
+    return mesh(np.array([low, [low[0], high[1], high[2]], high]), np.array([[0, 1, 2]]))
 
 
 def _add_companions(

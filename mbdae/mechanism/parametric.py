@@ -30,12 +30,19 @@ def split(name: str) -> tuple[str, dict[str, str]]:
         InputError: for parameters without a value.
     """
     head, mark, tail = name.partition("?")
-    if not mark or Path(name).exists():
+    if not mark or _exists(name):
         return name, {}
     pairs = [pair.partition("=") for pair in tail.split("&")]
     if not all(key and equals for key, equals, _ in pairs):
         raise InputError(f"{name!r}: parameters are written {head}?name=value&name=value")
     return head, {key: value for key, _, value in pairs}
+
+
+def _exists(name: str) -> bool:
+    try:
+        return Path(name).exists()
+    except (OSError, ValueError):  # not a path: too long, for instance
+        return False
 
 
 def read_parametric(path: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismFile, list[dict[str, Any]]]:

@@ -5,18 +5,21 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from typing import Any
 
+import coal
 import numpy as np
 import pinocchio as pin
 
 from ..errors import InputError
 from .closures import Axis
 from .frames import joint_names
-from .meshes import refuse_unreadable
+from .meshes import stand_in
 from .part import Mimic, Part, follow, listed
 from .places import Places
-from .schema import WITH_AXIS, Value
+from .schema import HUGE, WITH_AXIS, Value
 from .table import Table
 from .tree import settled
+
+TOKEN = 10_000_000  # m: the size of boxes that stand for meshes
 
 
 def read_urdf(
@@ -65,7 +68,7 @@ def read_urdf(
         "lock": lock,
     }
     try:
-        visuals = pin.buildGeomFromUrdfString(model, _shown(tree, places), pin.GeometryType.VISUAL, None, [])
+        visuals = _visuals(model, tree, places)
     except (ValueError, RuntimeError) as e:
         reason = str(e) if isinstance(e, InputError) else _short(e)
         warnings.warn(f"{name}: visuals left out, {reason}", stacklevel=2)
@@ -92,23 +95,36 @@ class Record(Table):
     lock: dict[str, Value]
 
 
-def _shown(tree: ET.Element, places: Places) -> str:
-    """The URDF with the meshes of its visuals as paths that may be read.
+def _visuals(model: pin.Model, tree: ET.Element, places: Places) -> pin.GeometryModel:
+    """The visuals, whose meshes are files that may be read: Pinocchio sees a box for each, by whose size it is known.
 
     Raises:
-        InputError: for a mesh that is missing, stands elsewhere, or is of a format that is not drawn.
+        InputError: for a mesh that is missing, damaged, stands elsewhere, or is of a format that is not drawn.
     """
-    for link in tree.iter("link"):
-        for collision in link.findall("collision"):
-            link.remove(collision)
-    for mesh in tree.iter("mesh"):
-        path = places.find(mesh.get("filename", ""))
-        refuse_unreadable(path)
-        mesh.set("filename", str(path))
+    meshes = []
+    for shape in tree.iterfind("link/visual/geometry"):
+        for mesh in shape.findall("mesh"):
+            meshes.append((places.find(mesh.get("filename", "")), _scale(mesh.get("scale", "1 1 1"))))
+            shape.remove(mesh)
+            ET.SubElement(shape, "box", size=f"{TOKEN + len(meshes) - 1} {TOKEN} {TOKEN}")
     for material in tree.iter("material"):
         for texture in material.findall("texture"):
             material.remove(texture)
-    return ET.tostring(tree, encoding="unicode")
+    text = ET.tostring(tree, encoding="unicode")
+    visuals = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL, None, [])
+    for g in visuals.geometryObjects:
+        size = 2 * g.geometry.halfSide if isinstance(g.geometry, coal.Box) else np.zeros(3)
+        if size[1] == size[2] == TOKEN:
+            path, g.meshScale = meshes[round(size[0] - TOKEN)]
+            g.meshPath, g.geometry = str(path), stand_in(path, g.meshScale)
+    return visuals
+
+
+def _scale(text: str) -> np.ndarray:
+    scale = np.array(text.split(), float)
+    if scale.shape != (3,) or not (np.abs(scale) <= HUGE).all():
+        raise InputError(f"the scale of a mesh is three finite numbers, got {text[:40]!r}")
+    return scale
 
 
 def _mimics(tree: ET.Element) -> tuple[Mimic, ...]:

@@ -19,6 +19,7 @@ from .sweep_run import Job, Stop, run
 
 KINDS = ("threads", "processes")
 AHEAD = 2  # runs under way for each worker, so that none waits for the next
+MOST = 10_000  # workers
 OTHER = 64  # workers of an executor that does not say how many it has
 _here: dict[str, Stop] = {}  # of a worker process: the flag that stops it
 
@@ -50,10 +51,10 @@ def pool(executor: str | Executor | None, workers: int | None, job: Job) -> Iter
 
     Raises:
         UnknownNameError: for another kind.
-        InputError: for a number of workers below 1, or what cannot be sent to another process.
+        InputError: for a number of workers below 1 or above `MOST`, or what cannot be sent to another process.
     """
-    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
-        raise InputError(f"workers is a number of at least 1, got {workers!r}")
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= MOST):
+        raise InputError(f"workers is a number of at least 1 and at most {MOST}, got {workers!r}")
     kind = default() if executor is None else executor
     count = workers or _processors()
     if kind == "threads":

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ DISTRIBUTIONS = (  # methods of numpy.random.Generator
     "uniform", "normal", "lognormal", "triangular", "choice", "integers", "exponential", "gamma", "beta", "weibull",
 )  # fmt: skip
 RANGE = {"from", "to", "n"}
+LARGEST = 1_000_000  # runs of a sweep: their table is made before the first of them
 VALUES, OWN = 0, 1  # the streams of random numbers of a run: its parameters, and what its seed is for
 
 
@@ -57,9 +59,11 @@ def tasks(parameters: Parameters, seed: int) -> list[Task]:
     if not all(isinstance(name, str) for name in _named(parameters)):
         raise InputError(f"parameters are named by texts, got {parameters!r:.60}")
     if isinstance(parameters, Random):
+        _refuse_many(parameters.n)
         runs: Iterable[Mapping[str, Any]] = _sample(parameters, int(seed))
     elif isinstance(parameters, Mapping):
         lists = [_listed(name, values) for name, values in parameters.items()]
+        _refuse_many(prod(map(len, lists)))
         runs = (dict(zip(parameters, values, strict=True)) for values in product(*lists))
     elif isinstance(parameters, Sequence) and all(isinstance(p, Mapping) for p in parameters):
         runs = parameters
@@ -72,6 +76,11 @@ def tasks(parameters: Parameters, seed: int) -> list[Task]:
     if not out:
         raise InputError("a sweep needs at least one run: the list of parameters is empty")
     return out
+
+
+def _refuse_many(runs: Any) -> None:
+    if isinstance(runs, int | np.integer) and runs > LARGEST:
+        raise InputError(f"a sweep has at most {LARGEST} runs, got {runs}")
 
 
 def _named(parameters: Any) -> Iterable[Any]:
@@ -119,6 +128,7 @@ def plain(name: str, value: Any) -> Any:
 def _listed(name: str, values: Any) -> Sequence[Any]:
     """The values of one axis of a grid."""
     if isinstance(values, Mapping) and set(values) == RANGE:
+        _refuse_many(values["n"])
         try:
             return np.linspace(values["from"], values["to"], values["n"]).tolist()
         except (TypeError, ValueError) as e:

@@ -36,6 +36,7 @@ Model = str | Path | Callable[..., Mechanism]
 Progress = Callable[[float, str], None]
 METHOD = inspect.signature(solve).parameters["method"].default
 TRIED = 50  # of the first runs, and as many of the others, until one can be made
+MOST = 1_000_000  # times of a run
 
 
 def sweep(
@@ -126,6 +127,8 @@ def sweep(
             progress(len(rows) / len(plan), f"{len(rows)} of {len(plan)} runs")
 
     try:
+        if progress:
+            progress(len(rows) / len(plan), f"{len(rows)} of {len(plan)} runs")
         open_tasks = [task for task in plan if task.run not in rows]
         if open_tasks:
             with pool(executor, workers, job) as workshop:
@@ -207,8 +210,8 @@ def _times(times: Any) -> int | tuple[float, ...] | None:
     if times is None:
         return None
     if isinstance(times, int | np.integer) and not isinstance(times, bool):
-        if times < 2:
-            raise InputError(f"times is a number of times, at least 2, or the times, got {times}")
+        if not 2 <= times <= MOST:
+            raise InputError(f"times is a number of times, at least 2 and at most {MOST}, or the times, got {times}")
         return int(times)
     try:
         found = tuple(float(t) for t in times)
