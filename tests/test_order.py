@@ -65,7 +65,8 @@ def test_an_order_holds_down_to_a_fifth_below_its_claim(claimed):
     steps = [10, 20, 40, 80, 160, 320]
     for less, verdict in ((-0.5, "holds"), (0.0, "holds"), (0.15, "holds"), (0.25, "misses"), (0.9, "misses")):
         errors = [n ** -(claimed - less) for n in steps]
-        found = _Measure(hessenberg_a(), 1.0, 10, None, print)._fit("q", claimed, steps, errors, [1e-30] * len(steps), 0.0)
+        measure, floors = _Measure(hessenberg_a(), 1.0, 10, None, print), [1e-30] * len(steps)
+        found = measure._fit("q", claimed, steps, errors, floors, 0.0)
         assert found.observed == pytest.approx(claimed - less)
         assert (found.verdict, found.fitted) == (verdict, (1, 6))
 

@@ -11,6 +11,7 @@ from test_closure_kinds import CLOSURES, JOINTS, PARENTS
 import mbdae
 from mbdae import Closure, Driver, JointTorque, Mechanism
 from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism import rows
 from mbdae.mechanism.frames import anchor
 from mbdae.mechanism.schema import Start
 
@@ -166,3 +167,11 @@ def test_names_and_sorts_are_checked():
         sol.reaction("cart driver")
     with pytest.raises(InputError, match="ask for its reaction"):
         sol.effort("stay")
+
+
+def test_minimum_norm_in_a_singular_configuration():
+    """Of the rank before, one singular value vanishes: what it divides is no force, 0 / 0."""
+    G = np.array([[1.0, 0, 0], [2.0, 0, 0], [1.0, 0, 0]])
+    np.testing.assert_allclose(rows.minimum_norm(G, 2, np.array([6.0, 0, 0])), [1.0, 2.0, 1.0], atol=1e-14)
+    G[2, 1] = 1e-12  # near it: still told apart
+    np.testing.assert_allclose(rows.minimum_norm(G, 2, G.T @ [1.0, 2.0, 1.0]), [1.0, 2.0, 1.0], atol=1e-3)

@@ -8,7 +8,7 @@ from ..errors import StepError
 RANK_TOLERANCE = 1e-8
 WORST_CONDITIONING = 0.1
 GROWN = 1e-2
-EPS = float(np.finfo(float).eps)
+ROUNDING = 1e-14
 FALLEN = 100.0  # of the ratio of pivots at the start: what less of it still counts as small
 
 
@@ -99,8 +99,8 @@ def minimum_norm(G: np.ndarray, rank: int, force: np.ndarray) -> np.ndarray:
     """The multipliers of smallest norm, (ng,), with G^T lam = force (nv,) for rows of G (ng, nv) of a given rank.
 
     Not of the rank that rounding shows: rows that depend on each other on 0 = g do so only nearly beside it. In a
-    singular configuration, where fewer rows carry the force, the others' multipliers are least, too.
+    singular configuration what vanishes to rounding carries no force, and is left out.
     """
     left, sizes, right, _ = dgesdd(G, full_matrices=0)
-    carried = np.where(sizes > EPS * sizes[:1], sizes, np.inf)[:rank]
-    return left[:, :rank].dot(right[:rank].dot(force) / carried)
+    rank = min(rank, int(np.count_nonzero(sizes > ROUNDING * sizes[:1])))
+    return left[:, :rank].dot(right[:rank].dot(force) / sizes[:rank])

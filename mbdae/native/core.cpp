@@ -252,6 +252,7 @@ void Core::own(const double* lam, double* z) {
   up(x, in);
   for (int k : rows_) z[k] -= in[position_[k]];
   for (int i = 0; i < d; ++i) z[dropped_[i]] = x[i];
+  if (!finite(z, ng)) throw Trouble();  // in a singular configuration Python finds those of minimum norm
 }
 
 double Core::bare(const double* q, const double* v, int repetitions) {
