@@ -145,6 +145,6 @@ class Run:
             order = self.tableau.order_linear if hasattr(self.problem, "model") else self.tableau.order
             settings = {"dense_order": max(1, order - 1)}
             stats = {"backend": "native" if self.core else "python"}
-            nodes: Any = (self.ts, self.ys, self.zs)
-            self._record = Solution(self.problem, *nodes, "finished", "", stats, settings, in_use=self.in_use)
+            tables: dict[str, Any] = {"t": self.ts, "y": self.ys, "z_own": self.zs, "in_use": self.in_use}
+            self._record = Solution(self.problem, **tables, status="finished", message="", stats=stats, settings=settings)
         return self._record

@@ -232,7 +232,8 @@ def _back(run: Run, options: dict[str, Any], rtol: float, times: Array) -> tuple
     Raises:
         StepError: where that cannot be done.
     """
-    m, rtol = run.problem, max(BACK * rtol, SMALLEST_BACK)
+    m: Any = run.problem
+    rtol = max(BACK * rtol, SMALLEST_BACK)
     ts, ys, rates = [run.t], [run.ys[-1]], [run.record().rate(len(run.ts) - 1)]
     for t in times.tolist():
         q, v, s = np.split(ys[-1][:-1], [m.nq, m.nq + m.nv])

@@ -132,8 +132,11 @@ class System(Protocol):
     def difference(self, y0: Array, y1: Array) -> Array:
         """Return y1 (-) y0 in the tangent at y0, (ny,)."""
 
-    def restore(self, t: float, y: Array) -> Array:
-        """Return the point nearest to y that meets what the methods do not keep: positions of a mechanism."""
+    def restore(self, t: float, y: Array, tight: bool = False) -> Array:
+        """Return the point nearest to y that meets what the methods do not keep: positions of a mechanism.
+
+        As far as it matters elsewhere, or as closely as rounding allows.
+        """
 
     @property
     def in_use(self) -> tuple[int, ...]:

@@ -152,7 +152,7 @@ class HessenbergSystem:
     def difference(self, y0: Array, y1: Array) -> Array:  # noqa: D102
         return y1 - y0
 
-    def restore(self, t: float, y: Array) -> Array:
+    def restore(self, t: float, y: Array, tight: bool = False) -> Array:
         """Refuse: 0 = g is kept by every method.
 
         Raises:
