@@ -146,5 +146,6 @@ class Run:
             settings = {"dense_order": max(1, order - 1)}
             stats = {"backend": "native" if self.core else "python"}
             tables: dict[str, Any] = {"t": self.ts, "y": self.ys, "z_own": self.zs, "in_use": self.in_use}
-            self._record = Solution(self.problem, **tables, status="finished", message="", stats=stats, settings=settings)
+            tables |= {"status": "finished", "message": "", "stats": stats, "settings": settings}
+            self._record = Solution(self.problem, **tables)
         return self._record
