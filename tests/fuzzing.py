@@ -57,8 +57,8 @@ DAE = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COL
 <accessor source="#a" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
 <param name="Z" type="float"/></accessor></technique_common></source><vertices id="v">
 <input semantic="POSITION" source="#p"/></vertices>
-<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry>
-</library_geometries>
+<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/>
+<p>0 1 2</p></triangles></mesh></geometry></library_geometries>
 <library_visual_scenes><visual_scene id="s">
 <node id="n"><matrix>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix><instance_geometry url="#g"/></node></visual_scene>
 </library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
@@ -274,7 +274,8 @@ def attempt(kind, path):
         raise Enough
 
     if kind == "sweep":
-        return "read" if sweep(**read_sweep(path), progress=tell) else "nothing"
+        arguments = {"max_steps": 2000, **read_sweep(path)}  # a run of an hour is no mistake, and shows its progress
+        return "read" if sweep(**arguments, progress=tell) else "nothing"
     if kind == "saved":
         sol = mbdae.Solution.load(path)
         mech = sol.mechanism

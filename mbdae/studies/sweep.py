@@ -127,8 +127,6 @@ def sweep(
             progress(len(rows) / len(plan), f"{len(rows)} of {len(plan)} runs")
 
     try:
-        if progress:
-            progress(len(rows) / len(plan), f"{len(rows)} of {len(plan)} runs")
         open_tasks = [task for task in plan if task.run not in rows]
         if open_tasks:
             with pool(executor, workers, job) as workshop:
