@@ -150,20 +150,23 @@ def _make(recipe: Recipe, functions: Sequence[Any] = ()) -> Mechanism:
         "left_out": list(left_out),
         "parameters": list(parameters),
     }
-    return Mechanism(
-        model,
-        file.closure,
-        [*file.force, *functions],
-        drivers=file.driver,
-        start=file.start,
-        visuals=visuals,
-        title=file.title or name,
-        duration=file.duration,
-        order=file.order,
-        source=source,
-        motors=motors,
-        left_out=left_out,
-    )
+    try:
+        return Mechanism(
+            model,
+            file.closure,
+            [*file.force, *functions],
+            drivers=file.driver,
+            start=file.start,
+            visuals=visuals,
+            title=file.title or name,
+            duration=file.duration,
+            order=file.order,
+            source=source,
+            motors=motors,
+            left_out=left_out,
+        )
+    except MemoryError:
+        raise InputError(f"{name}: there is not enough memory for {model.njoints - 1} joints") from None
 
 
 def describe(mech: Mechanism) -> dict[str, Any]:
