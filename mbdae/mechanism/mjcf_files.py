@@ -15,7 +15,11 @@ from .places import Places, refused
 
 ATTRIBUTE = re.compile(rb"""([A-Za-z_]\w*)\s*=\s*("[^"]*"|'[^']*')""")
 FOLDERS = ("meshdir", "texturedir", "assetdir")
-LARGEST = {"count": 10_000, "nkey": 10_000, "nrow": 10_000, "ncol": 10_000, "width": 8_192, "height": 8_192, "gridsize": 144}
+LARGEST = {
+    **dict.fromkeys(("count", "nkey", "nrow", "ncol"), 10_000),
+    **dict.fromkeys(("width", "height"), 8_192),
+    "gridsize": 144,
+}
 USER = 10_000  # of ``nuser_body`` and the like
 MANY = 32  # folders
 REPLICATE = re.compile(rb"<replicate\b[^>]*>|</replicate\s*>")

@@ -131,7 +131,7 @@ def _listed(name: str, values: Any) -> Sequence[Any]:
         _refuse_many(values["n"])
         try:
             return np.linspace(values["from"], values["to"], values["n"]).tolist()
-        except (TypeError, ValueError) as e:
+        except (TypeError, ValueError, OverflowError) as e:
             raise InputError(f"{name}: from and to are numbers, and n says how many, got {dict(values)}: {e}") from None
     if isinstance(values, str | Mapping) or not isinstance(values, Sequence | np.ndarray) or not len(values):
         raise InputError(f"{name}: a grid takes a list of values, or from, to and n, got {values!r:.60}")
@@ -163,6 +163,6 @@ def _drawer(name: str, value: Any) -> Callable[[np.random.Generator], Any]:
 
     try:
         draw(np.random.default_rng(0))
-    except (TypeError, ValueError) as e:
+    except (TypeError, ValueError, OverflowError) as e:
         raise InputError(f"{name}: numpy's {kind} does not take {arguments}: {e}") from None
     return draw
