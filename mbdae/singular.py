@@ -168,7 +168,8 @@ class SingularWatch:
         self.largest = max(self.largest, self.ratios[-1])
         self._look(run, len(self.ratios) - 2)
         if last:
-            if self._ratio(run.ts[-1], run.ys[-1]) < ENDED * self.largest:
+            near = self.ratios[-1] < SUSPECT * self.largest
+            if near and self._ratio(run.ts[-1], run.ys[-1]) < ENDED * self.largest:
                 text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding decides"
                 self._end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
             self.ratios.append(np.inf)

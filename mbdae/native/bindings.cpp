@@ -184,7 +184,8 @@ NB_MODULE(_native, m) {
   FIELD(seconds), FIELD(budget), FIELD(h), FIELD(largest), FIELD(cut), FIELD(last), FIELD(rtol), FIELD(atol);
   FIELD(was_rejected), FIELD(power), FIELD(safety), FIELD(smallest_factor), FIELD(largest_factor), FIELD(beta);
   FIELD(step), FIELD(t0), FIELD(near), FIELD(tolerated), FIELD(n), FIELD(i), FIELD(on_grid);
-  FIELD(usual), FIELD(before), FIELD(suspect), FIELD(landed), FIELD(zone), FIELD(changes), FIELD(taken), FIELD(rejected), FIELD(stuck);
+  FIELD(usual), FIELD(before), FIELD(suspect), FIELD(landed), FIELD(zone);
+  FIELD(changes), FIELD(taken), FIELD(rejected), FIELD(stuck);
 #undef FIELD
   course.def(
       "begin",
@@ -224,7 +225,7 @@ NB_MODULE(_native, m) {
             c.core->use(rows, rank, floor, held);
           },
           nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
-          "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay as they are.")
+          "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
       .def_prop_ro("widest", [](const PyCore& c) { return c.core->widest; })
       .def_prop_ro("fastest", [](const PyCore& c) { return c.core->fastest; })
       .def(
@@ -245,7 +246,7 @@ NB_MODULE(_native, m) {
             }
           },
           nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),
-          "Choose the rows of the next step: say whether others are taken, and return y and carry; None where none serve.")
+          "Choose the rows of the next step: say whether others are taken, and return y and carry, or None.")
       .def(
           "step",
           [](PyCore& c, const Tableau& tableau, double t, double h, const Array& y, const nb::object& carry,

@@ -56,35 +56,38 @@ void Core::set_rows(std::vector<int> rows) {
     if (position_[k] < 0) dropped_.push_back(k);
 }
 
-void Core::choose_all() {  // where Z stands: see Descriptor.choose_rows and mbdae/mechanism/rows.py
+bool Core::choose_all() {  // where Z stands: see Descriptor.choose_rows and mbdae/mechanism/rows.py
   if (rank < 0) throw std::logic_error("say which rows are in use first");
   pivots(nv, ng, Z_.data(), order_, diag_, work_);
   if (rank && !(diag_[rank - 1] > floor * diag_[0])) throw Trouble();
   if (static_cast<int>(diag_.size()) > rank && diag_[rank] > GROWN * diag_[0]) throw Trouble();
   if (rank) weakest = std::min(weakest, (diag_[rank - 1] / diag_[0]) * (diag_[rank - 1] / diag_[0]));
   if (chosen_) {
-    if (rank == ng || !rank) return;
+    if (rank == ng || !rank) return false;
     const double best = diag_[rank - 1];
     Numbers &B = own_[0], &d = own_[1];
     B.resize(static_cast<size_t>(rank) * nv);
     for (int i = 0; i < rank; ++i)
       std::copy_n(&Z_[static_cast<size_t>(rows_[i]) * nv], nv, &B[static_cast<size_t>(i) * nv]);
     pivots(nv, rank, B.data(), spare_, d, work_);
-    if (d[rank - 1] >= WORST_CONDITIONING * best) return;
+    if (d[rank - 1] >= WORST_CONDITIONING * best) return false;
   }
   std::vector<int> rows(order_.begin(), order_.begin() + rank);
   std::sort(rows.begin(), rows.end());
+  if (chosen_ && rows == rows_) return false;
   set_rows(rows);
+  return true;
 }
 
-// Where a step begins, at the point where Z stands: small systems look at all rows, large ones where there is reason to.
-void Core::choose() {
+// Where a step begins, and Z stands: small systems look at all rows, large ones where there is reason to.
+bool Core::choose() {
   if (large_) {
     best_ = std::max(best_, now_);
-    if (!suspicious_ && !fallen()) return;
+    if (!suspicious_ && !fallen()) return false;
   }
-  choose_all();
+  const bool changed = choose_all();
   suspicious_ = false, best_ = 0;
+  return changed;
 }
 
 // Between two steps, see Descriptor.settle: which rows serve, and how far all of them are kept. True where others are
@@ -94,9 +97,8 @@ bool Core::settle(double t, State& s) {
   const double* q = s.y.data();
   double* v = s.y.data() + nq;
   if (!at_last(q)) evaluate(q, true);
-  const std::vector<int> before = rows_;
-  choose();
-  Numbers rate(ng, 0.0), gap(g_);
+  const bool changed = choose();
+  Numbers& rate = lam_work_;
   auto measure = [&] {
     std::fill(rate.begin(), rate.end(), 0.0);
     if (!constraints.drivers.empty()) constraints.speed(t, rate.data());
@@ -104,7 +106,6 @@ bool Core::settle(double t, State& s) {
       for (int c : constraints.rows[k].columns) rate[k] += G_[static_cast<size_t>(k) * nv + c] * v[c];
   };
   measure();
-  const bool changed = rows_ != before;
   if (changed) {
     symmetric();
     normal(rate, f_.data());
@@ -116,8 +117,9 @@ bool Core::settle(double t, State& s) {
     }
     measure();
   }
-  constraints.gaps(t, gap.data());
-  widest = std::max(widest, largest(gap.data(), ng));
+  std::copy(g_.begin(), g_.end(), gap_.begin());
+  constraints.gaps(t, gap_.data());
+  widest = std::max(widest, largest(gap_.data(), ng));
   fastest = std::max(fastest, largest(rate.data(), ng) / (1 + largest(v, nv)));
   return changed;
 }

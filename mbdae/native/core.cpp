@@ -59,7 +59,7 @@ Core::Core(const void* model, bool flat, std::vector<Row> rows, std::vector<std:
   }
   const size_t full = static_cast<size_t>(ng) * nv;
   for (Numbers* x : {&G_, &Z_, &Ghat_, &Zhat_}) x->assign(full, 0.0);
-  for (Numbers* x : {&g_, &gt_, &gthat_, &lam_, &lam_work_}) x->assign(ng, 0.0);
+  for (Numbers* x : {&g_, &gt_, &gthat_, &lam_, &lam_work_, &gap_}) x->assign(ng, 0.0);
   for (Numbers* x : {&f_, &root_, &conservative_, &other_, &v_, &v0_, &tmp_, &probe_}) x->assign(nv, 0.0);
   stride_ = (ny + 3) / 4 * 4;
   for (Numbers* x : {&dx_, &x_, &xhat_}) x->assign(stride_, 0.0);

@@ -107,8 +107,8 @@ class Core {
   void solve(const double* Zhat, double* rhs, double* f);
   void symmetric();
   void own(const double* lam, double* z);
-  void choose();
-  void choose_all();
+  bool choose();  // are other rows in use now?
+  bool choose_all();
   void normal(Numbers& by_row, double* out);
   void probe();
   bool fallen() const;  // the rows in use are much worse than they were
@@ -143,7 +143,7 @@ class Core {
   bool chosen_ = false, held_ = false, stands_ = false, suspicious_ = false;
   double best_ = 0, now_ = 0;
   Numbers last_q_, U_, root_, G_, Z_, Ghat_, Zhat_, g_, gt_, gthat_, F_, q_, v_, s_, qhat_, q0_, v0_, s0_, f_, dx_, x_,
-      xhat_, conservative_, other_, lam_, lam_work_, work_, diag_, neutral_, probe_, tmp_;
+      xhat_, conservative_, other_, lam_, lam_work_, gap_, work_, diag_, neutral_, probe_, tmp_;
   struct Entry {
     int i, j;
     double s;
