@@ -113,14 +113,14 @@ class Tableau:
 
     @cached_property
     def noise(self) -> float:
-        """What rounding makes of an error estimate of v, over |v|: 4 eps max_e sum_i |e_i / ahat_ii|.
+        """What rounding makes of an error estimate of v, over |v|: 2 eps sum_i |e_i / ahat_ii|.
 
         A stage finds v' = -G v / (h ahat_ii) + ..., so that eps |v| / (h ahat_ii) of it is rounding, whatever h is.
         """
         a = self.arrays
         first = int(self.explicit_first)
-        weights = a.e if len(a.e) else a.b[None]
-        return float(4 * np.finfo(float).eps * np.abs(weights[:, first:] / a.Ahat.diagonal()[first:]).sum(axis=1).max())
+        weights = a.e[0] if len(a.e) else a.b
+        return float(2 * np.finfo(float).eps * np.abs(weights[first:] / a.Ahat.diagonal()[first:]).sum())
 
     @property
     def error_power(self) -> int:
