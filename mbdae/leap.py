@@ -92,7 +92,7 @@ def leap(system: Descriptor, run: Any, way: float, first: int) -> Leap | None:
         system: a workspace with the run's rank and rows.
         run: its nodes and their rates, the end of its leg, and the way back from its last node.
         way: seconds until the ratio of pivots vanishes, positive.
-        first: node behind the last jump.
+        first: node behind the last jump or leap.
 
     Raises:
         StepError: if states before cannot be found, or the point behind not be brought onto the closures.
@@ -132,7 +132,7 @@ def leap(system: Descriptor, run: Any, way: float, first: int) -> Leap | None:
 def _before(run: Any, way: float, first: int) -> tuple[Array, Array, Array]:
     """Times, points and rates of the last node and of states about `OFFSETS` times the way before it.
 
-    Where the run can go back they are found anew from the last node: those on the way to it have errors of the steps
+    Where the run can step back they are found anew from the last node: those on the way to it have errors of the steps
     between, which a polynomial magnifies a hundredfold. An implicit method, for stiff motions, cannot go back.
     """
     back = np.abs(np.array(run.ts[first:]) - run.t)

@@ -195,7 +195,7 @@ class Adaptive:
         self.controller, self.largest = Controller(power), largest
         self.h: Any = first
         self.cap = np.inf  # of the next step, near singular configurations
-        self.reason = ""  # why the last step could not be taken
+        self.reason = self._reason = ""  # why a step could not be taken, this one or the one before
         self._cut = 0.0  # the step that would have been taken, had there not been the end of a leg
 
     def propose(self, run: Run) -> tuple[float, float]:
@@ -222,14 +222,15 @@ class Adaptive:
 
     def may_retry(self, run: Run, h: float, reason: StepError) -> bool:
         """Say whether a smaller step is worth a try after one that could not be taken."""
-        self.h, self.reason = self.controller.next_step(h, np.inf), str(reason)
+        self.h = self.controller.next_step(h, np.inf)
+        self.reason = self._reason = str(reason)
         return self.h > _smallest(run.t, run.t1)
 
     def judge(self, run: Run, h: float, error: float) -> bool:
         """Say whether a step is accepted, and choose the next one."""
         self.h = self.controller.next_step(h, error)
         if error <= 1:
-            self.h, self.reason = max(self.h, self._cut), ""
+            self.h, self.reason, self._reason = max(self.h, self._cut), self._reason, ""
         return error <= 1
 
     def restart(self) -> None:

@@ -33,7 +33,7 @@ class Run:
         self.ts, self.ys, self.zs = [t0], Rows(start), Rows(np.full(self.system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
         self.pace: Pace
-        self.back: Callable[[Array], tuple[Array, Array, Array]] | None = None  # see `mbdae.leap`
+        self.back: Callable[[Array], tuple[Array, Array, Array]] | None = None  # see `mbdae.retrace`
         self.singular: SingularWatch | None = None
         self.stiffness: StiffnessWatch | None = None
         self.core: Core | None = None

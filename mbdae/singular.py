@@ -114,7 +114,6 @@ class SingularWatch:
 
     def restart(self, first: int) -> None:
         """Forces jump at node ``first``: what was before does not continue."""
-        self.leg = first
         self.entered: int | None = None  # the node from which steps came near a singular configuration
         self.tried, self.stalled = (np.inf, np.inf), 0  # way and error of the last leap that was not taken
         self._begin(first)
@@ -201,7 +200,7 @@ class SingularWatch:
             return False
         found = None
         with suppress(StepError):
-            found = leap(self.own, run, way, self.leg)
+            found = leap(self.own, run, way, self.first)
         if found is None:
             return False
         error, move = (self.pace.measure(run, found.y, x) for x in (found.error, found.move))

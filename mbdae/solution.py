@@ -55,7 +55,6 @@ class Solution:
     stats: dict[str, Any]
     settings: dict[str, Any]
     steps: tuple[Array, Array, Array] | None = field(default=None, repr=False)
-
     events: list[tuple[Array, Array]] = field(default_factory=list, repr=False)
     singular: list[Singular] = field(default_factory=list, repr=False)
     in_use: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)

@@ -1,8 +1,7 @@
-"""The only time loop: step, accept or reject, record, look for events."""
+"""Integrate a mechanism or a textbook problem: what is asked for is checked, bound, run and reported."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-from functools import partial
 from numbers import Real
 from time import perf_counter
 from typing import Any
@@ -10,24 +9,24 @@ from typing import Any
 import numpy as np
 
 from .baseline import Scipy, find
-from .ending import end_in_event, event_value, report
+from .ending import event_value, report
 from .errors import STATUS, InputError, StepError, require
 from .events import Watch, as_events
 from .jumps import Jumps
+from .loop import Progress, time_loop
 from .march import Core, bind
 from .mechanism import Compiled, Mechanism
 from .mechanism.assemble import START
 from .mechanism.descriptor import Descriptor
 from .methods import Tableau
 from .pace import Adaptive, Fixed, Pace
+from .retrace import retracer
 from .run import Run
 from .singular import SingularWatch
 from .solution import Problem, Solution
 from .stiffness import StiffnessWatch
 from .system import Array
 
-Progress = Callable[[float], None]
-BACK, SMALLEST_BACK = 1e-3, 1e-12  # times rtol, and rtol: of steps back in front of singular configurations
 DRIFTED = 100.0  # times rtol: how far loops may stand open at the start, as after a run that let them drift
 
 
@@ -123,7 +122,7 @@ def solve(
         controlled = pace if isinstance(pace, Adaptive) and formulation != "index1" else None
         run.singular = SingularWatch(system, project or formulation == "ggl", controlled, formulation == "index2")
         if controlled and isinstance(tableau, Tableau):
-            run.back = partial(_back, run, {"method": method, "backend": backend}, float(rtol))
+            run.back = retracer(run, tableau, float(rtol))
     if isinstance(system, Compiled):
         run.core = Core(system, tableau, project)
     watch = Watch(as_events(events), lambda e, t, y: event_value(problem, e, t, y))
@@ -133,7 +132,7 @@ def solve(
         with np.errstate(over="ignore", invalid="ignore"):  # a run that explodes says so by its status
             run.begin()
             watch.begin(t0, run.state.y)
-            stopped = _march(run, pace, watch, max_steps, progress)
+            stopped = time_loop(run, pace, watch, max_steps, progress)
             for driver in problem.drivers if isinstance(problem, Mechanism) else ():
                 driver.check_run(t0, run.t)
         if stopped:
@@ -163,87 +162,12 @@ def solve(
     return report(run, watch, status, message, stats, settings, times)
 
 
-def _march(run: "Run", pace: "Pace", watch: Watch, max_steps: int | None, progress: Progress | None) -> bool:
-    """Step to the end of the span; True when a terminal event stopped the run before."""
-    total = run.to_go()
-    while run.to_go() > 0:
-        left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
-        if left is not None and left <= 0:
-            raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
-        before, start = len(run.ts), run.state
-        leapt = run.singular is not None and run.singular.leap(run)
-        if not leapt and not (run.core and run.core.advance(run, pace, 1 if watch.events else left)):
-            _one(run, pace)
-        if len(run.ts) == before:
-            continue
-        if run.stiffness:
-            run.stiffness.look(run)
-        if watch.events:
-            at = run.record().dense(len(run.ts) - 2)
-            stop = watch.step(run.ts[-2], run.t - run.ts[-2], at)
-            if stop:
-                end_in_event(run, pace, watch, None if leapt else start, at, *stop)
-                return True
-        if run.t == run.leg.end and run.leg.restart is not None:
-            run.cross(run.leg.restart)
-            pace.restart()
-            if run.singular:
-                run.singular.restart(len(run.ts) - 1)
-            if run.stiffness:
-                run.stiffness.restart(len(run.ts) - 1)
-        if progress:
-            progress(1 - run.to_go() / total)
-    return False
-
-
-def _one(run: "Run", pace: "Pace") -> None:
-    """Take one step and accept or reject it."""
-    if run.singular:
-        run.singular.begin_step()
-    h, t_next = pace.propose(run)
-    try:
-        step = pace.take(run, run.sign * h)
-        error = pace.error(run, step)
-        if run.project and error <= 1:
-            step = step._replace(state=run.restored(t_next, step.state))
-    except StepError as e:
-        if not pace.may_retry(run, h, e):
-            raise
-        step, error = None, np.inf
-    if step is None or not pace.judge(run, h, error):
-        run.rejected = (run.rejected or 0) + 1
-        return
-    run.accept(t_next, step)
-    if run.singular:
-        run.singular.step(run, run.to_go() == 0)
-
-
 def _start(problem: Problem, q: Any, v: Any, t: float, s: Any, rtol: Any) -> Array:
     """The start; under step-size control loops may stand open as after a run that let them drift."""
     drifted = DRIFTED * float(rtol) if isinstance(rtol, Real) else 0.0
     if isinstance(problem, Mechanism):
         return problem.point(q, v, t, s, max(START, drifted))
     return problem.point(q, v, t, s)
-
-
-def _back(run: Run, options: dict[str, Any], rtol: float, times: Array) -> tuple[Array, Array, Array]:
-    """Step back from a run's last node to earlier times; return times (k,), points (k, ...) and rates (k, ny), with it.
-
-    Raises:
-        StepError: where that cannot be done.
-    """
-    m: Any = run.problem
-    rtol = max(BACK * rtol, SMALLEST_BACK)
-    ts, ys, rates = [run.t], [run.ys[-1]], [run.record().rate(len(run.ts) - 1)]
-    for t in times.tolist():
-        q, v, s = np.split(ys[-1][:-1], [m.nq, m.nq + m.nv])
-        sol = solve(m, (ts[-1], t), q, v, s, rtol=rtol, **options)
-        if not sol.ended:
-            raise StepError(sol.status, sol.message)
-        ts.append(t)
-        ys.append(np.append(sol.y[-1][:-1], ys[-1][-1] + sol.work[-1]))
-        rates.append(sol.rate(len(sol.t) - 1))
-    return np.array(ts), np.array(ys), np.array(rates)
 
 
 def _projected(problem: Problem, project: bool | str, formulation: str, step: float | None) -> bool:

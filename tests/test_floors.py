@@ -29,6 +29,8 @@ ROOMS = {  # files that were split off, and the room they belong to
     "jumps": "solve",
     "singular": "solve",
     "leap": "solve",
+    "loop": "solve",
+    "retrace": "solve",
     "stiffness": "solve",
     "doubts": "solve",
     "ending": "solve",

@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from fuzzing import CUBE, DAE, STL
+from fuzz_seeds import CUBE, DAE, STL
 
 from mbdae.errors import InputError
 from mbdae.mechanism.mesh_points import points_of

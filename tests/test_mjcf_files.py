@@ -12,7 +12,7 @@ from mujoco_models import DATA, FILES, compiled, load
 
 import mbdae
 from mbdae.errors import AssemblyError, InputError, UnknownNameError
-from mbdae.mechanism import describe, mjcf, restore, to_mujoco
+from mbdae.mechanism import describe, restore, to_mujoco
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 NO_STATES = np.empty(0)

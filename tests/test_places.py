@@ -4,7 +4,8 @@ import shutil
 import struct
 
 import pytest
-from fuzzing import CUBE, DAE, DATA, MATERIAL, SHOWN, STL
+from fuzz_seeds import CUBE, DAE, MATERIAL, SHOWN, STL
+from fuzzing import DATA
 
 import mbdae
 from mbdae.errors import InputError

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae import MbdaeError, march, run
+from mbdae import MbdaeError, loop, march, run
 from mbdae.studies.drift import drift
 
-LOOP = ("_march", "_one", "accept", "advance", "_record", "extend")
+LOOP = ("time_loop", "one_step", "accept", "advance", "_record", "extend")
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +146,7 @@ def test_interrupt_between_the_steps_of_the_compiled_core(four_bar):
 
 @pytest.mark.parametrize(("backend", "lines"), [("python", range(60, 260, 3)), ("native", range(2, 32))])
 def test_interrupt_at_any_line_of_the_loop(four_bar, backend, lines):
-    files = {mbdae.solve.__code__.co_filename, march.__file__, run.__file__}
+    files = {mbdae.solve.__code__.co_filename, loop.__file__, march.__file__, run.__file__}
     statuses = set()
     for line in lines:  # the line at which the interrupt falls, counted in the loop and the record
         seen = 0

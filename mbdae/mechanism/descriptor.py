@@ -15,8 +15,8 @@ from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
 from ..errors import StepError
 from ..system import Counts, State
 from . import rows as rowmath
+from .chart import DescriptorChart
 from .constraints import Constraints
-from .implicit import ImplicitStages
 from .path import interpolant
 from .project import restore
 from .workspace import make_data
@@ -31,8 +31,8 @@ class Descriptor:
     """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
 
     What is recomputed: one mass matrix, one force and two constraint Jacobians per stage, one factorization of M
-    (Cholesky) and of G(Qhat) M^-1 G(Q)^T (LU). Small arrays: what a stage computes is written with what costs least in
-    numpy, a.dot(b) half as much as a @ b, x[x.argmin()] a quarter of x.min(); every result is an array of its own.
+    (Cholesky) and of G(Qhat) M^-1 G(Q)^T (LU). Small arrays are written with what costs least in numpy: a.dot(b) half
+    as much as a @ b, x[x.argmin()] a quarter of x.min().
     """
 
     def __init__(self, mechanism: "Mechanism") -> None:
@@ -154,8 +154,7 @@ class Descriptor:
         """See `mbdae.system.System`."""
         return () if self.rows is None else tuple(self.rows.tolist())
 
-    def hold(self, rows: tuple[int, ...]) -> None:
-        """See `mbdae.system.System`."""
+    def hold(self, rows: tuple[int, ...]) -> None:  # noqa: D102
         self.rows, self.rank, self.held = np.array(rows, int), len(rows), True
 
     def settle(self, t: float, state: State) -> State:
@@ -218,8 +217,7 @@ class Descriptor:
         """Return the states s (ns,) of actuators and controllers."""
         return y[self.nq + self.nv : -1]
 
-    def breakpoint(self, t: float, sign: float) -> float:
-        """See `mbdae.system.System`."""
+    def breakpoint(self, t: float, sign: float) -> float:  # noqa: D102
         return self.laws.breakpoint(t, sign)
 
     def jump(self, t: float, y: Array) -> Array:
@@ -281,8 +279,7 @@ class Descriptor:
             out[: self.nv] = x[: self.nv] - (y1[: self.nq] - y0[: self.nq])
         return out
 
-    def restore(self, t: float, y: Array, tight: bool = False) -> Array:
-        """See `mbdae.mechanism.project.restore`."""
+    def restore(self, t: float, y: Array, tight: bool = False) -> Array:  # noqa: D102
         return restore(self, t, y, tight)
 
     def size(self, y: Array) -> Array:  # noqa: D102
@@ -297,62 +294,7 @@ class Descriptor:
             out[self.nv : 2 * self.nv] = share * np.abs(self.split(y)[1]).max()
         return out
 
-    def interpolant(
+    def interpolant(  # noqa: D102
         self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int
     ) -> Callable[[float], Array]:
-        """See `mbdae.mechanism.path.interpolant`."""
         return interpolant(self, t, h, ends, rates, order)
-
-
-class DescriptorChart(ImplicitStages):
-    """A step of a mechanism in coordinates (x, v, s, w), q = q_n (+) x, x' = J(x) v; one set of rows within it."""
-
-    def __init__(self, system: Descriptor, t: float, y: Array, rows: Array) -> None:
-        self.system, self.t, self.y, self.rows = system, t, y, rows
-        self.q, self.v = system.split(y)
-        self.s = system.inner(y)
-
-    def first(self, carry: Array) -> tuple[Array, Array]:  # noqa: D102
-        return np.concatenate([self.v, carry]), np.empty(0)
-
-    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
-        """One saddle-point solve; two configurations meet in it (Hairer, Wanner II, (VII.6.8))."""
-        s, m, nv = self.system, self.system.manifold, self.system.nv
-        q, v = m.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
-        U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
-        G = s.jacobian()
-        Gr = G.take(self.rows, 0)
-        dx, Ghat = self.meet(that, x[:nv], v, xhat[:nv], factor, U, Gr)
-        rate = Ghat.dot(self.v + xhat[nv : 2 * nv])
-        if s.driven:
-            rate += s.g_t(that)[self.rows]
-        vdot, lam = s.saddle(t, U, Gr, Ghat, f, rate / -factor)
-        if s.driven:
-            rates[-1] -= lam @ s.g_t(t)[self.rows]
-        s._last_q, s._last = q, (U, G)
-        return np.concatenate((dx, vdot, rates)), lam
-
-    def meet(
-        self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
-    ) -> tuple[Array, Array]:
-        """Return x' = J(x) v (nv,) and G (r, nv) where the stage meets the constraint: q_n (+) (xhat + factor x')."""
-        m = self.system.manifold
-        dx = m.tangent(x, v)
-        return dx, self.system.jacobian(m.integrate(self.q, xhat + factor * dx)).take(self.rows, 0)
-
-    def own(self, z: Array) -> Array:
-        """Multipliers of all rows at the last stage's configuration."""
-        return self.system.own(self.system._last[1], self.rows, z)
-
-    def point(self, x: Array) -> Array:  # noqa: D102
-        self.system.manifold.within(x[: self.system.nv])
-        return self.system.add(self.y, x)
-
-    def project(self, e: Array) -> Array:
-        """Project the velocity part in the mass metric on G v = 0 at the last stage's configuration."""
-        s, nv = self.system, self.system.nv
-        if len(self.rows):
-            e = e.copy()
-            s.counts.projections += 1
-            e[nv : 2 * nv] -= s._MinvGT.dot(dgesv(s._G.dot(s._MinvGT), s._G.dot(e[nv : 2 * nv]))[2])
-        return e

@@ -13,7 +13,8 @@ from scipy.linalg.lapack import dgesv, dpotrs
 
 from ..errors import StepError
 from ..system import Solver
-from .descriptor import Descriptor, DescriptorChart
+from .chart import DescriptorChart
+from .descriptor import Descriptor
 from .implicit import Linearized, padded
 
 if TYPE_CHECKING:
