@@ -11,7 +11,7 @@ from pathlib import Path
 import mbdae
 
 RUNS = {
-    "index 2": {},
+    "index 2": {"project": False},
     "index 2, projected": {"project": True},
     "GGL": {"formulation": "ggl"},
     "index 1": {"formulation": "index1", "method": "DOP853"},
