@@ -144,7 +144,7 @@ class Solution:
 
     @property
     def lam_own(self) -> Array:
-        """The method's own multipliers, (n, ng): lower order than `lam`."""
+        """The method's own multipliers, (n, ng): of minimum norm, finite in singular configurations, of lower order."""
         return self.z_own[:, : self.mechanism.ng]
 
     @cached_property

@@ -67,13 +67,14 @@ def solve(
         v: consistent start velocity (nv,); the model's start when left out.
         s: start values (ns,) of the states of actuators and controllers; their own when left out.
         method: a name of `mbdae.METHODS`; one of RK45, DOP853, Radau, LSODA for ``"index1"``.
-        formulation: ``"index2"``: closures kept at velocity level; ``"ggl"``: at position level too, by a second
-            multiplier; ``"index1"``: neither, accelerations stepped by scipy as a baseline. Mechanisms only.
-        project: bring the state back to g = 0 and G v = 0 after each step, in the mass metric; for ``"index2"``.
-            ``"auto"`` does so where steps are controlled, and not with fixed ones, where methods are studied.
+        formulation: ``"index2"``: closures kept at velocity level, and see ``project``; ``"ggl"``: at position level too,
+            by a second multiplier; ``"index1"``: neither, accelerations stepped by scipy as a baseline. Mechanisms only.
+        project: bring the state back to g = 0 and G v = 0 after each step, over all rows and in the mass metric; for
+            ``"index2"``. ``"auto"`` does so where steps are controlled, and not with fixed ones, where methods are
+            studied. Without, g and rows that depend on others drift with the errors of the method.
         baumgarte: alpha and beta in 1/s, for ``"index1"``: 0 = G v' + gamma + 2 alpha G v + beta^2 g.
-        step: fixed step in s; the step size is controlled when left out. Where one would end in a singular
-            configuration, three shorter steps take the place of two.
+        step: fixed step in s; the step size is controlled when left out, and singular configurations are then leapt
+            over. Where a fixed one would end in one, three shorter steps take the place of two.
         rtol: relative tolerance per step of q and v.
         atol: absolute tolerance, a number or one for each component of (q, v) in the tangent; 0.01 rtol when left out.
         first_step: first step in s; guessed when left out.
@@ -81,7 +82,7 @@ def solve(
         max_steps: largest number of steps taken or rejected; unlimited when left out.
         jumps: times at which forces (of t) jump: steps end there. Controllers and functions of time in mechanism files
             tell their own.
-        t_eval: times to report, in the span's order; all steps when left out.
+        t_eval: times to report, in the span's order, interpolated as by ``sol(t)``; all steps when left out.
         events: functions event(t, q, v) -> float (textbook problems: event(t, y)) or `mbdae.Event`; their zeros are
             reported, and a terminal one ends the run.
         progress: called with the fraction done, after each step or several times a second.
@@ -89,7 +90,9 @@ def solve(
             or ``"auto"``: the core where it is there and has what is asked for. ``stats["backend"]`` says which.
 
     Returns:
-        The solution, with everything up to the point of failure if there was one: see `status` and `message`.
+        The solution, with everything up to the point of failure if there was one: see `status` and `message`. Runs with
+        status ``"finished"`` or ``"event"`` are successes; a ``"doubtful"`` one came to its end, but loops, velocities or
+        energy say that it cannot be trusted; those with another of `mbdae.errors.STATUS` stopped before.
 
     Raises:
         InputError: for wrong arguments, or an inconsistent start.
