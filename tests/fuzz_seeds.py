@@ -1,5 +1,6 @@
-"""Files from which mutants are made, small ones of every kind that mbdae reads, and how texts and tables are damaged."""
+"""Files from which mutants are made, small ones of every kind that mbdae reads, and how they are damaged."""
 
+import json
 import re
 
 SPELLED = ["nan", "inf", "-inf", "1e300", "-1", "0", "", "x", "1 2", "1e999", "1e-320", "0x10", "10" * 200, "1e9",

@@ -8,6 +8,7 @@ traceback, or keep silent for longer than ``PATIENCE``.
 
 import argparse
 import json
+import os
 import random
 import select
 import shutil
@@ -191,8 +192,9 @@ class Child:
     def ask(self, kind, path):
         """What came of a file; what is wrong begins with ``!``."""
         if self.process is None or self.process.poll() is not None:
+            paths = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
             self.process = subprocess.Popen(
-                [sys.executable, __file__, "--child"],
+                [sys.executable, __file__, "--child"], env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
             )  # fmt: skip
             self.process.stdin.write(json.dumps(["warm up", ""]) + "\n")
