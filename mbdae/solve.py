@@ -67,8 +67,9 @@ def solve(
         v: consistent start velocity (nv,); the model's start when left out.
         s: start values (ns,) of the states of actuators and controllers; their own when left out.
         method: a name of `mbdae.METHODS`; one of RK45, DOP853, Radau, LSODA for ``"index1"``.
-        formulation: ``"index2"``: closures kept at velocity level, and see ``project``; ``"ggl"``: at position level too,
-            by a second multiplier; ``"index1"``: neither, accelerations stepped by scipy as a baseline. Mechanisms only.
+        formulation: ``"index2"``: closures kept at velocity level, and see ``project``; ``"ggl"``: at position level
+            too, by a second multiplier; ``"index1"``: neither, accelerations stepped by scipy as a baseline.
+            Mechanisms only.
         project: bring the state back to g = 0 and G v = 0 after each step, over all rows and in the mass metric; for
             ``"index2"``. ``"auto"`` does so where steps are controlled, and not with fixed ones, where methods are
             studied. Without, g and rows that depend on others drift with the errors of the method.
@@ -91,8 +92,8 @@ def solve(
 
     Returns:
         The solution, with everything up to the point of failure if there was one: see `status` and `message`. Runs with
-        status ``"finished"`` or ``"event"`` are successes; a ``"doubtful"`` one came to its end, but loops, velocities or
-        energy say that it cannot be trusted; those with another of `mbdae.errors.STATUS` stopped before.
+        status ``"finished"`` or ``"event"`` are successes; a ``"doubtful"`` one came to its end, but loops, velocities
+        or energy say that it cannot be trusted; those with another of `mbdae.errors.STATUS` stopped before.
 
     Raises:
         InputError: for wrong arguments, or an inconsistent start.
