@@ -24,8 +24,9 @@ def end_in_event(
 ) -> None:
     """End in a terminal event with a step of the method from a start: closures hold there as at any other node.
 
-    Where no shorter step can be taken, or none led there (start is None), it is the point of the dense output,
-    projected on the closures; with scipy's solvers, whose nodes do not meet the closures either, the point as it is.
+    Where no shorter step can be taken it is the point of the dense output, projected on the closures. It is that point
+    as it is with scipy's solvers, whose nodes do not meet the closures either, and on a leap (start is None) or else
+    next to a singular configuration, where a step or a projection would turn velocities.
     """
     t, h = run.ts[-2], run.t - run.ts[-2]
     run.take_back(start or State(run.ys[-2]))
@@ -35,13 +36,17 @@ def end_in_event(
         return step._replace(state=run.restored(t + share * h, step.state)) if run.project else step
 
     step = None
+    if run.singular and run.singular.beside(t + theta * h, at(theta)):
+        start = None
     if start and not isinstance(pace, Scipy):
         with suppress(StepError):
             theta, step = watch.land(event, theta, t, h, at, take)
-    if step is None:
+    if step is None and start:
         y = at(theta) if isinstance(pace, Scipy) else run.system.restore(t + theta * h, at(theta))
         step = Step(State(y), run.system.derivative(t + theta * h, y)[1], np.empty(0))
-    if t + theta * h != t:
+    if step is None:
+        run.land(t + theta * h, at(theta), last=True)
+    elif t + theta * h != t:
         run.accept(t + theta * h, step)
     watch.end(run.t, run.ys[-1], run.sign)
 
@@ -54,7 +59,7 @@ def report(
     t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
     hits = [[(w, p) for w, p in hits if (w - t[-1]) * run.sign <= 0] for hits in watch.found]
     found = [(np.array([w for w, _ in some]), np.array([p for _, p in some])) for some in hits]
-    passed = run.singular.found if run.singular else []
+    passed = [x for x in run.singular.found if (x.t - t[-1]) * run.sign <= 0] if run.singular else []
     rows = [(i, rows) for i, rows in run.in_use if i < n]
     rest: dict[str, Any] = {"events": found, "singular": passed, "in_use": rows}
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **rest)

@@ -20,7 +20,9 @@ REACH = 4.0  # times the way: how far ahead a singular configuration is looked f
 SAMPLES = 24  # points of the way
 DEPTH = 0.05  # of the ratio of pivots here: what it must fall below to be a singular configuration
 BEHIND = 1.3  # times the way, at least: how far the end of a leap lies
-CLOSE = 1e-9  # of the size of G: residual of closures in a singular configuration, and that of bars with a gap
+AHEAD = 0.7  # times the way: where the end of a run is as near that a leap leads to it
+KNOWN = 1e-5  # rad or m: how well the place of a singular configuration must be known
+CLOSE = 1e-9  # of the size of G: residual of closures in a singular configuration; bars with a gap keep a larger one
 SHARP = 1e-10  # of the way: how sharply the smallest ratio is located
 
 
@@ -28,8 +30,9 @@ class Leap(NamedTuple):
     """A way over a singular configuration.
 
     Attributes:
-        t: time behind it.
-        y: point there, on the closures.
+        t: time behind it, or the end of the run in front of it or next to it.
+        y: point there; behind it on the closures.
+        path: y after a time from where the leap begins, (dt) -> (n,).
         error: difference of the polynomials of degree 2 k - 1 and 2 k - 3 through k states, in the tangent.
         move: what bringing the point onto the closures moved.
         passed: the singular configuration.
@@ -37,6 +40,7 @@ class Leap(NamedTuple):
 
     t: float
     y: Array
+    path: "Path"
     error: Array
     move: Array
     passed: Singular
@@ -113,20 +117,21 @@ def leap(system: Descriptor, run: Any, way: float, first: int) -> Leap | None:
         return None
     dt = found[0]
     end = min(2 * abs(dt), run.left())
-    if end < BEHIND * abs(dt):
+    beside = end < BEHIND * abs(dt)
+    if beside and (end < AHEAD * abs(dt) or run.leg.restart is not None):
         return None
     lower = Path(system, ts[:-1], y, us[:-1], rates[:-1], reach)
     moved = float(np.abs(system.difference(path(dt), lower(dt))[: system.nv]).max())
-    if not crossing(system, run.t + dt, path(dt), DEPTH * here, CLOSE + 10 * moved**2):
+    if moved > KNOWN or not crossing(system, run.t + dt, path(dt), DEPTH * here, CLOSE):
         return None
     t = run.leg.end if end == run.left() else run.t + run.sign * end
     there = path(run.sign * end)
-    closed = system.restore(t, there, True)
+    closed = there if beside else system.restore(t, there, True)  # next to it rounding would turn v
     error = system.difference(lower(run.sign * end), there)
     passed = singular(system, run.t + dt, path(dt), (run.t, y), DEPTH * here)
     if passed is None:
         return None
-    return Leap(t, closed, error, system.difference(there, closed), passed)
+    return Leap(t, closed, path, error, system.difference(there, closed), passed)
 
 
 def _before(run: Any, way: float, first: int) -> tuple[Array, Array, Array]:

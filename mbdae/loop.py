@@ -1,6 +1,7 @@
 """The only time loop: step, accept or reject, record, look for events."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -29,8 +30,9 @@ def time_loop(run: Run, pace: Pace, watch: Watch, max_steps: int | None, progres
         if run.stiffness:
             run.stiffness.look(run)
         if watch.events:
-            at = run.record().dense(len(run.ts) - 2)
-            stop = watch.step(run.ts[-2], run.t - run.ts[-2], at)
+            h = run.t - run.ts[-2]
+            at = partial(run.singular.along, h) if run.singular and leapt else run.record().dense(len(run.ts) - 2)
+            stop = watch.step(run.ts[-2], h, at)
             if stop:
                 end_in_event(run, pace, watch, None if leapt else start, at, *stop)
                 return True

@@ -17,7 +17,7 @@ from .run import Run
 from .system import Array
 
 SHARPER, SHARPEST = 1e-3, 1e-12  # times rtol, and the least rtol
-MOST = 2000  # steps
+MOST = 500  # steps from one time to the next
 
 Retracer = Callable[[Array], tuple[Array, Array, Array]]
 

@@ -101,13 +101,16 @@ class Run:
         self.t, self.ys[-1] = t, self.state.y
         self._note()
 
-    def land(self, t: float, y: Array) -> None:
-        """Add a node that no step of the method led to."""
+    def land(self, t: float, y: Array, last: bool) -> None:
+        """Add a node that no step of the method led to; the last one may be singular, and no step begins there."""
         self.zs.append(self.zs[-1])
         self.ys.append(y)
         self.ts.append(t)
         self.t = t
-        self._begin_at(y)
+        if last:
+            self.state = State(y)
+        else:
+            self._begin_at(y)
 
     def restored(self, t: float, state: State, tight: bool = False) -> State:
         """The state on the closures; what a method carries is found anew where that moved the state much."""

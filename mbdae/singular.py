@@ -44,6 +44,7 @@ class Run(Protocol):
     ts: list[float]
     ys: Rows
     zs: Rows
+    t1: float
 
     def record(self) -> Solution:
         """The run so far."""
@@ -51,7 +52,7 @@ class Run(Protocol):
     def close(self) -> None:
         """Bring the last node onto the closures, until |g| falls no more."""
 
-    def land(self, t: float, y: Array) -> None:
+    def land(self, t: float, y: Array, last: bool) -> None:
         """Add a node that no step led to."""
 
     def to_go(self) -> float:
@@ -209,14 +210,23 @@ class SingularWatch:
             self.tried = way, error
             return False
         self.found.append(found.passed)
-        run.land(found.t, found.y)
+        self.path = found.path
+        run.land(found.t, found.y, found.t == run.t1)
         self.pace.cap, self.pace.h = np.inf, APPROACH * way
         self.tried, self.stalled = (np.inf, np.inf), 0
         self._begin(len(run.ts) - 1)
-        if run.to_go() == 0 or self._ratio(found.t, found.y) >= ZONE * self.largest:
+        if self._ratio(found.t, found.y) >= (ZONE if run.to_go() else LANDED) * self.largest:
             self._compare(run, self.entered, len(run.ts) - 1)
             self.entered = None
         return True
+
+    def beside(self, t: float, y: Array) -> bool:
+        """Say whether a point lies next to a singular configuration, where a step's end is not to be trusted."""
+        return self._ratio(t, y) < NEAR * self.largest
+
+    def along(self, h: float, theta: float) -> Array:
+        """Return the point after a share of the leap of size h that was taken last."""
+        return self.path(theta * h)
 
     def _compare(self, run: Run, a: int, b: int) -> None:
         """Compare tangent spaces at nodes a and b, before and after a singular configuration that lies between."""

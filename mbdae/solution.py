@@ -84,7 +84,7 @@ class Solution:
     def at(self, i: int) -> Any:
         """The workspace, with the rows that were solved for at node i: what it computes depends on nothing else."""
         rows = next((rows for first, rows in reversed(self.in_use) if first <= i), None)
-        if rows is not None and (not self.system.held or rows != self.system.in_use):
+        if rows and (not self.system.held or rows != self.system.in_use):
             self.system.hold(rows)
         return self.system
 

@@ -48,7 +48,8 @@ def assert_near(a, b, tolerance):
 def assert_same(native, python, tolerance=1e-12, own=1e-10, gap=0.0):
     """Gap: by how much loops are open whose rows depend on each other when closed, and so do least multipliers."""
     assert (native.stats["backend"], python.stats["backend"]) == ("native", "python")
-    assert (native.status, native.message) == (python.status, python.message)
+    assert native.status == python.status
+    assert native.message == python.message or native.status == "doubtful"  # which names residuals to all digits
     assert_near(native.t, python.t, 1e-15)
     assert_near(native.y, python.y, tolerance)
     assert_near(native.lam, python.lam, 1e-11 + 100 * gap)
@@ -100,7 +101,7 @@ def test_gears_of_unbounded_joints_are_projected_in_the_core(monkeypatch):
     """Many turns on, the gap is that of the teeth; Python, which would know, is not asked."""
     coupling = Closure.coupling("continuous_0", "continuous_1", (0.2, -2.5))
     gears = Mechanism(tree(["continuous", "continuous"], [0, 0]), [coupling])
-    monkeypatch.setattr(sys.modules["mbdae.solve"], "_one", None)
+    monkeypatch.setattr(sys.modules["mbdae.loop"], "one_step", None)
     start = gears.assemble({"continuous_1": 0.4}, {"continuous_1": 20.0})
     sol = mbdae.solve(gears, (0, 2), *start, rtol=1e-8, project=True, backend="native")
     assert sol.success, sol.message

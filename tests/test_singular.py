@@ -4,6 +4,7 @@ import json
 import pickle
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from click.testing import CliRunner
 
@@ -191,3 +192,86 @@ def test_fixed_steps_that_would_land_there_step_over(method, step):
     assert np.ptp(cranks(sol), axis=1).max() < 1e-9
     grid = np.arange(round(4 / step) + 1) * step
     assert np.isclose(sol.t[:, None], grid, atol=1e-9).sum() == len(grid) - 2
+
+
+# -- near to a singular configuration --------------------------------------------------------------------------------
+
+
+def bars(gap=0.0, gravity=0.0, **options):
+    """A crank and a rocker of 1 m, a coupler of 2 m, on a ground that is longer by a gap."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0.0, 0.0, -gravity])
+    inertia = pin.Inertia(1.0, np.zeros(3), 0.1 * np.eye(3))
+    for name, parent, at in (("crank", 0, 0.0), ("coupler", 1, 1.0), ("rocker", 0, 2.0 + gap)):
+        joint = model.addJoint(parent, pin.JointModelRY(), pin.SE3(np.eye(3), np.array([at, 0, 0])), name)
+        model.appendBodyToJoint(joint, inertia, pin.SE3(np.eye(3), np.array([0.5, 0, 0])))
+    for name, joint, length in (("a", 2, 2.0), ("b", 3, 1.0)):
+        tip = pin.SE3(np.eye(3), np.array([length, 0, 0]))
+        model.addFrame(pin.Frame(name, joint, tip, pin.FrameType.OP_FRAME))
+    return mbdae.Mechanism(model, [mbdae.Closure.point("a", "b", name="pin")], **options)
+
+
+SIGNS = np.array([1.0, -1.0, 1.0])  # of the angles of a parallelogram; without gravity it turns at a constant rate
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("method", ["pherk5", "herk5"])
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-6, 1e-3, 0.05, -0.05])
+def test_a_terminal_event_next_to_one_is_met(method, angle):
+    event = mbdae.Event(lambda t, q, v: q[0] - angle, terminal=True)
+    sol = mbdae.solve(bars(), (0, 3), 1.2 * SIGNS, -3 * SIGNS, method=method, rtol=1e-7, events=event)
+    assert (sol.status, sol.t[-1]) == ("event", pytest.approx((1.2 - angle) / 3, abs=1e-9))
+    np.testing.assert_allclose(sol.q[-1], angle * SIGNS, atol=1e-8)
+    np.testing.assert_allclose(sol.v[-1], -3 * SIGNS, atol=1e-7)
+    onward = mbdae.solve(bars(), (sol.t[-1], 2), sol.q[-1], sol.v[-1], method=method, rtol=1e-7)
+    if abs(angle) < 1e-5:
+        assert onward.status == "rank"
+        assert "singular configuration" in onward.message
+    else:
+        np.testing.assert_allclose(onward.q[-1], (1.2 - 6) * SIGNS, atol=1e-4)
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("end", [0.4, 0.39, 0.4 + 1e-7, 0.42])
+def test_a_run_may_end_next_to_one(end):
+    sol = mbdae.solve(bars(), (0, end), 1.2 * SIGNS, -3 * SIGNS)
+    assert sol.success, sol.message
+    np.testing.assert_allclose(sol.q[-1], (1.2 - 3 * end) * SIGNS, atol=1e-9)
+    np.testing.assert_allclose(sol.v[-1], -3 * SIGNS, atol=1e-7)
+
+
+@pytest.mark.parametrize("rate", [2.0, 1.5])
+def test_a_sampled_controller_passes_with_the_mechanism(rate):
+    brake = mbdae.Sampled(lambda t, q, v: 2 * (-4 - v[:1]), rate=rate, joints="crank", name="brake")
+    sol = mbdae.solve(bars(gravity=9.81, forces=[brake]), (0, 2), 1.2 * SIGNS, -8 * SIGNS, rtol=1e-7)
+    assert sol.success, sol.message
+    assert sol.singular
+    assert np.abs(sol.q - sol.q[:, :1] * SIGNS).max() < 1e-6
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-5, 1e-7])
+def test_bars_with_a_gap_turn_round_the_corner(gap):
+    mech = bars(gap, 9.81)
+    q, v = mech.assemble({"crank": 1.2}, {"crank": -5.0}, guess={"coupler": -1.2, "rocker": 1.2})
+    exact = mbdae.solve(mech, (0, 0.4), q, v, method="pherk6", step=2e-5, project=True)
+    assert abs(np.ptp(exact.q[-1] * SIGNS)) > 0.1  # it has left the motion of the parallelogram
+    for method in ("pherk5", "pherk6"):
+        sol = mbdae.solve(mech, (0, 0.4), q, v, method=method, rtol=1e-7)
+        assert sol.success, sol.message
+        assert not sol.singular
+        np.testing.assert_allclose(sol.q[-1], exact.q[-1], atol=1e-5)
+
+
+def test_an_interrupt_within_a_leap_is_one():
+    """The force is called on the way back, too, from where a leap begins."""
+    times = []
+
+    def watched(t, q, v):
+        if times and t < times[-1] - 0.02:
+            raise KeyboardInterrupt
+        times.append(max([t, *times[-1:]]))
+        return np.zeros(3)
+
+    sol = mbdae.solve(bars(gravity=9.81, forces=[watched]), (0, 2), 1.2 * SIGNS, -8 * SIGNS, rtol=1e-7)
+    assert sol.status == "interrupted"
+    assert 0 < sol.t[-1] < 0.3

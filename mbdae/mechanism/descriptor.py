@@ -142,7 +142,7 @@ class Descriptor:
         B = dgesv(U.T, G.T)[2]
         found = _, diagonal = rowmath.pivots(B)
         if self.rank is None:
-            self.rank, self.floor = rowmath.found(B, G, diagonal)
+            self.rank, self.floor = rowmath.found(B, G, diagonal, t)
         rowmath.confirm(diagonal, self.rank, self.floor, t)
         if self.rank:
             self.weakest = min(self.weakest, (diagonal[self.rank - 1] / diagonal[0]) ** 2)

@@ -9,6 +9,7 @@ RANK_TOLERANCE = 1e-8
 WORST_CONDITIONING = 0.1
 GROWN = 1e-2
 ROUNDING = 1e-14
+BESIDE = 1e-5  # of the largest pivot: rows that depend on each other but for that leave the branch to rounding
 FALLEN = 100.0  # of the ratio of pivots at the start: what less of it still counts as small
 
 
@@ -35,20 +36,27 @@ def geometric_rank(G: np.ndarray) -> int:
     """Rank of the rows of G (ng, nv) for bodies of any mass: light ones beside heavy ones hide rows in G M^-1/2."""
     size = np.linalg.norm(G, axis=1)
     kept = size > RANK_TOLERANCE * size.max(initial=0.0)
-    return rank(pivots((G[kept] / size[kept, None]).T)[1]) if kept.any() else 0
+    return rank(pivots((G[kept] / size[kept, None]).T)[1])
 
 
-def found(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray) -> tuple[int, float]:
+def found(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float) -> tuple[int, float]:
     """Rank where loops are closed, and the ratio of pivots below which it will have fallen.
 
     Args:
         B: scaled transposed constraint Jacobian M^{-1/2} G^T, (nv, ng).
         G: the Jacobian, (ng, nv).
         diagonal: pivots of B.
+        t: time.
+
+    Raises:
+        StepError: next to a singular configuration, where rounding says which branch of the motion is meant.
     """
     r = rank(diagonal)
-    if r < min(B.shape):
+    if r and (r < min(B.shape) or diagonal[r - 1] < BESIDE * diagonal[0]):
         r = max(r, geometric_rank(G))
+        sizes = pivots(G.T)[1]
+        if max(sizes[r - 1] / sizes[0], diagonal[r - 1] / diagonal[0]) < BESIDE:
+            raise StepError("rank", f"the run would begin next to a singular configuration, at t = {t:.17g}")
     return r, float(min(1.0, FALLEN * diagonal[r - 1] / diagonal[0]) * RANK_TOLERANCE) if r else 0.0
 
 
