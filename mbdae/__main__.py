@@ -224,7 +224,7 @@ def main() -> None:
         _say(str(e))
         sys.exit(USAGE if isinstance(e, InputError) else FAILED)
     except MemoryError as e:
-        _say(f"the memory does not suffice: {e or 'std::bad_alloc'}")
+        _say(f"there is not enough memory: {e or 'std::bad_alloc'}")
         sys.exit(FAILED)
     except (click.exceptions.Abort, KeyboardInterrupt):
         _say("stopped by the user")

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
+from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile, is_zipfile
 
@@ -27,7 +28,7 @@ FORMAT = 2  # 1 held Pinocchio's archives, which are not safe to read
 SUFFIXES = (".npz", ".csv")
 DAMAGE = (
     OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
-    SyntaxError, BadZipFile, zlib.error,
+    SyntaxError, TokenError, BadZipFile, zlib.error,
 )  # fmt: skip
 
 

@@ -24,7 +24,7 @@ from .solve import solve
 RTOL = 1e-8  # of a run on the command line
 HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
 as_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-method_option = click.option("-m", "--method", default="pherk5", show_default=True, help="A name of `mbdae methods`.")
+method_option = click.option("-m", "--method", default="pherk6", show_default=True, help="A name of `mbdae methods`.")
 rtol_option = click.option("--rtol", type=float, help="Relative tolerance.  [default: 1e-8]")
 atol_option = click.option("--atol", type=float, help="Absolute tolerance; 0.01 rtol when left out.")
 step_option = click.option("--step", type=float, help="Fixed step in s, instead of tolerances.")

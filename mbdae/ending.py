@@ -48,6 +48,8 @@ def end_in_event(
         run.land(t + theta * h, at(theta), last=True)
     elif t + theta * h != t:
         run.accept(t + theta * h, step)
+    if run.singular:
+        run.singular.found = [x for x in run.singular.found if (x.t - run.t) * run.sign <= 0]
     watch.end(run.t, run.ys[-1], run.sign)
 
 
@@ -59,7 +61,7 @@ def report(
     t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
     hits = [[(w, p) for w, p in hits if (w - t[-1]) * run.sign <= 0] for hits in watch.found]
     found = [(np.array([w for w, _ in some]), np.array([p for _, p in some])) for some in hits]
-    passed = [x for x in run.singular.found if (x.t - t[-1]) * run.sign <= 0] if run.singular else []
+    passed = run.singular.found if run.singular else []
     rows = [(i, rows) for i, rows in run.in_use if i < n]
     rest: dict[str, Any] = {"events": found, "singular": passed, "in_use": rows}
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **rest)

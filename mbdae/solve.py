@@ -37,7 +37,7 @@ def solve(
     v: Array | None = None,
     s: Array | None = None,
     *,
-    method: str = "pherk5",
+    method: str = "pherk6",
     formulation: str = "index2",
     project: bool | str = "auto",
     baumgarte: tuple[float, float] | None = None,

@@ -113,7 +113,7 @@ def drift(
     if project and formulation != "index2":
         raise InputError(f"give --project or --formulation {formulation}, not both")
     sols = []
-    chosen = variants(listed(names) or ["pherk5"], ["project" if project else formulation])
+    chosen = variants(listed(names) or ["pherk6"], ["project" if project else formulation])
     for target in targets:
         if target.endswith(".npz"):
             sols.append(Solution.load(target))

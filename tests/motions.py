@@ -28,7 +28,7 @@ def model(name):
 
 def run(mech, T, **options):
     sol = mbdae.solve(mech, (0.0, T), *start_of(mech), **options)
-    assert sol.success, sol.message
+    assert sol.ended, sol.message
     return sol
 
 

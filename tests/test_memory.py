@@ -54,7 +54,7 @@ def test_three_hundred_loops_take_little_memory(name):
 def test_too_little_memory_is_one_line():
     done = child(TIGHT)
     assert done.returncode == 1
-    assert done.stderr.startswith("mbdae: the memory does not suffice: ")
+    assert done.stderr.startswith("mbdae: there is not enough memory: ")
     assert done.stderr.count("\n") == 1
 
 

@@ -133,9 +133,9 @@ def test_regular_motions_have_none(name):
 
 
 @pytest.mark.usefixtures("back_end")
-@pytest.mark.parametrize("options", [{"rtol": 1e-8}, {"step": fall()[0] / 64}], ids=str)
-def test_a_run_to_a_singular_configuration_says_so(options):
+def test_fixed_steps_to_a_singular_configuration_say_so():
     mech, end = mbdae.load("n_four_bar", N=1), fall()[0]
+    options = {"step": end / 64}
     sol = mbdae.solve(mech, (0, end), project=True, **options)
     assert sol.status == "rank"
     assert "singular configuration" in sol.message
