@@ -137,14 +137,18 @@ def solve(
             run.begin()
             watch.begin(t0, run.state.y)
             stopped = time_loop(run, pace, watch, max_steps, progress)
-            for driver in problem.drivers if isinstance(problem, Mechanism) else ():
-                driver.check_run(t0, run.t)
+            _check_drivers(problem, t0, run.t)
         if stopped:
             status, message = "event", f"{STATUS['event']} at t = {run.t:.17g}"
     except StepError as e:
         if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law
             raise InputError(str(e)) from e
         status, message = e.status, str(e)
+        if status == "step_size":  # which a driver may be to blame for
+            try:
+                _check_drivers(problem, t0, t1)
+            except StepError as wrong:
+                status, message = wrong.status, str(wrong)
     except KeyboardInterrupt:
         status, message = "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
     order = tableau.order_linear if hasattr(problem, "model") else tableau.order
@@ -164,6 +168,12 @@ def solve(
         stats["stiff"] = asdict(run.stiffness.found)
         message = f"{message}; {run.stiffness.found}"
     return report(run, watch, status, message, stats, settings, times)
+
+
+def _check_drivers(problem: Problem, t0: float, t1: float) -> None:
+    """See that the derivatives of drivers are those of their functions."""
+    for driver in problem.drivers if isinstance(problem, Mechanism) else ():
+        driver.check_run(t0, t1)
 
 
 def _start(problem: Problem, q: Any, v: Any, t: float, s: Any, rtol: Any) -> Array:

@@ -67,7 +67,7 @@ def test_derivatives_that_become_wrong_during_the_run_are_named(k, what):
     assert sol.status == "driver"
     assert f"the {what} of driver 'crank driver' is" in sol.message
     assert 0.6 < float(sol.message.split("t = ")[1].split(" s")[0]) < 0.65
-    assert sol.t[-1] == 1.0
+    assert sol.t[-1] >= 0.6 - 1e-9
     assert mbdae.solve(mech, (0, 0.6), *mech.assemble({}, {}), rtol=1e-4).success
 
 
