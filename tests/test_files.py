@@ -177,7 +177,7 @@ def test_a_notebook_shows_the_replay(sol):
     page = sol._repr_html_()
     assert page.startswith("<iframe srcdoc=")
     assert "&lt;!DOCTYPE html&gt;" in page
-    assert "pherk5" in repr(sol)
+    assert "pherk6" in repr(sol)
     assert len(repr(sol)) < 200
     textbook = mbdae.solve(mbdae.textbook.TEXTBOOK["hessenberg_a"](), (0, 0.1))
     assert textbook._repr_html_() is None

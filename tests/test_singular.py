@@ -234,7 +234,7 @@ def test_a_terminal_event_next_to_one_is_met(method, angle):
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("end", [0.4, 0.39, 0.4 + 1e-7, 0.42])
 def test_a_run_may_end_next_to_one(end):
-    sol = mbdae.solve(bars(), (0, end), 1.2 * SIGNS, -3 * SIGNS)
+    sol = mbdae.solve(bars(), (0, end), 1.2 * SIGNS, -3 * SIGNS, max_step=0.05)
     assert sol.success, sol.message
     np.testing.assert_allclose(sol.q[-1], (1.2 - 3 * end) * SIGNS, atol=1e-9)
     np.testing.assert_allclose(sol.v[-1], -3 * SIGNS, atol=1e-7)
