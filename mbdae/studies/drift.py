@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..columns import Residuals, residuals
+from ..doubts import RESTING
 from ..errors import require
 from ..solution import Solution
 from .variant import of as variant_of
@@ -113,11 +114,12 @@ def _names(sol: Solution) -> tuple[str, str]:
 
 
 def _balance(sol: Solution, r: Residuals) -> tuple[np.ndarray, float]:
-    """|E - E_0 - W| in J, (n,), and the energy that it is compared with."""
+    """|E - E_0 - W| in J, (n,), and the energy that it is compared with: 0 where nothing moves."""
     work = sol.work - sol.work[0]
     total = r.kinetic + r.potential
     scale = max(np.abs(work).max(), r.kinetic.max(), np.ptp(r.potential))
-    return np.abs(total - total[0] - work), float(scale)
+    resting = np.abs(sol.v).max(initial=0.0) <= RESTING
+    return np.abs(total - total[0] - work), 0.0 if resting else float(scale)
 
 
 def drift(sol: Solution) -> Drift:
