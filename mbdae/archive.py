@@ -60,15 +60,6 @@ class _Stats(_Lenient):
     backend: str
 
 
-class _Singular(_Lenient):
-    t: float
-    q: tuple[float, ...]
-    v: tuple[float, ...]
-    rank: int
-    rank_there: int
-    closures: tuple[str, ...]
-
-
 class _Run(_Lenient):
     """What a file says of a run beside its arrays."""
 
@@ -77,7 +68,7 @@ class _Run(_Lenient):
     stats: _Stats
     status: str
     message: str
-    singular: tuple[_Singular, ...] = ()
+    singular: tuple[Singular, ...] = ()
     in_use: tuple[tuple[int, tuple[int, ...]], ...] = ()
 
 
@@ -162,8 +153,8 @@ def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, A
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
-    passed = [Singular(**dict(x)) for x in run.singular]
-    return {"problem": mechanism, **arrays, **rest, "steps": steps, "singular": passed, "in_use": list(run.in_use)}
+    passed, in_use = list(run.singular), list(run.in_use)
+    return {"problem": mechanism, **arrays, **rest, "steps": steps, "singular": passed, "in_use": in_use}
 
 
 @contextmanager

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 TURN = 2 * np.pi
+RESTING = 1e-10  # rad/s or m/s: of what does not move, energies are rounding
 PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # joint: names of the coordinates in q and in v
     "Translation": (("x", "y", "z"), ("x", "y", "z")),
     "Spherical": (("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")),
@@ -36,6 +37,21 @@ class Residuals(NamedTuple):
     Gv: Array
     kinetic: Array
     potential: Array
+
+
+def balance(v: Array, kinetic: Array, potential: Array, work: Array) -> tuple[Array, float]:
+    """|E - E_0 - W| in J, (n,), and the energy that it is compared with: 0 where nothing moves.
+
+    Args:
+        v: velocities, (n, nv).
+        kinetic: kinetic energy in J, (n,).
+        potential: potential energy in J, (n,).
+        work: work of non-conservative forces in J, (n,).
+    """
+    done, total = work - work[0], kinetic + potential
+    scale = max(np.abs(done).max(), kinetic.max(), np.ptp(potential))
+    resting = np.abs(v).max(initial=0.0) <= RESTING
+    return np.abs(total - total[0] - done), 0.0 if resting else float(scale)
 
 
 def residuals(sol: "Solution") -> Residuals:

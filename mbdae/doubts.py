@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from .columns import balance
 from .mechanism.descriptor import Descriptor
 from .mechanism.gaps import widest
 from .solution import Solution
@@ -9,7 +10,6 @@ from .solution import Solution
 OPEN = 0.01  # rad, or of a length: what would have to move by as much to close the loops
 SLIPPING = 1e-6  # |G v + g_t| over all rows, of 1 + |v|
 LOST = 0.1  # of the energy that moves
-RESTING = 1e-10  # rad/s or m/s: of what does not move, energies are rounding
 SAMPLES = 8  # steps at which the energy is looked at
 
 
@@ -47,11 +47,7 @@ def _lost(sol: Solution, system: Descriptor) -> float:
     """Largest |E - E_0 - W| at some steps over the largest of |W|, kinetic energy and the range of potential energy."""
     ys = sol.nodes[1]
     some = ys[np.unique(np.linspace(0, len(ys) - 1, SAMPLES + 1).astype(int))]
-    if np.abs(some[:, system.nq : system.nq + system.nv]).max(initial=0.0) <= RESTING:
-        return 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         kinetic, potential = np.array([system.energy(*system.split(y)) for y in some]).T
-        work = some[:, -1] - some[0, -1]
-        scale = max(np.abs(work).max(), kinetic.max(), np.ptp(potential))
-        error = np.abs(kinetic + potential - (kinetic + potential)[0] - work).max()
-    return float(error / scale) if scale else 0.0
+        error, scale = balance(some[:, system.nq : system.nq + system.nv], kinetic, potential, some[:, -1])
+    return float(error.max() / scale) if scale else 0.0

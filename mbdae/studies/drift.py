@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..columns import Residuals, residuals
-from ..doubts import RESTING
+from ..columns import balance, residuals
 from ..errors import require
 from ..solution import Solution
 from .variant import of as variant_of
@@ -101,7 +100,7 @@ def history(sol: Solution) -> History:
         InputError: for a solution of a textbook problem.
     """
     r = residuals(sol)
-    error, scale = _balance(sol, r)
+    error, scale = balance(sol.v, r.kinetic, r.potential, sol.work)
     g, Gv = (np.abs(x).max(axis=1, initial=0.0) for x in (r.g, r.Gv))
     return History(sol.mechanism.title, *_names(sol), sol.t, g, Gv, error / (scale or 1.0))
 
@@ -111,15 +110,6 @@ def _names(sol: Solution) -> tuple[str, str]:
     method, settings = str(variant_of(sol.settings)), sol.settings
     pace = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {brief(settings.get('rtol', np.nan))}"
     return method, f"{method}, {pace}"
-
-
-def _balance(sol: Solution, r: Residuals) -> tuple[np.ndarray, float]:
-    """|E - E_0 - W| in J, (n,), and the energy that it is compared with: 0 where nothing moves."""
-    work = sol.work - sol.work[0]
-    total = r.kinetic + r.potential
-    scale = max(np.abs(work).max(), r.kinetic.max(), np.ptp(r.potential))
-    resting = np.abs(sol.v).max(initial=0.0) <= RESTING
-    return np.abs(total - total[0] - work), 0.0 if resting else float(scale)
 
 
 def drift(sol: Solution) -> Drift:
@@ -134,7 +124,7 @@ def drift(sol: Solution) -> Drift:
     require(sol, Solution, "drift takes a Solution (see mbdae.solve)")
     mech, r = sol.mechanism, residuals(sol)
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
-    error, scale = _balance(sol, r)
+    error, scale = balance(sol.v, r.kinetic, r.potential, sol.work)
     method, label = _names(sol)
     where = mech.row_closure(int(np.unravel_index(gaps.argmax(), gaps.shape)[1])) if mech.ng else ""
     return Drift(
