@@ -91,7 +91,7 @@ class Core {
   void controlled(const Tableau& tableau, double t, double h, const State& in, State& out, double* z, Numbers& errors);
   void march(const Tableau& tableau, Course& course);
   void derivative(double t, const double* y, double* F, double* z);
-  void restore(double t, double* y, bool tight);
+  void restore(double t, double* y);
   double ratio(const double* q);                                   // see mbdae/mechanism/singular.py; uncounted
   double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 

@@ -134,7 +134,7 @@ void Core::march(const Tableau& tableau, Course& c) {
       }
       if (c.project) {
         const Numbers y = next.y;
-        restore(t_next, next.y.data(), false);
+        restore(t_next, next.y.data());
         next.low.clear();
         if (tableau.first) {
           difference(y.data(), next.y.data(), move.data());

@@ -241,7 +241,7 @@ void Core::smallest(const double* r, double* x) {
   back(x);
 }
 
-void Core::restore(double t, double* y, bool tight) {
+void Core::restore(double t, double* y) {
   if (!ng) return;
   double *q = y, *v = y + nq;
   if (!at_last(q)) evaluate(q, true);
@@ -253,7 +253,7 @@ void Core::restore(double t, double* y, bool tight) {
   double move = 0;
   bool moved = false;
   for (int i = 0; i < ITERATIONS; ++i) {
-    if (!tight && norm(g.data(), ng) <= ROUNDING * (1 + largest(q, nq))) break;
+    if (norm(g.data(), ng) <= ROUNDING * (1 + largest(q, nq))) break;
     smallest(g.data(), x.data());
     move = largest(x.data(), nv);
     for (double& c : x) c = -c;
@@ -273,7 +273,7 @@ void Core::restore(double t, double* y, bool tight) {
   Numbers rate(ng, 0.0);
   constraints.speed(t, rate.data());
   for (int k = 0; k < ng; ++k) rate[k] += dot(&G_[static_cast<size_t>(k) * nv], v, nv);
-  if (tight || norm(rate.data(), ng) > ROUNDING * (1 + largest(v, nv))) {
+  if (norm(rate.data(), ng) > ROUNDING * (1 + largest(v, nv))) {
     smallest(rate.data(), x.data());
     for (int i = 0; i < nv; ++i) v[i] -= x[i];
   }
