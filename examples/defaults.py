@@ -20,7 +20,7 @@ from itertools import product
 import numpy as np
 
 import mbdae
-from mbdae.studies.comparison import Comparison, Work
+from mbdae.studies.comparison.comparison import Comparison, Work
 
 METHODS = ("herk3", "herk5", "pherk4", "pherk5", "pherk6", "hedop5")
 TOLERANCES = (1e-4, 1e-6, 1e-8)

@@ -10,10 +10,11 @@ from pathlib import Path
 from PIL import Image
 
 import mbdae
-from mbdae.studies import figures, video
-from mbdae.studies.drift import history
+from mbdae.studies import figures
+from mbdae.studies.drift.drift import history
 from mbdae.studies.figures_run import drifts
-from mbdae.studies.replay import page
+from mbdae.studies.replay import video
+from mbdae.studies.replay.replay import page
 
 REPLAYS = {  # model: end (s), share of it that is shown
     "slider_crank": (2.0, 0.6),

@@ -8,7 +8,7 @@ Run: python examples/own_method.py
 
 import mbdae
 from mbdae.methods import Tableau
-from mbdae.methods.conditions import check_conditions
+from mbdae.methods.order.conditions import check_conditions
 
 ralston = Tableau(
     name="ralston3",

@@ -22,7 +22,7 @@ Run: python examples/pherk6.py
 import numpy as np
 
 from mbdae import METHODS, check_order, load, solve
-from mbdae.methods.conditions import check_conditions
+from mbdae.methods.order.conditions import check_conditions
 
 ANGLE, REFERENCE = "beta", 15.8107711951537072507  # of Andrews' crank at t = 0.03 s, from quadruple precision
 

@@ -3,11 +3,12 @@
 from importlib import import_module
 from typing import Any
 
-from . import interrupt  # noqa: F401, before all that takes a second to import
+from .cli import interrupt  # noqa: F401, before all that takes a second to import
 
 # isort: split
 from .errors import MbdaeError
-from .events import Event
+from .integrate.events import Event
+from .integrate.solve import solve
 from .mechanism import (
     Actuator,
     Bushing,
@@ -28,25 +29,24 @@ from .mechanism import (
     model_names,
 )
 from .methods import METHODS
-from .solution import Solution
-from .solve import solve
-from .textbook import Hessenberg
+from .solution.solution import Solution
+from .textbook.hessenberg import Hessenberg
 
 _STUDIES = {  # loaded when used: plotting and viewing are slow to import
-    "Random": "sweep",
-    "Sweep": "sweep",
-    "animate": "replay",
-    "card": "card",
-    "check_order": "order",
-    "compare": "compare",
-    "drift": "drift",
-    "report": "report",
-    "sweep": "sweep",
+    "Random": "sweep.plan",
+    "Sweep": "sweep.table",
+    "animate": "replay.replay",
+    "card": "card.card",
+    "check_order": "order.order",
+    "compare": "comparison.compare",
+    "drift": "drift.drift",
+    "report": "report.report",
+    "sweep": "sweep.sweep",
 }
 
 
 def _replay(sol: Solution) -> str:
-    return import_module(".studies.replay", __name__).notebook(sol)
+    return import_module(".studies.replay.replay", __name__).notebook(sol)
 
 
 Solution.viewer = _replay  # solutions know nothing of studies: what shows them in notebooks is handed down

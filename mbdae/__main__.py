@@ -8,8 +8,8 @@ from typing import Any
 import click
 
 from . import METHODS, Solution, backend, load, model_names
-from .archive import versions
-from .console import (
+from .cli.interrupt import CODE, release
+from .cli.options import (
     FAILED,
     HOLDS,
     PAGES,
@@ -32,13 +32,13 @@ from .console import (
     time_option,
     writable,
 )
+from .cli.study_commands import compare, drift, order, report
+from .cli.sweep_command import sweep
 from .errors import InputError, MbdaeError, printable
-from .interrupt import CODE, release
-from .methods.conditions import check_conditions
-from .studies.card import card
-from .studies.drift import drift as measure_drift
-from .study_commands import compare, drift, order, report
-from .sweep_command import sweep
+from .methods.order.conditions import check_conditions
+from .solution.archive import versions
+from .studies.card.card import card
+from .studies.drift.drift import drift as measure_drift
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -136,7 +136,7 @@ def run(
     if output:
         sol.save(output)
     if html:
-        from .studies.replay import animate
+        from .studies.replay.replay import animate
 
         animate(sol, html, speed=speed)
     if plot:
@@ -187,8 +187,8 @@ def animate(
     **options: Any,
 ) -> None:
     """Write the replay of a saved solution as one HTML page or as a video; further solutions are shown as ghosts."""
-    from .studies.replay import VIDEO
-    from .studies.replay import animate as write
+    from .studies.replay.replay import VIDEO
+    from .studies.replay.replay import animate as write
 
     written = writable((output, PAGES), (video, tuple(VIDEO)))
     if not written:
@@ -209,7 +209,7 @@ for command in (order, drift, compare, report, sweep):
 
 
 def main() -> None:
-    """Entry point: errors are one line on stderr; exit codes as in `mbdae.console`, 130 for Ctrl-C without a result."""
+    """Entry point: errors are one line on stderr; exit codes as in `mbdae.cli.options`, 130 for Ctrl-C."""
     release()
     warnings.showwarning = lambda message, *_: _say(f"warning: {message}")  # type: ignore[assignment]
     try:

@@ -6,7 +6,8 @@ import warnings
 
 import pytest
 
-from mbdae import Mechanism, backend, march
+from mbdae import Mechanism, backend
+from mbdae.integrate.steppers import native as march
 
 signal.signal(
     signal.SIGINT, signal.default_int_handler

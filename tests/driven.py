@@ -6,7 +6,7 @@ from chains import rod
 
 import mbdae
 from mbdae import Closure, Driver, Mechanism
-from mbdae.mechanism.schema import Start
+from mbdae.mechanism.formats.schema import Start
 
 
 def crane():

@@ -88,7 +88,7 @@ class Mutants:
             case "replicated":
                 return self._text("x.xml", REPLICATED, rng)
             case "toml":
-                from mbdae.mechanism.library import models_directory
+                from mbdae.mechanism.formats.library import models_directory
 
                 source = rng.choice(sorted(models_directory().glob("*/mechanism.toml")))
                 for file in source.parent.glob("*.urdf"):
@@ -135,9 +135,9 @@ class Enough(Exception):
 def attempt(kind, path):
     """Use a file as the commands do; return what came of it in a word."""
     import mbdae
-    from mbdae.studies.card import card
-    from mbdae.studies.sweep import sweep
-    from mbdae.studies.sweep_toml import read_sweep
+    from mbdae.studies.card.card import card
+    from mbdae.studies.sweep.sweep import sweep
+    from mbdae.studies.sweep.toml_file import read_sweep
 
     def tell(*_):
         raise Enough

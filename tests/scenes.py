@@ -6,7 +6,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from mbdae.mechanism.visuals import Mark, make_scene
+from mbdae.mechanism.scene.scene import Mark, make_scene
 
 COLLADA = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

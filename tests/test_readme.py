@@ -10,9 +10,9 @@ from click.testing import CliRunner
 
 import mbdae
 from mbdae.__main__ import cli
-from mbdae.mechanism.closures import KINDS
-from mbdae.mechanism.forces import FORCES
-from mbdae.mechanism.library import MECHANISM, PARAMETRIC, SOURCES
+from mbdae.mechanism.closures.closure import KINDS
+from mbdae.mechanism.forces.force import FORCES
+from mbdae.mechanism.formats.library import MECHANISM, PARAMETRIC, SOURCES
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.S)

@@ -1,10 +1,8 @@
 """What moves: mechanisms over Pinocchio models. The only place that imports pinocchio."""
 
-from .closures import Closure
-from .compiled import Compiled
-from .compiled_parts import NotCompiled
-from .drivers import Driver
-from .forces import (
+from .closures.closure import Closure
+from .closures.driver import Driver
+from .forces.force import (
     Actuator,
     Bushing,
     DCMotor,
@@ -17,14 +15,16 @@ from .forces import (
     SpringDamper,
     Wrench,
 )
-from .library import model_names
-from .load import describe, load, restore
+from .formats.library import model_names
+from .formats.load import describe, load, restore
+from .formats.mjcf.states import from_mujoco, to_mujoco
+from .formats.tree import depth_first
+from .formulations.compiled import Compiled
+from .formulations.compiled_parts import NotCompiled
 from .mechanism import Mechanism
-from .mujoco_state import from_mujoco, to_mujoco
 from .reactions import Effort, Reaction, effort, reaction, redundant
 from .signals import Function
-from .singular import Singular
-from .tree import depth_first
+from .singularity import Singular
 
 __all__ = [
     "Actuator",

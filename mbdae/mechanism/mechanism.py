@@ -9,22 +9,22 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import InputError, UnknownNameError
-from .assemble import START, assemble, refuse_inconsistent
-from .closures import Closure
-from .compiled import Compiled
-from .constraints import Constraints, anchors
-from .descriptor import Descriptor
-from .drivers import Driver
-from .forces import Laws, SpringDamper, bind_forces, named_force
+from .assembly import START, assemble, refuse_inconsistent
+from .closures.closure import Closure
+from .closures.closure_error import Gap, widest
+from .closures.constraints import Constraints, anchors
+from .closures.driver import Driver
+from .forces.force import Laws, SpringDamper, bind_forces, named_force
+from .formats.part import Motor
+from .formats.schema import OrderSettings, Start, coordinates
+from .formats.tree import is_depth_first
+from .formulations.compiled import Compiled
+from .formulations.ggl import GGL
+from .formulations.index1 import Index1
+from .formulations.index2 import Descriptor
 from .frames import Anchor, anchor, find_joint, joint_names
-from .gaps import Gap, widest
-from .ggl import GGL
-from .index1 import Index1
 from .manifold import Manifold
-from .part import Motor
-from .schema import OrderSettings, Start, coordinates
-from .tree import is_depth_first
-from .visuals import Mark, Scene, make_scene
+from .scene.scene import Mark, Scene, make_scene
 from .workspace import make_data
 
 Array = np.ndarray
@@ -42,7 +42,7 @@ class Mechanism:
         closures: loop closures, see `mbdae.Closure`.
         drivers: joints, couplings or distances that follow functions of time, see `mbdae.Driver`.
         forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
-        start: values of joints at the start, see `mbdae.mechanism.schema.Start`.
+        start: values of joints at the start, see `mbdae.mechanism.formats.schema.Start`.
         visuals: Pinocchio geometry for the replay; generated from the joints when left out.
         title: one line.
         duration: default end time of a run in s.

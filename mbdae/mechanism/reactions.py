@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError, UnknownNameError
-from . import rows as rowmath
-from .drivers import Driver
+from .closures import independent_rows as rowmath
+from .closures.driver import Driver
 from .frames import skew
 
 if TYPE_CHECKING:
-    from .descriptor import Descriptor
+    from .formulations.index2 import Descriptor
     from .mechanism import Mechanism
 
 Array = np.ndarray
@@ -163,7 +163,7 @@ def scaled(system: "Descriptor", t: float, q: Array) -> Array:
 
 
 def rank(G: Array) -> int:
-    """Rank of scaled rows by pivoted QR, as in `mbdae.mechanism.rows`."""
+    """Rank of scaled rows by pivoted QR, as in `mbdae.mechanism.closures.independent_rows`."""
     return rowmath.rank(rowmath.pivots(G.T)[1]) if len(G) else 0
 
 

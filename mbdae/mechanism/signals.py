@@ -16,8 +16,8 @@ from pydantic import BeforeValidator, Field, field_validator, model_serializer, 
 from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
 from ..errors import InputError
-from .table import Table
-from .user import called, checked, function_name
+from .callbacks import called, checked, function_name
+from .tables import Table
 
 Point = tuple[float, float]
 Interpolation = Literal["spline", "monotone"]

@@ -2,7 +2,7 @@
 
 Why seven. On y = (u, w), u' = phi(u), w' = z, 0 = w the method is its explicit base A acting on u, and
 an explicit method of order 6 has at least seven stages. The conditions are those of
-`mbdae.methods.conditions`.
+`mbdae.methods.order.conditions`.
 
 The base A. It has b_2 = 0 and D(1), sum_i b_i a_ij = b_j (1 - c_j); rows 3 to 7 satisfy C(3), for which
 row 3 needs c_2 = 2 c_3 / 3 and row 4 needs c_4 = c_3 / (2 - 10 c_3 + 15 c_3^2); c_7 = 1. The weak

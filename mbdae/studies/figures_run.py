@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..columns import units
-from ..solution import Solution
-from .drift import History
+from ..solution.columns import units
+from ..solution.solution import Solution
+from .drift.drift import History
 from .figures import WIDTH, beside, logarithmic, look, plain, settled, sheet
 
 if TYPE_CHECKING:

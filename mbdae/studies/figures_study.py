@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .comparison import Comparison, Point, Quantity
+from .comparison.comparison import Comparison, Point, Quantity
 from .figures import WIDTH, beside, logarithmic, look, plain, settled, sheet
-from .order import OrderStudy, Slope
+from .order.order import OrderStudy, Slope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

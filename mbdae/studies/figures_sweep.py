@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import InputError, UnknownNameError
 from .figures import WIDTH, plain, settled, sheet
-from .sweep_table import Sweep
+from .sweep.table import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

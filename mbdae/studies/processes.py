@@ -14,8 +14,8 @@ from typing import Any
 
 from ..errors import InputError
 from ..mechanism import Mechanism
-from .comparison import Point
-from .course import Course, Samples, Task
+from .comparison.comparison import Point
+from .comparison.course import Course, Samples, Task
 
 Stop = Callable[[], bool]
 Submit = Callable[[Callable[..., Point], Sequence[tuple[Any, ...]]], Iterator[Point]]

@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from ..baseline import SCIPY, find
 from ..errors import InputError, UnknownNameError, several
+from ..integrate.steppers.scipy_ivp import SCIPY, find
 from ..methods import METHODS
 
 FORMULATIONS = ("index2", "project", "ggl", "index1", "baumgarte=ALPHA,BETA")

@@ -1,0 +1,141 @@
+"""What the sub-commands share: options, tables, progress, exit codes."""
+
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from ..backend import BACKENDS
+from ..errors import InputError, printable
+from ..integrate.solve import solve
+from ..mechanism import Mechanism
+from ..solution.solution import Solution
+
+RTOL = 1e-8  # of a run on the command line
+HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
+as_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+method_option = click.option("-m", "--method", default="pherk6", show_default=True, help="A name of `mbdae methods`.")
+rtol_option = click.option("--rtol", type=float, help="Relative tolerance.  [default: 1e-8]")
+atol_option = click.option("--atol", type=float, help="Absolute tolerance; 0.01 rtol when left out.")
+step_option = click.option("--step", type=float, help="Fixed step in s, instead of tolerances.")
+formulation_option = click.option(
+    "--formulation",
+    default="index2",
+    show_default=True,
+    help="index2; ggl: positions of closures kept too; index1: accelerations, -m RK45, DOP853, Radau or LSODA.",
+)
+project_option = click.option(
+    "--project/--no-project", default=None, help="Bring the state back to the closures after each step, or not."
+)
+backend_option = click.option(
+    "--backend", type=click.Choice(BACKENDS), default="auto", show_default=True, help="The compiled core, or Python."
+)
+SPEEDS = click.FloatRange(min=0, min_open=True)
+speed_option = click.option("--speed", type=SPEEDS, default=1.0, show_default=True, help="Replay at this speed.")
+time_option = click.option("-t", "--time", "end", type=float, help="End time in s; the model's own when left out.")
+PICTURES, PAGES = (".png", ".svg", ".pdf"), (".html",)
+
+
+def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
+    """Check files to be written before anything is computed; return those that are named.
+
+    Raises:
+        InputError: for a suffix that does not belong, or a folder that does not exist.
+    """
+    named = [(path, suffixes) for path, suffixes in paths if path]
+    for path, suffixes in named:
+        if Path(path).suffix not in suffixes:
+            raise InputError(f"{path!r} must end in {' or '.join(suffixes)}")
+        folder = Path(path).resolve().parent
+        if not folder.is_dir():
+            raise InputError(f"cannot write {path}: no such folder")
+        if not os.access(folder, os.W_OK):
+            raise InputError(f"cannot write {path}: the folder is read-only")
+    return [path for path, _ in named]
+
+
+def span(mech: Mechanism, end: float | None) -> tuple[float, float]:
+    """The time span from 0 to an end, or to the model's own.
+
+    Raises:
+        InputError: for an end that is not positive.
+    """
+    end = mech.duration if end is None else end
+    if not end > 0:
+        raise InputError(f"the end time must be positive, got {end}")
+    return 0.0, end
+
+
+def simulate(
+    mech: Mechanism, *, method: str, end: float | None, rtol: float | None, step: float | None, **options: Any
+) -> Solution:
+    """Run a model from its start with a progress bar.
+
+    Raises:
+        InputError: for tolerances beside a fixed step, and as `mbdae.solve`.
+    """
+    if step is not None and (rtol is not None or options.get("atol") is not None):
+        raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
+    with bar(method, 1.0) as tell:
+        rtol = RTOL if rtol is None else rtol
+        options["project"] = "auto" if options.get("project") is None else options["project"]
+        return solve(mech, span(mech, end), method=method, progress=tell, rtol=rtol, step=step, **options)
+
+
+def finish(sol: Solution) -> None:
+    """Exit 1, with the reason on stderr, when a run did not come to its end."""
+    if not sol.success:
+        click.echo(printable(f"mbdae: {sol.status}: {sol.message}"), err=True)
+        sys.exit(FAILED)
+
+
+def emit(data: Any, text: str, as_json: bool) -> None:
+    """Print a result as one JSON document, numbers that are not finite as null, or as text."""
+    click.echo(json.dumps(_finite(data), allow_nan=False) if as_json else printable(text))
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
+
+
+def show(rows: list[dict[str, Any]], as_json: bool) -> None:
+    """Print rows as a table, or as JSON."""
+    if as_json:
+        emit(rows, "", as_json)
+        return
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for key, value in rows[0].items():
+        table.add_column(key, justify="left" if isinstance(value, str) else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*("-" if v is None else Text(printable(str(v))) for v in row.values()))
+    screen = sys.stdout.isatty()
+    Console(width=None if screen else 200, highlight=False, force_terminal=screen).print(table)
+
+
+@contextmanager
+def bar(label: str, total: float | None) -> Iterator[Callable[..., None]]:
+    """A progress bar on stderr when that is a terminal; it is told a fraction, a text, or both."""
+    console = Console(stderr=True, force_terminal=sys.stderr.isatty())
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(label, total=total)
+
+        def tell(what: Any, name: str | None = None) -> None:
+            text, done = (what, None) if isinstance(what, str) else (name, what)
+            progress.update(task, description=text, completed=done)
+
+        yield tell

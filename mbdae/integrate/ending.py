@@ -1,0 +1,96 @@
+"""How a run ends: at a terminal event, and as a solution."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from ..errors import StepError
+from ..mechanism import Mechanism
+from ..mechanism.callbacks import called, checked, function_name
+from ..mechanism.formulations.index2 import Descriptor
+from ..solution.solution import Problem, Solution
+from ..system import Array, State, Step
+from .doubts import doubts
+from .events import Event, Watch
+from .run import Run
+from .steppers.pace import Pace
+from .steppers.scipy_ivp import Scipy
+
+
+def end_in_event(
+    run: Run, pace: Pace, watch: Watch, start: State | None, at: Callable[[float], Array], theta: float, event: Event
+) -> None:
+    """End in a terminal event with a step of the method from a start: closures hold there as at any other node.
+
+    Where no shorter step can be taken it is the point of the dense output, projected on the closures. It is that point
+    as it is with scipy's solvers, whose nodes do not meet the closures either, and on a leap (start is None) or else
+    next to a singular configuration, where a step or a projection would turn velocities.
+    """
+    t, h = run.ts[-2], run.t - run.ts[-2]
+    run.take_back(start or State(run.ys[-2]))
+
+    def take(share: float) -> Step:
+        step = pace.take(run, share * h)
+        return step._replace(state=run.restored(t + share * h, step.state)) if run.project else step
+
+    step = None
+    if run.singular and run.singular.beside(t + theta * h, at(theta)):
+        start = None
+    if start and not isinstance(pace, Scipy):
+        with suppress(StepError):
+            theta, step = watch.land(event, theta, t, h, at, take)
+    if step is None and start:
+        y = at(theta) if isinstance(pace, Scipy) else run.system.restore(t + theta * h, at(theta))
+        step = Step(State(y), run.system.derivative(t + theta * h, y)[1], np.empty(0))
+    if step is None:
+        run.land(t + theta * h, at(theta), last=True)
+    elif t + theta * h != t:
+        run.accept(t + theta * h, step)
+    if run.singular:
+        run.singular.found = [x for x in run.singular.found if (x.t - run.t) * run.sign <= 0]
+    watch.end(run.t, run.ys[-1], run.sign)
+
+
+def report(
+    run: Run, watch: Watch, status: str, message: str, stats: dict, settings: dict, times: Array | None
+) -> Solution:
+    """Make the solution of a run, at the times asked for; one that came to its end is looked at with doubt."""
+    n = len(run.ts)
+    t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
+    hits = [[(w, p) for w, p in hits if (w - t[-1]) * run.sign <= 0] for hits in watch.found]
+    found = [(np.array([w for w, _ in some]), np.array([p for _, p in some])) for some in hits]
+    passed = run.singular.found if run.singular else []
+    rows = [(i, rows) for i, rows in run.in_use if i < n]
+    rest: dict[str, Any] = {"events": found, "singular": passed, "in_use": rows}
+    full = Solution(run.problem, t, y, z, status, message, stats, settings, **rest)
+    if full.success and isinstance(run.system, Descriptor) and (words := doubts(full, run.system)):
+        full.status, full.message = status, message = "doubtful", words
+    if times is None:
+        return full
+    reached = times[(times - t[-1]) * run.sign <= 0]
+    read: list[Array] = []
+    try:
+        for point in full.points(reached):
+            read.append(point)
+    except StepError as e:  # a method without a stage there may end a step where the forces fail
+        if full.success:
+            status, message = e.status, f"t_eval cannot be read: {e}"
+    reached, points = reached[: len(read)], np.array(read).reshape(len(read), y.shape[1])
+    own = np.array([np.interp(run.sign * reached, run.sign * t, column) for column in z.T]).T.reshape(
+        len(reached), z.shape[1]
+    )
+    return Solution(run.problem, reached, points, own, status, message, stats, settings, (t, y, z), **rest)
+
+
+def event_value(problem: Problem, event: Event, t: float, y: Array) -> float:
+    """Evaluate an event function.
+
+    Raises:
+        StepError: if it fails or does not return a finite number.
+    """
+    what, parts = f"event {function_name(event.function)!r}", [y]
+    if isinstance(problem, Mechanism):
+        parts = [y[: problem.nq], y[problem.nq : problem.nq + problem.nv]]
+    return float(checked(called(what, event.function, t, *parts), (), t, what))

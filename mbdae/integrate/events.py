@@ -1,0 +1,160 @@
+"""Events: where functions of time and state change sign, located on the dense output; terminal ones on a step."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from ..system import Step
+
+Array = np.ndarray
+SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
+SAME = 1e-10  # s, or relative to t: an event this close to the start is the start, whose state carries rounding
+Evaluate = Callable[[float, Array], float]
+BESIDE = 1e-3  # of a step: how far on either side of an event the slope of its function is taken
+TRIALS = 8  # steps towards a terminal event, of which three or four are needed
+
+
+@dataclass(frozen=True)
+class Event:
+    """A function whose zeros are looked for: between changes of its sign, seen at four points of each step.
+
+    Zeros that come and go between two of these points are not seen: choose ``max_step`` for a fast function.
+
+    Attributes:
+        function: event(t, q, v) -> float for mechanisms, event(t, y) for textbook problems.
+        terminal: stop there.
+        direction: +1 for zeros where the function rises, -1 where it falls, 0 for both.
+
+    Raises:
+        InputError: for what is not a function, and for another direction.
+    """
+
+    function: Callable[..., float]
+    terminal: bool = False
+    direction: int = 0
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise InputError(f"an event is a function of (t, q, v), or of (t, y), got {self.function!r:.60}")
+        if self.direction not in (-1, 0, 1):
+            raise InputError(f"an event's direction is -1, 0 or 1, got {self.direction!r}")
+
+
+def as_events(events: Any) -> tuple[Event, ...]:
+    """Accept one event or several: `Event`, or functions with attributes ``terminal`` and ``direction`` as in scipy.
+
+    Raises:
+        InputError: for anything else.
+    """
+    several = list(events) if isinstance(events, Sequence) else [] if events is None else [events]
+    out = []
+    for e in several:
+        if not isinstance(e, Event):
+            if not callable(e):
+                raise InputError(f"an event is a function or mbdae.Event, got {type(e).__name__}")
+            e = Event(e, bool(getattr(e, "terminal", False)), int(np.sign(getattr(e, "direction", 0))))
+        out.append(e)
+    return tuple(out)
+
+
+class Watch:
+    """Follows event functions from step to step and keeps what was found.
+
+    A function that is zero at the start of the run, to rounding, is an event there, in the direction in which it
+    leaves zero, but does not end the run: a run may start on the surface where another one ended.
+    """
+
+    def __init__(self, events: tuple[Event, ...], evaluate: Callable[[Event, float, Array], float]) -> None:
+        self.events, self.evaluate = events, evaluate
+        self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
+        self._last: list[float] = []
+
+    def begin(self, t: float, y: Array) -> None:
+        """Evaluate every event at the start."""
+        self._start = (t, y)
+        self._last = [self.evaluate(e, t, y) for e in self.events]
+
+    def step(self, t: float, h: float, at: Callable[[float], Array]) -> tuple[float, Event] | None:
+        """Look at a step from t to t + h; return the first terminal event in it, behind the share of the step there."""
+        hits: list[tuple[float, int]] = []
+        for i, event in enumerate(self.events):
+            hits += [(theta, i) for theta in self._zeros(i, event, t, h, at)]
+        same, stop = SAME * max(1.0, abs(t)), None
+        for theta, i in sorted(hits):
+            if stop and (theta - stop[0]) * abs(h) > same:
+                break
+            begins = t == self._start[0] and theta * abs(h) <= same
+            self.found[i].append(self._start if begins else (t + theta * h, at(theta)))
+            if self.events[i].terminal and not begins and stop is None:
+                stop = theta, self.events[i]
+        return stop
+
+    def end(self, t: float, y: Array, sign: float) -> None:
+        """Let the run end at (t, y): what was found at that time, or by the dense output beyond it, was found there."""
+        limit = sign * t - SAME * max(1.0, abs(t))
+        self.found = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.found]
+
+    def _zeros(self, i: int, event: Event, t: float, h: float, at: Callable[[float], Array]) -> list[float]:
+        def value(theta: float) -> float:
+            return self.evaluate(event, t + theta * h, at(theta))
+
+        zeros, theta0, g0 = [], 0.0, self._last[i]
+        for theta1 in SAMPLES:
+            g1 = value(theta1)
+            rising = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
+            if event.direction * rising >= 0:
+                if g0 == 0 and theta0 == 0 and g1 != 0 and t == self._start[0]:
+                    zeros.append(0.0)
+                elif g0 * g1 < 0:
+                    zeros.append(float(brentq(value, theta0, theta1, xtol=1e-15, rtol=1e-15)))
+                elif g1 == 0 and g0 != 0:
+                    zeros.append(float(theta1))
+            theta0, g0 = theta1, g1
+        self._last[i] = g0
+        return zeros
+
+    def land(
+        self,
+        event: Event,
+        theta: float,
+        t: float,
+        h: float,
+        at: Callable[[float], Array],
+        take: Callable[[float], "Step"],
+    ) -> tuple[float, "Step"]:
+        """Return the share of a step from t to t + h at which the event is on the method's own steps, and that step.
+
+        The dense output, of one order less, gives the start and the slope for secants; where they lead nowhere (an
+        event that jumps) the start stays.
+
+        Args:
+            event: the event.
+            theta: where it is on the dense output.
+            t: start of the step.
+            h: its size.
+            at: the dense output.
+            take: takes a share of the step anew.
+
+        Raises:
+            StepError: if a shorter step cannot be taken.
+        """
+        low, high = max(0.0, theta - BESIDE), min(1.0, theta + BESIDE)
+        rise = self.evaluate(event, t + high * h, at(high)) - self.evaluate(event, t + low * h, at(low))
+        slope, step = rise / (high - low), take(theta)
+        miss = self.evaluate(event, t + theta * h, step.state.y)
+        for _ in range(TRIALS):
+            nearer = theta - miss / slope if slope else theta
+            if nearer == theta or not 0 < nearer <= 1:
+                break
+            trial = take(nearer)
+            left = self.evaluate(event, t + nearer * h, trial.state.y)
+            if not abs(left) < abs(miss):
+                break
+            slope, theta, miss, step = (left - miss) / (nearer - theta), nearer, left, trial
+        return theta, step

@@ -1,0 +1,87 @@
+"""Times at which a problem may jump: steps end there, and the next one starts behind the jump.
+
+The right-hand side may be evaluated at both ends of a step, and belongs to what comes after a jump at its very time.
+So a step towards a jump ends a few roundings before it, where everything still is as before; the next one starts at
+the jump. A solution has both points.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError, StepError
+from ..system import System
+
+CROWD = 100  # jumps within roundings of one another that count as one
+MARGIN = 8  # roundings of t by which a step stays before a jump: more than the times of its stages can err
+
+
+class Leg(NamedTuple):
+    """The way to the next jump or the end of the span.
+
+    Attributes:
+        stop: where the last step ends.
+        end: the time that is recorded for it: the end of the span, if a jump happens to be there.
+        restart: where the next leg starts; None behind the end.
+    """
+
+    stop: float
+    end: float
+    restart: float | None
+
+
+class Jumps:
+    """What lies ahead of a run: jumps of the system, and times given by the user.
+
+    Args:
+        system: asked for its own breakpoints.
+        times: the user's.
+        t1: end of the span.
+        sign: direction of time.
+
+    Raises:
+        InputError: for times that are not numbers.
+    """
+
+    def __init__(self, system: System, times: Sequence[float], t1: float, sign: float) -> None:
+        self.system, self.times, self.t1, self.sign = system, _checked(times), t1, sign
+
+    def leg(self, t: float) -> Leg:
+        """Return the leg from t on. Jumps that differ by roundings only count as one.
+
+        Raises:
+            StepError: where jumps follow one another as closely as that without an end.
+        """
+        s, margin = self.sign, MARGIN * float(np.spacing(max(abs(t), abs(self.t1))))
+        first = self._next(self._last(t, 4 * margin))
+        if s * (first - self.t1) > 4 * margin:
+            return Leg(self.t1, self.t1, None)
+        stop = first - s * margin
+        if s * (self.t1 - first) <= 4 * margin:
+            return Leg(stop, self.t1, None)
+        last = self._last(first, 4 * margin)
+        return Leg(stop, stop, last if s > 0 else last - margin)
+
+    def _next(self, t: float) -> float:
+        s = self.sign
+        return s * min(s * self.system.breakpoint(t, s), *(s * x for x in self.times if s * x > s * t), np.inf)
+
+    def _last(self, t: float, near: float) -> float:
+        """The last jump of those that follow t, and one another, within ``near``; t if none does."""
+        for _ in range(CROWD):
+            later = self._next(t)
+            if self.sign * (later - t) > near:
+                return t
+            t = later
+        raise StepError("step_size", f"jumps follow one another too closely at t = {t:.17g}: a sampling rate too high?")
+
+
+def _checked(times: Sequence[float]) -> list[float]:
+    try:
+        out = np.asarray(times, float)
+    except (TypeError, ValueError):
+        out = np.full(1, np.nan)
+    if out.ndim != 1 or not np.isfinite(out).all():
+        raise InputError(f"jumps is a list of times, got {times!r:.80}")
+    return [float(x) for x in out]

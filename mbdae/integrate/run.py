@@ -1,0 +1,154 @@
+"""State and record of a run."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import StepError
+from ..solution.solution import Problem, Solution
+from ..system import Array, State, Step, System
+from .growing import Rows
+from .jumps import Jumps
+from .singularity_watch import SingularWatch
+from .stiffness import StiffnessWatch
+
+if TYPE_CHECKING:
+    from .steppers.native import Core
+    from .steppers.pace import Pace
+
+
+class Run:
+    """State and record of a run."""
+
+    def __init__(
+        self, problem: Problem, tableau: Any, t0: float, ahead: Jumps, start: Array, system: System, project: bool
+    ) -> None:
+        self.problem, self.tableau, self.t, self.t1 = problem, tableau, t0, ahead.t1
+        self.ahead, self.sign, self.crossed = ahead, ahead.sign, 0
+        self.system, self.project = system, project
+        self.state = State(start)
+        self.rejected: int | None = 0
+        self.ts, self.ys, self.zs = [t0], Rows(start), Rows(np.full(self.system.nz, np.nan))
+        self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
+        self.pace: Pace
+        self.back: Callable[[Array], tuple[Array, Array, Array]] | None = None  # see `mbdae.integrate.retrace`
+        self.singular: SingularWatch | None = None
+        self.stiffness: StiffnessWatch | None = None
+        self.core: Core | None = None
+        self._record: Solution | None = None
+
+    def begin(self) -> None:
+        """Find the derivative at the start; a method with an explicit first stage carries it."""
+        y = self.system.jump(self.t, self.ys[-1].copy())
+        if not self.in_use and not hasattr(self.problem, "y0"):
+            y = self._closed(y)
+        self._begin_at(y)
+        self.leg = self.ahead.leg(self.t)
+
+    def _closed(self, y: Array) -> Array:
+        """Find rank and rows where loops are closed; the start itself is closed if the run keeps them so."""
+        with suppress(StepError):
+            closed = self.system.restore(self.t, y)
+            self.system.settle(self.t, State(closed))
+            self.system.counts.state_projections = 0  # those of steps are counted
+            return closed if self.project else y
+        return y
+
+    def _begin_at(self, y: Array) -> None:
+        y = self.ys[-1] = self.system.settle(self.t, State(y)).y
+        self._note()
+        self.F, z = self.system.derivative(self.t, y)
+        self.zs[-1], self.state = z, State(y, self.system.carry(self.F, z))
+
+    def _note(self) -> None:
+        rows = self.system.in_use
+        if not self.in_use or self.in_use[-1][1] != rows:
+            self.in_use.append((len(self.ts) - 1, rows))
+
+    def cross(self, t: float) -> None:
+        """Begin again behind a jump, at time t: a second point of the solution, right after the one before."""
+        self.zs.append(self.zs[-1])
+        self.ys.append(self.ys[-1])
+        self.ts.append(t)
+        self.t, self.crossed = t, self.crossed + 1
+        self.begin()
+
+    @property
+    def steps(self) -> int:
+        """Number of accepted steps."""
+        return len(self.ts) - 1 - self.crossed
+
+    def left(self) -> float:
+        """Time left to the end of the leg, positive."""
+        return abs(self.leg.stop - self.t)
+
+    def to_go(self) -> float:
+        """Time left to the end of the span, positive."""
+        return abs(self.t1 - self.t)
+
+    def accept(self, t: float, step: Step) -> None:
+        """Record a step; the time comes last, so that an interrupt in between leaves the record readable."""
+        self.zs.append(step.z)
+        self.ys.append(step.state.y)
+        self.ts.append(t)
+        try:
+            self.state = self.system.settle(t, step.state)
+        except StepError:  # in a singular configuration, where no step can begin
+            del self.ts[-1:], self.ys[-1:], self.zs[-1:]
+            raise
+        self.t, self.ys[-1] = t, self.state.y
+        self._note()
+
+    def land(self, t: float, y: Array, last: bool) -> None:
+        """Add a node that no step of the method led to; the last one may be singular, and no step begins there."""
+        self.zs.append(self.zs[-1])
+        self.ys.append(y)
+        self.ts.append(t)
+        self.t = t
+        if last:
+            self.state = State(y)
+        else:
+            self._begin_at(y)
+
+    def restored(self, t: float, state: State, tight: bool = False) -> State:
+        """The state on the closures; what a method carries is found anew where that moved the state much."""
+        y = self.system.restore(t, state.y, tight)
+        move = self.system.difference(state.y, y)
+        if state.carry is None or self.pace.tolerates(self, y, move):
+            return State(y, state.carry)
+        return State(y, self.system.carry(*self.system.derivative(t, y)))
+
+    def close(self) -> None:
+        """Bring the last node onto the closures, until |g| falls no more."""
+        with suppress(StepError):
+            self.state = self.restored(self.t, self.state, tight=True)
+            self.ys[-1] = self.state.y
+            self.record().rates.pop(len(self.ts) - 1, None)
+
+    def extend(self, ts: list[float], ys: Array, zs: Array, state: State) -> None:
+        """Record several steps, after the last of which the state is known."""
+        if ts:
+            self.zs.extend(zs)
+            self.ys.extend(ys)
+            self.ts.extend(ts)
+            self.t, self.state = ts[-1], state
+
+    def take_back(self, state: State) -> None:
+        """Forget the last step, which started from a state."""
+        del self.ts[-1:], self.ys[-1:], self.zs[-1:]
+        self.t, self.state = self.ts[-1], state
+        self.in_use = self.record().in_use = [(i, rows) for i, rows in self.in_use if i < len(self.ts)]
+        self.system.hold(self.in_use[-1][1])
+
+    def record(self) -> Solution:
+        """The run so far as a solution that shares the lists: its dense output serves the events."""
+        if self._record is None:
+            order = self.tableau.order_linear if hasattr(self.problem, "model") else self.tableau.order
+            settings = {"dense_order": max(1, order - 1)}
+            stats = {"backend": "native" if self.core else "python"}
+            tables: dict[str, Any] = {"t": self.ts, "y": self.ys, "z_own": self.zs, "in_use": self.in_use}
+            tables |= {"status": "finished", "message": "", "stats": stats, "settings": settings}
+            self._record = Solution(self.problem, **tables)
+        return self._record

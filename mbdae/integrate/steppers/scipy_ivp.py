@@ -1,0 +1,168 @@
+"""The baseline that users know: scipy's solvers on the acceleration form of a mechanism.
+
+The time loop is the same as for the methods of mbdae; a solver of scipy takes the place of a pace, because it
+chooses its steps itself. On manifolds it sees raw coordinates (quaternions and circles as numbers).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import DOP853, LSODA, RK45, OdeSolver, Radau
+
+from ...errors import InputError, StepError
+from ...mechanism.formulations.index1 import Index1
+from ...methods import METHODS
+from ...methods import method as find_method
+from ...system import Array, State, Step, System
+from .pace import Adaptive, Run
+
+UNMEASURED = 1e30  # absolute tolerance of the work: its error is not controlled
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A method of scipy: its solver, and the order in which its solution is interpolated between steps."""
+
+    name: str
+    solver: type[OdeSolver]
+    order: int
+    implicit: bool
+
+    @property
+    def order_linear(self) -> int:
+        """The order on mechanisms."""
+        return self.order
+
+
+SCIPY: dict[str, Baseline] = {
+    b.name: b
+    for b in (
+        Baseline("RK45", RK45, 5, False),
+        Baseline("DOP853", DOP853, 8, False),
+        Baseline("Radau", Radau, 5, True),
+        Baseline("LSODA", LSODA, 5, True),  # of variable order
+    )
+}
+
+
+def find(formulation: str, method: str) -> Any:
+    """Look up a method that belongs to a formulation.
+
+    Raises:
+        InputError: for a method of the other kind, naming the valid ones.
+        UnknownNameError: for a method that does not exist.
+    """
+    if formulation == "index1":
+        if method not in SCIPY:
+            raise InputError(f"formulation 'index1' takes scipy's methods {', '.join(SCIPY)}, got {method!r}")
+        return SCIPY[method]
+    if method in SCIPY:
+        raise InputError(
+            f"method {method!r} belongs to formulation 'index1'; formulation {formulation!r} takes {', '.join(METHODS)}"
+        )
+    return find_method(method)
+
+
+class Scipy(Adaptive):
+    """A solver of scipy as a pace: a step is what the solver does, with rtol and atol as they are meant there.
+
+    Statistics: its steps and, for RK45 and DOP853, the rejected ones; Radau and LSODA do not tell (None).
+
+    Args:
+        baseline: which solver.
+        system: the mechanism in acceleration form.
+        step: a fixed step, which scipy's solvers do not know: refused.
+        rtol: relative tolerance.
+        atol: absolute tolerance, a number or one for each component of (q, v).
+        first: first step in s, None for the solver's guess.
+        largest: largest step in s.
+
+    Raises:
+        InputError: for a fixed step; for an implicit solver or several atol on a manifold.
+    """
+
+    def __init__(
+        self,
+        baseline: Baseline,
+        system: System,
+        step: float | None,
+        rtol: float,
+        atol: float | Array | None,
+        first: float | None,
+        largest: float,
+    ) -> None:
+        super().__init__(baseline.order + 1, rtol, atol, first, largest)
+        if step is not None:
+            raise InputError("formulation 'index1' controls its steps: give rtol and atol instead of a step")
+        if not isinstance(system, Index1):
+            raise InputError("formulation 'index1' is for mechanisms")
+        if not system.manifold.flat:
+            explicit = ", ".join(b.name for b in SCIPY.values() if not b.implicit)
+            if baseline.implicit:
+                raise InputError(
+                    f"method {baseline.name!r} does not know the manifold of quaternions and circles: "
+                    f"formulation 'index1' takes {explicit} there"
+                )
+            if self.atol.ndim:
+                raise InputError("formulation 'index1' takes one number as atol where there are quaternions or circles")
+        self.baseline: Baseline = baseline
+        self.system: Index1 = system
+        self.solver: Any = None
+        self._last: tuple[float, Array, Array] | None = None
+
+    def _rate(self, t: float, y: Array) -> Array:
+        F, z = self.system.rate(t, y)
+        self._last = t, y.copy(), z
+        return F
+
+    def _start(self, run: Run) -> None:
+        s = self.system
+        self._scale(run, run.state.y)  # refuses an atol of the wrong shape
+        atol = np.append(np.broadcast_to(self.atol, s.nq + s.nv + s.ns), UNMEASURED)
+        first = None if self.h is None else min(self.h, run.left())
+        settings = {"rtol": self.rtol, "atol": atol, "max_step": self.largest, "first_step": first}
+        self.solver = self.baseline.solver(self._rate, run.t, run.state.y, run.leg.stop, **settings)
+
+    def propose(self, run: Run) -> tuple[float, float]:
+        """Let the solver step; return the size of its step and the time where it ended.
+
+        Raises:
+            StepError: if the solver gives up.
+        """
+        if self.solver is None:
+            self._start(run)
+        before, solver = self.solver.nfev, self.solver
+        message = solver.step()
+        if solver.status == "failed":
+            raise StepError("step_size", f"scipy's {self.baseline.name} stopped at t = {run.t:.17g}: {message}")
+        if self.baseline.implicit:
+            run.rejected = None
+        elif run.rejected is not None:
+            run.rejected += (solver.nfev - before) // solver.n_stages - 1
+        t = run.leg.end if solver.status == "finished" else float(solver.t)
+        return abs(t - run.t), t
+
+    def take(self, run: Run, h: float) -> Step:
+        """Return where the solver stands, with the multipliers there."""
+        y = self.solver.y
+        if self._last is None or self._last[0] != self.solver.t or not np.array_equal(self._last[1], y):
+            self._rate(self.solver.t, y)
+        _, _, z = self._last or (0.0, y, y)
+        return Step(State(self.system.normal(y)), z, np.zeros((0, self.system.ny)))
+
+    def error(self, run: Run, step: Step) -> float:
+        """Zero: the solver accepted its step."""
+        return 0.0
+
+    def restart(self) -> None:
+        """A jump was crossed: another solver starts there."""
+        self.solver = self.h = None
+
+    def may_retry(self, run: Run, h: float, reason: StepError) -> bool:
+        """Never: the solver chooses its steps."""
+        return False
+
+    def judge(self, run: Run, h: float, error: float) -> bool:
+        """Always accepted."""
+        return True

@@ -1,0 +1,50 @@
+"""Closures whose rows vanish although a frame is turned over: how to see it, and rows that turn it back."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .closures.rows import Axes
+
+if TYPE_CHECKING:
+    from .formulations.index2 import Descriptor
+
+Array = np.ndarray
+Rows = Callable[["Descriptor", Array, float], tuple[Array, Array]]
+
+
+def closures(system: "Descriptor", q: Array, t: float) -> tuple[Array, Array]:
+    """Return g (ng,) and G (ng, nv)."""
+    return system.closures(q, t)
+
+
+def upright(system: "Descriptor", q: Array, t: float) -> tuple[Array, Array]:
+    """Return g and G with further rows cos - 1 for axes that shall point the same way.
+
+    Where all is closed they vanish with their gradient. Where a frame is turned over they do not, and the sum of
+    squares has no minimum there.
+    """
+    g, G = system.closures(q, t)
+    values, slopes = [g], [G]
+    for closure in system.mechanism.closures:
+        part = system.constraints.frame_parts.get(closure.name)
+        if part is None:
+            continue
+        cosines, W = Axes(*closure.agreeing()).value(part.pair)
+        values.append(cosines - 1)
+        slopes.append(np.array([part.pair.torque(w) for w in W.T]).reshape(-1, system.nv))
+    return np.concatenate(values), np.vstack(slopes)
+
+
+def turned_over(system: "Descriptor") -> str:
+    """Name of a closure whose products of axes vanish because a frame is turned over; empty for none.
+
+    The kinematics of the workspace stand.
+    """
+    data = system.data
+    for closure, (a, b) in system.mechanism.closure_anchors:
+        relative = (data.oMi[a.joint].rotation @ a.R).T @ (data.oMi[b.joint].rotation @ b.R)
+        if closure.turned_over(relative):
+            return closure.name
+    return ""

@@ -1,0 +1,216 @@
+"""All rows of a mechanism, closures and then drivers, bound to a workspace.
+
+    0 = g(t, q) = c(q) - u(t),   G = dc/dq,   g_t = -u',   gamma = Gdot v + g_tt,   g_tt = -u''
+
+with u = 0 for closures. Neither G nor its rate depends on time, and g_tq = 0.
+"""
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError, StepError
+from ..frames import Anchor, Pair, anchor, find_joint
+from .closure import Closure
+from .driver import Driver
+from .rows import Coordinate, Rows
+
+Array = np.ndarray
+LARGEST_DENOMINATOR = 1000
+Spec = Closure | Driver
+
+
+class FramePart(NamedTuple):
+    """Rows between two frames: their numbers, what they are, and where their wrenches stand in `Constraints.W`."""
+
+    pair: Pair
+    rows: tuple[tuple[slice, Rows, Array], ...]
+
+
+class JointPart:
+    """One row between joint coordinates: g = x_i - p(x_j), with x an angle in (-pi, pi] for an unbounded joint.
+
+    Attributes:
+        at: number of the row.
+        columns: velocity indices of the joints, (1,) or (2,).
+        period: g is known up to multiples of it; 0 where it is known outright.
+
+    Raises:
+        InputError: for joints of several coordinates, or a coupling that is not defined on unbounded joints.
+    """
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Coordinate, at: int, name: str) -> None:
+        self.at, self.polynomial = at, row.coefficients
+        names = [row.joint, row.other] if row.other else [row.joint]
+        joints = [find_joint(model, n) for n in names]
+        for j, n in zip(joints, names, strict=True):
+            if j.nv != 1:
+                raise InputError(f"{name!r} needs joints of one coordinate; joint {n!r} has nv = {j.nv}")
+        self.columns = [j.idx_v for j in joints]
+        self._live = [data.joints[j.id] for j in joints]
+        self.period = _period([j.nq == 2 for j in joints], row.coefficients, name)
+
+    def value(self) -> tuple[float, list[float]]:
+        """Return g and the entries of G in the columns."""
+        x, *other = (_coordinate(j.joint_q) for j in self._live)
+        if not other:
+            return x - sum(self.polynomial), [1.0]
+        p, slope, _ = _horner(self.polynomial, other[0])
+        return x - p, [1.0, -slope]
+
+    def bias(self, v: Array) -> float:
+        """Return Gdot v = -p'' x_j'^2."""
+        if len(self._live) == 1:
+            return 0.0
+        return -_horner(self.polynomial, _coordinate(self._live[1].joint_q))[2] * float(v[self.columns[1]]) ** 2
+
+
+class Constraints:
+    """Evaluates all rows where the kinematics of the workspace stand.
+
+    Args:
+        model: the model.
+        data: its workspace.
+        specs: closures and then drivers.
+
+    Attributes:
+        spans: for each of them, the rows.
+        sign: see `mbdae.mechanism.frames.Pair`, (ng, nv).
+        W: the wrenches of the rows between frames where G was asked for last, (6, ng).
+    """
+
+    def __init__(self, model: pin.Model, data: pin.Data, specs: Sequence[Spec]) -> None:
+        self.frame_parts: dict[str, FramePart] = {}
+        self.joint_parts: list[JointPart] = []
+        self.spans: dict[str, slice] = {}
+        self._driven: list[tuple[int, Driver]] = []
+        kinds = [spec.rows() for spec in specs]
+        self.ng = sum(r.m for rows in kinds for r in rows)
+        self.sign, self.W = np.zeros((self.ng, model.nv)), np.zeros((6, self.ng))
+        at = 0
+        for spec, rows in zip(specs, kinds, strict=True):
+            self.spans[spec.name] = slice(at, at + sum(r.m for r in rows))
+            if isinstance(spec, Driver):
+                self._driven.append((at, spec))
+            numbered = []
+            for r in rows:
+                if isinstance(r, Coordinate):
+                    self.joint_parts.append(JointPart(model, data, r, at, spec.name))
+                else:
+                    numbered.append((slice(at, at + r.m), r, self.W[:, at : at + r.m]))
+                at += r.m
+            if numbered:
+                pair = Pair(model, data, *anchors(model, spec))
+                self.frame_parts[spec.name] = FramePart(pair, tuple(numbered))
+                self.sign[self.spans[spec.name]] = pair.sign
+        self._J = data.J.reshape(6, -1)  # with nv = 1 it comes as a vector
+        self._still = np.zeros((3, at))
+        self._lengths = [at for at, d in self._driven if d.frames]
+        self._periodic = np.array([p.at for p in self.joint_parts if p.period], int)
+        self._periods = np.array([p.period for p in self.joint_parts if p.period])
+
+    def jacobian(self) -> Array:
+        """Return G, (ng, nv); leaves the wrenches of its rows in W."""
+        for pair, rows in self.frame_parts.values():
+            pair.locate()
+            for _, r, w in rows:
+                r.wrenches(pair, w)
+        G = self.W.T.dot(self._J)
+        G *= self.sign
+        for part in self.joint_parts:
+            G[part.at, part.columns] = part.value()[1]
+        return G
+
+    def value(self, t: float | None) -> tuple[Array, Array]:
+        """Return g(t, q) (ng,) and G (ng, nv); without t, g of the driven rows is nan."""
+        G, g = self.jacobian(), np.zeros(self.ng)
+        for pair, rows in self.frame_parts.values():
+            for s, r, _ in rows:
+                g[s] = r.residual(pair)
+        for part in self.joint_parts:
+            g[part.at] = part.value()[0]
+        if self._driven:
+            g -= self.motion(t)[0]
+        if len(self._periodic):
+            g[self._periodic] -= self._periods * np.round(g[self._periodic] / self._periods)
+        return g, G
+
+    def bias(self, v: Array) -> Array:
+        """Return Gdot v, (ng,); the velocities v (nv,), and accelerations for v' = 0, stand in the workspace."""
+        out = np.zeros(self.ng)
+        for pair, rows in self.frame_parts.values():
+            pair.locate()
+            pair.twist()
+            bias, relative = pair.bias(), pair.Vb - pair.Va
+            for s, r, w in rows:
+                r.wrenches(pair, w)
+                out[s] = relative @ r.rate(pair) + bias @ w
+        for part in self.joint_parts:
+            out[part.at] = part.bias(v)
+        return out
+
+    def motion(self, t: float | None) -> Array:
+        """Return u, u' and u'' over all rows, (3, ng): zero for closures; nan for drivers without t.
+
+        Raises:
+            StepError: where a driver is not defined, or drives a distance to zero.
+        """
+        if not self._driven:
+            return self._still
+        out = np.zeros((3, self.ng))
+        for at, driver in self._driven:
+            out[:, at] = (np.nan,) * 3 if t is None else driver.follow(t)
+            if t is not None and not np.isfinite(out[:, at]).all():
+                raise StepError("driver", f"driver {driver.name!r} is not finite at t = {t:.17g}: {out[:, at]}")
+        for at in self._lengths:
+            if out[0, at] <= 0:
+                name = next(d.name for i, d in self._driven if i == at)
+                raise StepError("driver", f"driver {name!r} asks for a distance of {out[0, at]:.3g} m at t = {t:.9g}")
+        return out
+
+
+def anchors(model: pin.Model, spec: Spec) -> tuple[Anchor, Anchor]:
+    """The two frames of a closure or driver that has frames.
+
+    Raises:
+        InputError: if both are on the same body.
+    """
+    a, b = (anchor(model, name) for name in spec.frames or ("", ""))
+    if a.joint == b.joint:
+        what = "closure" if isinstance(spec, Closure) else "driver"
+        raise InputError(f"{what} {spec.name!r} closes nothing: {a.name!r} and {b.name!r} are on the same body")
+    return a, b
+
+
+def _coordinate(q: Array) -> float:
+    return float(q[0]) if len(q) == 1 else float(np.arctan2(q[1], q[0]))
+
+
+def _horner(coefficients: Sequence[float], x: float) -> tuple[float, float, float]:
+    """A polynomial and its first two derivatives at x."""
+    p = slope = curve = 0.0
+    for c in reversed(coefficients):
+        p, slope, curve = p * x + c, slope * x + p, curve * x + 2 * slope
+    return p, slope, curve
+
+
+def _period(unbounded: list[bool], coefficients: Sequence[float], name: str) -> float:
+    """The number up to whose multiples q_i - p(q_j) is known where q_i, q_j or both are known up to full turns."""
+    turn = 2 * np.pi
+    if len(unbounded) == 1 or not unbounded[1]:
+        return turn if unbounded[0] else 0.0
+    ratio = coefficients[1]
+    if any(coefficients[2:]):
+        raise InputError(f"{name!r}: powers of an unbounded joint's angle are not defined; bound the joint")
+    if not unbounded[0]:
+        return turn * abs(ratio)
+    fraction = Fraction(ratio).limit_denominator(LARGEST_DENOMINATOR)
+    if abs(float(fraction) - ratio) > 1e-12 * abs(ratio):
+        raise InputError(
+            f"{name!r}: the ratio {ratio!r} of two unbounded joints is no fraction with a denominator up to "
+            f"{LARGEST_DENOMINATOR}: the angles do not tell how far it is kept; bound one joint"
+        )
+    return turn / fraction.denominator

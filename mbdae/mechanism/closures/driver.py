@@ -1,0 +1,187 @@
+"""Drivers: rheonomic constraints by which a joint, a coupling or a distance follows a given function of time.
+
+A driver is one row 0 = g(t, q) = c(q) - u(t), with c a joint coordinate, the left side of a coupling or a distance.
+So g_t = -u', g_tt = -u'' and g_tq = 0. Its multiplier is the torque (N m) or force (N) of the drive, its power lam u'.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from math import sqrt
+from typing import Any
+
+from pydantic import Field, model_validator
+
+from ...errors import InputError, StepError
+from ..signals import Function, Harmonic, Polynomial, Signal, Steps, TimeTable, curve
+from ..tables import Table
+from .rows import Coordinate, Distance, Rows
+
+Motion = tuple[float, float, float]
+SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
+OFTEN = 2  # of them must differ: one may stand where a motion's u'' jumps
+GOLDEN = (sqrt(5) - 1) / 2  # multiples of it, less whole numbers, fill (0, 1) evenly and meet no grid
+SPACING = 1e-5  # s
+Target = str | tuple[str, str]
+
+
+class Driver(Table):
+    """A driver: what follows, and the function of time u(t) that it follows.
+
+    Motions are functions of time with two derivatives: constant, harmonic, polynomial (constant speed w from u_0 on:
+    coefficients u_0, w), table (a natural cubic spline, which goes on at the ends' speed; u''' jumps at its points,
+    where methods of order above 3 lose it), or Python functions.
+
+    Attributes:
+        motion: u(t), in rad or m.
+        joint: name of a joint of one coordinate, q_joint = u; or
+        joints: names of joints i and j, with ``coefficients``: q_i - c_0 - c_1 q_j - c_2 q_j^2 - ... = u; or
+        frames: names of two frames whose origins keep the distance u > 0.
+        coefficients: c_0, c_1, ... for ``joints``.
+        name: by default the names above and "driver".
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+    """
+
+    motion: Signal
+    joint: str | None = None
+    joints: tuple[str, str] | None = None
+    frames: tuple[str, str] | None = None
+    coefficients: tuple[float, ...] | None = Field(default=None, min_length=2)
+    name: str = ""
+
+    @model_validator(mode="after")
+    def _fits(self) -> "Driver":
+        targets = [t for t in (self.joint, self.joints, self.frames) if t is not None]
+        if len(targets) != 1:
+            raise ValueError("a driver needs one of joint, joints and frames")
+        if (self.joints is None) != (self.coefficients is None):
+            raise ValueError("a driver of joints needs coefficients, and no other driver takes them")
+        names = self.between
+        if len(set(names)) < len(names):
+            raise ValueError(f"a driver joins {names[0]!r} with itself")
+        m = self.motion
+        if isinstance(m, Steps):
+            raise ValueError("a driver cannot follow steps: its motion needs two derivatives")
+        if isinstance(m, Function) and m.function and not (m.rate and m.acceleration):
+            raise ValueError(f"the motion {m.name!r} needs rate and acceleration: difference quotients lose the order")
+        if not self.name:
+            object.__setattr__(self, "name", "-".join(names) + " driver")
+        return self
+
+    @property
+    def between(self) -> tuple[str, ...]:
+        """Names of the joints or frames that it moves."""
+        return (self.joint,) if self.joint else self.joints or self.frames or ()
+
+    @property
+    def m(self) -> int:
+        """Number of rows: 1."""
+        return 1
+
+    def rows(self) -> Sequence[Rows | Coordinate]:
+        """The row c(q), without u(t)."""
+        if self.frames:
+            return [Distance(0.0)]
+        joint, other = self.joints or (self.joint or "", "")
+        return [Coordinate(joint, other, self.coefficients or ())]
+
+    @cached_property
+    def _at(self) -> Callable[[float, int], float]:
+        if isinstance(self.motion, TimeTable):
+            return curve(self.motion.points, self.motion.interpolation, held=False)
+        return self.motion.at
+
+    def follow(self, t: float) -> Motion:
+        """Return u, u' and u'' at time t."""
+        return float(self._at(t, 0)), float(self._at(t, 1)), float(self._at(t, 2))
+
+    def check(self, t: float) -> None:
+        """Compare the derivatives of Python functions with difference quotients just behind t.
+
+        Raises:
+            InputError: if one of them does not fit.
+        """
+        if isinstance(self.motion, Function) and (mistake := self._mistake(t + 1e-3)):
+            raise InputError(mistake)
+
+    def check_run(self, t0: float, t1: float) -> None:
+        """Compare the derivatives of Python functions with difference quotients at 64 times between t0 and t1.
+
+        Raises:
+            StepError: if one of them does not fit at two times or more; the first is named.
+        """
+        length = abs(t1 - t0) - 2 * SPACING
+        if not isinstance(self.motion, Function) or length <= 0:
+            return
+        first = min(t0, t1) + SPACING
+        times = sorted(first + length * (k * GOLDEN % 1.0) for k in range(1, SAMPLES + 1))
+        found = [mistake for mistake in map(self._mistake, times) if mistake]
+        if len(found) >= OFTEN:
+            raise StepError("driver", found[0])
+
+    def _mistake(self, t: float) -> str:
+        """Say which derivative does not fit its function around t; "" if both do."""
+        before, here, behind = self.follow(t - SPACING), self.follow(t), self.follow(t + SPACING)
+        for k, what in ((0, "rate"), (1, "acceleration")):
+            quotient = (behind[k] - before[k]) / (2 * SPACING)
+            if abs(quotient - here[k + 1]) > 1e-3 * (1 + abs(quotient)):
+                return (
+                    f"the {what} of driver {self.name!r} is {here[k + 1]:.6g} at t = {t:g} s, "
+                    f"but its function's slope is {quotient:.6g}"
+                )
+        return ""
+
+    @classmethod
+    def speed(cls, target: Target, rate: float, *, start: float = 0.0, **more: Any) -> "Driver":
+        """Constant speed: u = start + rate t.
+
+        Args:
+            target: a joint; a pair of frames whose distance is driven; or, with ``coefficients``, a pair of joints.
+            rate: u', in rad/s or m/s.
+            start: u at t = 0, in rad or m.
+            **more: coefficients, name.
+        """
+        return cls(motion=Polynomial(coefficients=(start, rate)), **_target(target, more))
+
+    @classmethod
+    def harmonic(
+        cls, target: Target, amplitude: float, omega: float, *, phase: float = 0.0, offset: float = 0.0, **more: Any
+    ) -> "Driver":
+        """Oscillation u = offset + amplitude sin(omega t + phase), omega in rad/s; target as for `speed`."""
+        motion = Harmonic(amplitude=amplitude, omega=omega, phase=phase, offset=offset)
+        return cls(motion=motion, **_target(target, more))
+
+    @classmethod
+    def polynomial(cls, target: Target, coefficients_of_t: Sequence[float], **more: Any) -> "Driver":
+        """Polynomial u = c_0 + c_1 t + c_2 t^2 + ...; target as for `speed`."""
+        return cls(motion=Polynomial(coefficients=tuple(coefficients_of_t)), **_target(target, more))
+
+    @classmethod
+    def table(cls, target: Target, points: Sequence[tuple[float, float]], **more: Any) -> "Driver":
+        """A natural cubic spline through points (t, u), which goes on at the ends' speed; target as for `speed`."""
+        return cls(motion=TimeTable(points=tuple((float(t), float(u)) for t, u in points)), **_target(target, more))
+
+    @classmethod
+    def function(
+        cls,
+        target: Target,
+        u: Callable[[float], float],
+        rate: Callable[[float], float],
+        acceleration: Callable[[float], float],
+        **more: Any,
+    ) -> "Driver":
+        """Python functions of t: u, u' and u''; target as for `speed`.
+
+        Both derivatives are asked for because difference quotients would cost the methods their order. To find
+        mistakes they are compared with difference quotients, at the start and at 64 times of a run that is done.
+        """
+        motion = Function(function=u, rate=rate, acceleration=acceleration)
+        return cls(motion=motion, **_target(target, more))
+
+
+def _target(target: Target, more: dict[str, Any]) -> dict[str, Any]:
+    if isinstance(target, str):
+        return {"joint": target, **more}
+    return {"joints" if "coefficients" in more else "frames": tuple(target), **more}

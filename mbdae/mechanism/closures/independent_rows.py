@@ -1,0 +1,114 @@
+"""Dependent constraint rows: rank, and a well-conditioned choice of independent rows."""
+
+import numpy as np
+from scipy.linalg.lapack import dgeqp3, dgesdd
+
+from ...errors import StepError
+
+RANK_TOLERANCE = 1e-8
+WORST_CONDITIONING = 0.1
+GROWN = 1e-2
+ROUNDING = 1e-14
+BESIDE = 1e-5  # of the largest pivot: rows that depend on each other but for that leave the branch to rounding
+FALLEN = 100.0  # of the ratio of pivots at the start: what less of it still counts as small
+
+
+def pivots(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pivoted QR of B (nv, m): column order (m,) and |diag R| (min(nv, m),), decreasing."""
+    qr, order, *_ = dgeqp3(B)
+    return order - 1, np.abs(qr.diagonal())
+
+
+def rank(diagonal: np.ndarray) -> int:
+    """Number of pivots above 1e-8 of the largest, which is the first."""
+    return int(np.count_nonzero(diagonal > RANK_TOLERANCE * diagonal[:1]))
+
+
+def grown(diagonal: np.ndarray, r: int) -> bool:
+    """True when rows beyond the rank r are no longer dependent: their pivot exceeds a hundredth of the largest.
+
+    Smaller ones come from drift: rows that depend on each other on 0 = g do so only nearly beside it.
+    """
+    return len(diagonal) > r and bool(diagonal[r] > GROWN * diagonal[0])
+
+
+def geometric_rank(G: np.ndarray) -> int:
+    """Rank of the rows of G (ng, nv) for bodies of any mass: light ones beside heavy ones hide rows in G M^-1/2."""
+    size = np.linalg.norm(G, axis=1)
+    kept = size > RANK_TOLERANCE * size.max(initial=0.0)
+    return rank(pivots((G[kept] / size[kept, None]).T)[1])
+
+
+def found(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float) -> tuple[int, float]:
+    """Rank where loops are closed, and the ratio of pivots below which it will have fallen.
+
+    Args:
+        B: scaled transposed constraint Jacobian M^{-1/2} G^T, (nv, ng).
+        G: the Jacobian, (ng, nv).
+        diagonal: pivots of B.
+        t: time.
+
+    Raises:
+        StepError: next to a singular configuration, where rounding says which branch of the motion is meant.
+    """
+    r = rank(diagonal)
+    if r and (r < min(B.shape) or diagonal[r - 1] < BESIDE * diagonal[0]):
+        r = max(r, geometric_rank(G))
+        sizes = pivots(G.T)[1]
+        if max(sizes[r - 1] / sizes[0], diagonal[r - 1] / diagonal[0]) < BESIDE:
+            raise StepError("rank", f"the run would begin next to a singular configuration, at t = {t:.17g}")
+    return r, float(min(1.0, FALLEN * diagonal[r - 1] / diagonal[0]) * RANK_TOLERANCE) if r else 0.0
+
+
+def confirm(diagonal: np.ndarray, r: int, floor: float, t: float) -> None:
+    """See that decreasing pivots still show the rank r.
+
+    Raises:
+        StepError: where the rank has changed, at time t.
+    """
+    now = int(np.count_nonzero(diagonal > floor * diagonal[:1]))
+    if now < r:
+        raise StepError(
+            "rank", f"the rank of the closures falls from {r} to {now} at t = {t:.17g}: a singular configuration"
+        )
+    if grown(diagonal, r):
+        raise StepError(
+            "rank",
+            f"the rank of the closures rises above {r} at t = {t:.17g}: "
+            "the run began in a singular configuration, or rows that depended on others have drifted open",
+        )
+
+
+def choose(
+    B: np.ndarray, rows: np.ndarray | None, r: int, found: tuple[np.ndarray, np.ndarray] | None = None
+) -> np.ndarray:
+    """Choose r independent columns of B = M^{-1/2} G^T, (nv, ng): the rows in use as long as they serve.
+
+    They are given up when their smallest pivot falls below a tenth of the best choice's.
+
+    Args:
+        B: scaled transposed constraint Jacobian.
+        rows: the rows in use, (r,), or None at the start.
+        r: how many.
+        found: `pivots` of B, if they were computed already.
+
+    Returns:
+        Sorted indices, (r,).
+    """
+    if rows is not None and len(rows) in (0, B.shape[1]):
+        return rows
+    order, best = found or pivots(B)
+    if rows is not None and pivots(B[:, rows])[1][r - 1] >= WORST_CONDITIONING * best[r - 1]:
+        return rows
+    return np.sort(order[:r])
+
+
+def minimum_norm(G: np.ndarray, rank: int, force: np.ndarray) -> np.ndarray:
+    """The multipliers of smallest norm, (ng,), with G^T lam = force (nv,) for rows of G (ng, nv) of a given rank.
+
+    Not of the rank that rounding shows: rows that depend on each other on 0 = g do so only nearly beside it. In a
+    singular configuration what vanishes to rounding carries no force, and is left out.
+    """
+    left, sizes, right, _ = dgesdd(G, full_matrices=0)
+    rank = min(rank, int(np.count_nonzero(sizes > ROUNDING * sizes[:1])))
+    return left[:, :rank].dot(right[:rank].dot(force) / sizes[:rank])

@@ -1,0 +1,116 @@
+"""The primitive rows of which closures and drivers are composed, each written once.
+
+Between two frames a row is a scalar g(q) whose rate is the power of a wrench w on frame b and -w on frame a,
+
+    d/dt g = w . (V_b - V_a),   G_row = sign * (w^T J),   gamma = dw/dt . (V_b - V_a) + w . (A_b - A_a),
+
+with spatial velocities V and accelerations A (for v' = 0) taken at the world's origin. So a row needs g, w and dw/dt
+only, and is exact off the manifold. Multipliers: N for rows measured in m, N m for products of axes. A row between
+joint coordinates needs no frames; its multiplier is the torque (N m) or force (N) on the first joint.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..frames import Pair, cross, skew, unit_gap
+
+
+class Rows:
+    """m scalar rows between the anchors of a `Pair` that was located."""
+
+    m: int
+
+    def residual(self, pair: Pair) -> np.ndarray:
+        """Return g, (m,)."""
+        raise NotImplementedError
+
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:
+        """Write the wrenches on b at the world's origin into w (6, m), whose zeros stay where none is written."""
+        raise NotImplementedError
+
+    def rate(self, pair: Pair) -> np.ndarray:
+        """Return dw/dt (6, m) for the velocities of the pair."""
+        raise NotImplementedError
+
+    def value(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
+        """Return g (m,) and w (6, m)."""
+        w = np.zeros((6, self.m))
+        self.wrenches(pair, w)
+        return self.residual(pair), w
+
+
+class Gap(Rows):
+    """g = axis_a . (p_b - p_a), a gap along axes fixed in a; axes (3, m)."""
+
+    def __init__(self, axes: np.ndarray) -> None:
+        self.axes, self.m = axes, axes.shape[1]
+
+    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        return (pair.pb - pair.pa).dot(pair.Ra.dot(self.axes))
+
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
+        w[:3] = n = pair.Ra.dot(self.axes)
+        w[3:] = skew(pair.pb).dot(n)
+
+    def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        n = pair.Ra @ self.axes
+        dn = skew(pair.Va[3:]) @ n
+        dp = pair.Vb[:3] + skew(pair.Vb[3:]) @ pair.pb
+        return np.vstack([dn, skew(dp) @ n + skew(pair.pb) @ dn])
+
+
+class Axes(Rows):
+    """g = axis_a . axis_b, the cosine between axes fixed in a and in b; both (3, m)."""
+
+    def __init__(self, a: np.ndarray, b: np.ndarray) -> None:
+        self.a, self.b, self.m = a, b, a.shape[1]
+
+    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        return (pair.Ra.dot(self.a) * pair.Rb.dot(self.b)).sum(axis=0)
+
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
+        w[3:] = cross(pair.Rb.dot(self.b), pair.Ra.dot(self.a))
+
+    def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        a, b = pair.Ra @ self.a, pair.Rb @ self.b
+        da, db = skew(pair.Va[3:]) @ a, skew(pair.Vb[3:]) @ b
+        return np.vstack([np.zeros_like(a), cross(db, a) + cross(b, da)])
+
+
+class Distance(Rows):
+    """g = |p_b - p_a| - length."""
+
+    m = 1
+
+    def __init__(self, length: float) -> None:
+        self.length = length
+
+    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        return np.array([unit_gap(pair)[0] - self.length])
+
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
+        w[:3, 0] = n = unit_gap(pair)[1]
+        w[3:, 0] = skew(pair.pb).dot(n)
+
+    def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        distance, n = unit_gap(pair)
+        dpa = pair.Va[:3] + skew(pair.Va[3:]) @ pair.pa
+        dpb = pair.Vb[:3] + skew(pair.Vb[3:]) @ pair.pb
+        dn = (dpb - dpa - n * (n @ (dpb - dpa))) / distance
+        return np.concatenate([dn, skew(dpb) @ n + skew(pair.pb) @ dn])[:, None]
+
+
+class Coordinate(NamedTuple):
+    """One row g = q_i - c_0 - c_1 q_j - c_2 q_j^2 - ..., between joints of one coordinate each.
+
+    Attributes:
+        joint: name of joint i.
+        other: name of joint j; without one the row is g = q_i - c_0.
+        coefficients: c_0, c_1, ... in rad or m per power of the other coordinate.
+    """
+
+    joint: str
+    other: str
+    coefficients: tuple[float, ...]
+    m: int = 1

@@ -1,0 +1,1 @@
+"""Where mechanisms come from: mechanism files, URDF, robot.yaml, Python, saved runs."""

@@ -1,0 +1,149 @@
+"""Build a Pinocchio model from the sources and the tables of a mechanism file."""
+
+from collections.abc import Sequence
+from typing import NoReturn
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError, UnknownNameError, printable
+from ..frames import WORLD, find_frame, frame_names
+from .part import Part
+from .schema import HUGE, Body, Frame, MechanismFile, Source
+from .tree import Tree, settled, turn_of_z
+
+
+def build(file: MechanismFile, parts: Sequence[Part], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:
+    """Return the model and its visuals: sources, extra bodies and frames, joints of other kinds, locked joints.
+
+    Args:
+        file: the mechanism file.
+        parts: its sources, read.
+        name: of the model.
+
+    Raises:
+        UnknownNameError: for a frame or joint that does not exist.
+        InputError: for a name that is taken, frames that hang on each other, or numbers that are not finite.
+    """
+    tree = Tree(parts[0].model.name if len(parts) == 1 else name)
+    waiting: list[tuple[Source | Frame, Part | None]] = [*zip(file.source, parts, strict=True)]
+    waiting += [(x, None) for x in (*file.body, *file.frame)]
+    while waiting:
+        known = dict.fromkeys(frame_names(tree.model))
+        ready = [pair for pair in waiting if pair[0].parent in known]
+        if not ready:
+            _refuse(waiting, list(known))
+        for x, part in ready:
+            if isinstance(x, Frame):
+                _add(tree.model, x)
+            elif part is not None:
+                parent = find_frame(tree.model, x.parent)
+                tree.graft(part.model, part.visuals, parent=parent, placement=placement(x), prefix=x.prefix)
+        waiting = [pair for pair in waiting if pair[0].parent not in known]
+    tree.model.gravity.linear = np.array(file.gravity)
+    if not tree.model.nv:
+        raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
+    refuse_infinite(tree.model)
+    refuse_acting(tree.model)
+    normals = {s.prefix + n: axis for s, p in zip(file.source, parts, strict=True) for n, axis in p.normals.items()}
+    model, visuals = settled(tree.model, tree.visuals, file.joint_type, file.lock, normals)
+    return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
+
+
+def refuse_infinite(model: pin.Model) -> None:
+    """Refuse inertias and placements that are not finite or wild, or a negative mass.
+
+    Raises:
+        InputError: names the joint.
+    """
+    for name, inertia, place in zip(model.names, model.inertias, model.jointPlacements, strict=True):
+        numbers = [inertia.mass, *inertia.lever, *inertia.inertia.ravel(), *place.homogeneous.ravel()]
+        if not np.abs(numbers).max() <= HUGE:
+            raise InputError(f"the inertia or placement of joint {name!r} is not finite, or beyond {HUGE:g}")
+        if inertia.mass < 0:
+            raise InputError(f"the mass behind joint {name!r} is negative: {inertia.mass:g} kg")
+
+
+def refuse_acting(model: pin.Model) -> None:
+    """Refuse names of joints and frames with control characters, which could act on a terminal.
+
+    Raises:
+        InputError: names the name.
+    """
+    for name in (*model.names, *(f.name for f in model.frames)):
+        if printable(name) != name:
+            raise InputError(f"the name {name!r} holds control characters")
+
+
+def _refuse(waiting: Sequence[tuple[Source | Frame, Part | None]], known: Sequence[str]) -> NoReturn:
+    """None of what is left finds its parent: it does not exist, or it waits for its own child."""
+    names = [x.name for x, _ in waiting if isinstance(x, Frame)]
+    lost = [x.parent for x, _ in waiting if x.parent not in names]
+    if lost or not names:
+        raise UnknownNameError("frame", lost[0], known)
+    raise InputError(f"frames hang on each other and not on the world: {', '.join(names)}")
+
+
+def placement(x: Source | Frame) -> pin.SE3:
+    """The placement that ``xyz`` and ``rpy`` say."""
+    return pin.SE3(pin.rpy.rpyToMatrix(np.array(x.rpy)), np.array(x.xyz))
+
+
+def _add(model: pin.Model, x: Frame) -> None:
+    if x.name == WORLD or model.existFrame(x.name):
+        raise InputError(f"the name {x.name!r} is taken: frames and bodies need names of their own")
+    parent = find_frame(model, x.parent)
+    place = parent.placement * placement(x)
+    joint = parent.parentJoint
+    if isinstance(x, Body):
+        inertia = body_inertia(x)
+        if x.joint != "fixed":
+            moving, turn = _joint(x), _turn(x)
+            joint, place = model.addJoint(joint, moving, place * turn, x.name), turn.inverse()
+        if inertia is not None:
+            model.appendBodyToJoint(joint, inertia, place)
+    kind = pin.FrameType.BODY if isinstance(x, Body) else pin.FrameType.OP_FRAME
+    model.addFrame(pin.Frame(x.name, joint, place, kind))
+
+
+def body_inertia(x: Body) -> pin.Inertia | None:
+    """The inertia that ``mass``, ``com`` and ``inertia`` say; None for none.
+
+    Raises:
+        InputError: for a tensor that is not positive semi-definite.
+    """
+    ixx, iyy, izz, ixy, ixz, iyz = x.inertia
+    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    if x.mass == 0 and not tensor.any():
+        return None
+    if np.linalg.eigvalsh(tensor).min() < -1e-12 * np.abs(tensor).max():
+        raise InputError(f"the inertia of body {x.name!r} is not positive semi-definite")
+    return pin.Inertia(x.mass, np.array(x.com), tensor)
+
+
+def _joint(x: Body) -> pin.JointModel:
+    axis = np.array(x.axis)
+    if not np.linalg.norm(axis) > 0:
+        raise InputError(f"the axis of body {x.name!r} is zero")
+    axis = axis / np.linalg.norm(axis)
+    match x.joint:
+        case "revolute":
+            return pin.JointModelRevoluteUnaligned(axis)
+        case "continuous":
+            return pin.JointModelRUBZ()  # about the z axis of a turned frame: the unaligned one takes no axis
+        case "prismatic":
+            return pin.JointModelPrismaticUnaligned(axis)
+        case "universal":
+            return pin.JointModelUniversal(np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))
+    plain = {
+        "spherical": pin.JointModelSpherical,
+        "planar": pin.JointModelPlanar,
+        "translation": pin.JointModelTranslation,
+        "free": pin.JointModelFreeFlyer,
+    }
+    return plain[x.joint]()
+
+
+def _turn(x: Body) -> pin.SE3:
+    """The placement of the joint's own frame in the body's: continuous and planar joints have their axis as its z."""
+    return turn_of_z(x.axis) if x.joint in ("continuous", "planar") else pin.SE3.Identity()

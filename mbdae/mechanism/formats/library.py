@@ -1,0 +1,88 @@
+"""Where files are: the models that come with mbdae, and the robots of example-robot-data."""
+
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+from ...errors import InputError, UnknownNameError
+
+ROBOTS = "example-robot-data:"
+MECHANISM, PARAMETRIC = ".toml", ".py"
+SOURCES = (".urdf", ".xml", ".mjcf", ".yaml")
+SUFFIXES = ", ".join((MECHANISM, PARAMETRIC, *SOURCES[:-1])) + f" or {SOURCES[-1]}"
+OWN = ("mechanism.toml", "mechanism.py")
+IN_FOLDER = (*OWN, "robot.yaml", "robot.urdf")
+
+
+def models_directory() -> Path:
+    """The folder of the models: ``mbdae/models`` when installed, ``models`` beside ``mbdae`` in a checkout."""
+    package = Path(__file__).resolve().parents[2]
+    found = [d for d in (package / "models", package.parent / "models") if d.is_dir()]
+    if not found:
+        raise InputError(f"the models folder is missing beside {package}")
+    return found[0]
+
+
+def model_names() -> list[str]:
+    """Names of the models that come with mbdae."""
+    return sorted({file.parent.name for own in OWN for file in models_directory().glob(f"*/{own}")})
+
+
+def find(name: str) -> Path:
+    """Return the file that a model's name or a path stands for.
+
+    Raises:
+        UnknownNameError: when it is neither.
+        InputError: for a file of a kind that is not read.
+    """
+    path = models_directory() / name if name in model_names() else Path(name)
+    try:
+        if path.is_dir():
+            path = next((path / n for n in IN_FOLDER if (path / n).is_file()), path)
+        found = path.is_file()
+    except (OSError, ValueError) as e:
+        raise InputError(f"{name[:80]!r} is not a path: {e}") from None
+    if not found:
+        if path.suffix:
+            raise InputError(f"no such file: {name}")
+        raise UnknownNameError("model", name, [*model_names(), f"a path to a {SUFFIXES} file or their folder"])
+    refuse_suffix(path)
+    return path
+
+
+def refuse_suffix(path: Path) -> None:
+    """Refuse a file that is not read.
+
+    Raises:
+        InputError: lists what is.
+    """
+    if path.suffix not in (MECHANISM, PARAMETRIC, *SOURCES):
+        raise InputError(f"cannot read {path.name}: expected a {SUFFIXES} file")
+
+
+def resolve(source: str, base: Path) -> Path:
+    """Return the path of a mechanism file's source, relative to ``base`` or in example-robot-data.
+
+    Raises:
+        InputError: if there is no such file.
+    """
+    path = robots_directory() / source.removeprefix(ROBOTS) if source.startswith(ROBOTS) else base / source
+    try:
+        found = path.is_file()
+    except (OSError, ValueError) as e:
+        raise InputError(f"source {source[:80]!r} is not a path: {e}") from None
+    if not found:
+        raise InputError(f"source {source!r} is not a file (looked at {path})")
+    return path
+
+
+def robots_directory() -> Path:
+    """The folder of robot descriptions that example-robot-data installs."""
+    try:
+        files = distribution("example-robot-data").files or []
+    except PackageNotFoundError:
+        raise InputError("example-robot-data is not installed") from None
+    found = next((f for f in files if f.suffix == ".urdf" and "robots" in f.parts), None)
+    if found is None:
+        raise InputError("example-robot-data is installed without robots")
+    up = len(found.parts) - found.parts.index("robots") - 1
+    return Path(str(found.locate())).parents[up - 1]

@@ -1,0 +1,273 @@
+"""Read a mechanism from a file, or from what a saved solution remembers of it."""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from ...errors import InputError, UnknownNameError
+from ...files import text_of
+from ..assembly import START
+from ..callbacks import function_name
+from ..closures.closure import Closure
+from ..closures.driver import Driver
+from ..forces.force import FORCES, PYTHON_FORCES, Actuator
+from ..mechanism import Mechanism
+from ..tables import Table, one_line
+from ..workspace import make_data
+from .build import build
+from .library import IN_FOLDER, MECHANISM, PARAMETRIC, find, model_names
+from .parametric import read_parametric, split
+from .part import Motor, Part, shortened
+from .plain import made, written
+from .schema import MechanismFile, Source, read_toml
+from .sources import merged, read_source, restored
+
+
+def load(
+    path: str | Path,
+    *,
+    closures: Sequence[Closure] = (),
+    drivers: Sequence[Driver] = (),
+    forces: Sequence[Any] = (),
+    motors: Mapping[str, Any] | None = None,
+    key: str = "",
+    assemble: bool = True,
+    **parameters: Any,
+) -> Mechanism:
+    """Load a mechanism.
+
+    Args:
+        path: the name of a model that comes with mbdae, a mechanism.toml, a mechanism.py, a URDF file, an MJCF file, a
+            robot.yaml beside a robot.urdf, or a folder with one of these.
+        closures: more closures, behind those of the file.
+        drivers: more drivers, behind those of the file.
+        forces: more forces, behind those of the file.
+        motors: controls of named inputs (`Mechanism.motors`): numbers or functions of time.
+        key: keyframe of an MJCF file to start from; its first one when left out, ``"qpos0"`` for none.
+        assemble: make the file's start consistent; False takes it as it is, and refuses it where a closure is open.
+        parameters: of a mechanism.py, also written behind the name: ``"n_four_bar?N=10"``.
+
+    Raises:
+        UnknownNameError: for a model, parameter, frame, joint, motor or keyframe that does not exist; lists those that
+            do.
+        InputError: for a file that is wrong: one line with the key and what was expected.
+    """
+    described = [f for f in forces if isinstance(f, FORCES)]
+    more = {"closure": closures, "driver": drivers, "force": described, "motor": motors or {}}
+    recipe = read(path, parameters, key=key, assemble=assemble, more=more)
+    if recipe.left_out:
+        warnings.warn(f"{recipe.name}: not carried over: {'; '.join(map(shortened, recipe.left_out))}", stacklevel=2)
+    mech = _make(recipe, [f for f in forces if not isinstance(f, FORCES)])
+    if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
+        _remark_open(mech, recipe.name)
+    return mech
+
+
+class Recipe(NamedTuple):
+    """What files say of a mechanism, read and merged: what is made of it.
+
+    Attributes:
+        file: the mechanism file with what its sources say.
+        name: of the model.
+        parts: the sources, read.
+        motors: named inputs.
+        left_out: what the files say and the mechanism will not have.
+        parameters: name, value and what it takes, of each parameter of a mechanism.py.
+    """
+
+    file: MechanismFile
+    name: str
+    parts: Sequence[Part]
+    motors: Sequence[Motor]
+    left_out: Sequence[str]
+    parameters: Sequence[dict[str, Any]]
+
+
+def read(
+    path: str | Path,
+    parameters: Mapping[str, Any],
+    *,
+    key: str = "",
+    assemble: bool = True,
+    more: Mapping[str, Any] | None = None,
+) -> Recipe:
+    """Read the files of a mechanism; ``more`` holds further entries of its tables, the rest is as for `load`."""
+    plain, written = split(str(path))
+    found = find(plain)
+    name = found.parent.name if found.name in IN_FOLDER else found.stem
+    if found.suffix == PARAMETRIC and Path(plain).suffix != PARAMETRIC and plain not in model_names():
+        warnings.warn(f"{plain}: the Python file {found} is run", stacklevel=3)
+    file, chosen = _read(found, name, {**written, **parameters})
+    added = dict(more or {})
+    update = {
+        "source": tuple(_with_options(s, file, key) for s in file.source),
+        "start": file.start if assemble else file.start.model_copy(update={"assemble": False}),
+        "motor": MechanismFile(motor={**file.motor, **added.pop("motor", {})}).motor,
+        **{table: (*getattr(file, table), *entries) for table, entries in added.items()},
+    }
+    file = file.model_copy(update=update)
+    parts = [read_source(s, found.parent) for s in file.source]
+    file, motors, left_out = merged(file, parts)
+    return Recipe(file, name, parts, motors, left_out, chosen)
+
+
+def _read(found: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismFile, Sequence[dict[str, Any]]]:
+    """The mechanism file, and what is known of its parameters."""
+    if found.suffix == PARAMETRIC:
+        return read_parametric(found, name, values)
+    if values:
+        raise UnknownNameError(f"parameter of {name}", next(iter(values)), ())
+    if found.suffix == MECHANISM:
+        return read_toml(text_of(found), str(found)), ()
+    return MechanismFile(source=(Source(file=found.name),), title=name), ()
+
+
+def _remark_open(mech: Mechanism, name: str) -> None:
+    """Warn where a source says how every joint stands and leaves a closure open; assembly will move the joints."""
+    gap = mech.gap_as_given
+    if gap and gap.size > START:
+        warnings.warn(f"{name}: closure {gap.name!r} is open by {gap.text} as given: assembly closes it", stacklevel=3)
+
+
+def _with_options(source: Source, file: MechanismFile, key: str) -> Source:
+    return source.model_copy(update={"free_flyer": source.free_flyer or file.free_flyer, "key": key or source.key})
+
+
+def _make(recipe: Recipe, functions: Sequence[Any] = ()) -> Mechanism:
+    file, name, parts, motors, left_out, parameters = recipe
+    if not parts and not file.body:
+        raise InputError(f"{name}: a mechanism needs a source or a [[body]]")
+    model, visuals = build(file, parts, name)
+    source = {
+        "name": name,
+        "file": _plain(file),
+        "parts": [p.record for p in parts],  # called when written: meshes are large
+        "motors": [list(m) for m in motors],
+        "left_out": list(left_out),
+        "parameters": list(parameters),
+    }
+    try:
+        return Mechanism(
+            model,
+            file.closure,
+            [*file.force, *functions],
+            drivers=file.driver,
+            start=file.start,
+            visuals=visuals,
+            title=file.title or name,
+            duration=file.duration,
+            order=file.order,
+            source=source,
+            motors=motors,
+            left_out=left_out,
+        )
+    except MemoryError:
+        raise InputError(f"{name}: there is not enough memory for {model.njoints - 1} joints") from None
+
+
+def describe(mech: Mechanism) -> dict[str, Any]:
+    """What a saved solution remembers of a mechanism: plain JSON data; functions by name only."""
+    functions = _functions(mech)
+    if mech.source:
+        return {**mech.source, "parts": [record() for record in mech.source["parts"]], "functions": functions}
+    file = MechanismFile(
+        title=mech.title,
+        closure=mech.closures,
+        driver=mech.drivers,
+        force=tuple(f for f in mech.forces if isinstance(f, FORCES)),
+        start=mech.start_values,
+        order=mech.order,
+        duration=mech.duration,
+    )
+    return {"name": mech.title, "file": _plain(file), "model": written(mech.model), "functions": functions}
+
+
+class _Functions(Table):
+    """A Python force: its name, its place among all forces, and the start values of its states."""
+
+    name: str
+    at: int = Field(ge=0)
+    states: dict[str, float] | None
+
+
+class _Parameter(Table):
+    """A parameter of a mechanism.py: its value, and what it takes."""
+
+    name: str
+    value: Any
+    takes: str
+
+
+class _Description(Table):
+    """What `describe` gives: a file with its parts, or with a model."""
+
+    name: str
+    file: MechanismFile
+    functions: tuple[_Functions, ...]
+    model: dict[str, Any] | None = None
+    parts: tuple[dict[str, Any], ...] = ()
+    motors: tuple[Motor, ...] = ()
+    left_out: tuple[str, ...] = ()
+    parameters: tuple[_Parameter, ...] = ()
+
+
+def restore(description: Mapping[str, Any]) -> Mechanism:
+    """Make the mechanism that `describe` described; its Python force laws are missing.
+
+    Raises:
+        InputError: for a description that is damaged.
+    """
+    try:
+        d = _Description.model_validate(description)
+    except ValidationError as e:
+        raise InputError(one_line(e, lambda path: [])) from None
+    missing = [(f.at, _missing(f.name, f.states)) for f in d.functions]
+    if d.model is None:
+        parameters = [p.model_dump() for p in d.parameters]
+        parts = [restored(r) for r in d.parts]
+        return _make(Recipe(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in missing])
+    forces: list[Any] = list(d.file.force)
+    for at, law in missing:
+        forces.insert(at, law)
+    return Mechanism(
+        made(d.model),
+        d.file.closure,
+        forces,
+        drivers=d.file.driver,
+        start=d.file.start,
+        title=d.file.title,
+        duration=d.file.duration,
+        order=d.file.order,
+    )
+
+
+def _plain(file: MechanismFile) -> dict[str, Any]:
+    """The file as JSON data; closures and bodies without their defaults: not every kind takes every key."""
+    tables = {"closure": file.closure, "body": file.body}
+    short = {key: [x.model_dump(mode="json", exclude_defaults=True) for x in table] for key, table in tables.items()}
+    return {**file.model_dump(mode="json"), **short}
+
+
+def _functions(mech: Mechanism) -> list[dict[str, Any]]:
+    """Names of the Python forces, their places among all forces, and the start values of their states."""
+    states = {law.name: law.states for law, _ in mech.bind_forces(make_data(mech.model)).stateful}
+    python = [
+        (i, f.name if isinstance(f, PYTHON_FORCES) else function_name(f))
+        for i, f in enumerate(mech.forces)
+        if not isinstance(f, FORCES)
+    ]
+    return [{"name": name, "at": i, "states": states.get(name)} for i, name in python]
+
+
+def _missing(name: str, states: dict[str, float] | None) -> Any:
+    """A force that refuses to act."""
+
+    def missing(*point: Any) -> np.ndarray:
+        raise InputError(f"force {name!r} is a Python function and not in the file: load the mechanism with it again")
+
+    missing.__name__ = name
+    return Actuator(missing, missing, states, name) if states else missing

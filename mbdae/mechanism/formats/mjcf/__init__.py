@@ -1,0 +1,1 @@
+"""MJCF files, compiled by MuJoCo: bodies, equalities, actuators, keyframes, and what is left out."""

@@ -1,0 +1,119 @@
+"""Motors and springs of an MJCF file."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...forces.force import Bushing, JointSpring
+from ..part import Motor
+from .states import pose
+
+if TYPE_CHECKING:
+    from .read import Compiled
+
+
+def motors_of(c: "Compiled") -> tuple[dict[int, Motor], list[str], list[str]]:
+    """Motors on hinges and slides by the index of their control, names of other actuators, and of limited motors."""
+    m, lib = c.m, c.lib
+    motors, others, limited = {}, [], []
+    for i in range(len(m.actuator_trntype)):
+        name, joint = actuator_name(c, i), _scalar_joint(c, i)
+        plain = (
+            lib.mjtGain(m.actuator_gaintype[i]) == lib.mjtGain.mjGAIN_FIXED
+            and lib.mjtBias(m.actuator_biastype[i]) == lib.mjtBias.mjBIAS_NONE
+            and lib.mjtDyn(m.actuator_dyntype[i]) == lib.mjtDyn.mjDYN_NONE
+            and m.actuator_plugin[i] < 0
+        )
+        gear = float(m.actuator_gear[_address(m, "actuator_outadr", i), 0])
+        if joint is not None:
+            _reflected(c, i, joint, gear)
+        if not _active(c, i):
+            others.append(f"{name} (not active)")
+        elif joint is not None and plain:
+            control = _address(m, "actuator_ctrladr", i)
+            motors[control] = Motor(name, c.joints[joint], gear * float(m.actuator_gainprm[i, 0]))
+            if _is_limited(c, i, control, joint):
+                limited.append(name)
+        else:
+            others.append(name if m.actuator_plugin[i] < 0 else f"{name} (plugin)")
+    return motors, others, limited
+
+
+def actuator_name(c: "Compiled", i: int) -> str:
+    """The name of an actuator, or its number where it has none."""
+    return c.name("ACTUATOR", i) or f"actuator{i}"
+
+
+def _active(c: "Compiled", i: int) -> bool:
+    """Whether the file's options leave an actuator switched on."""
+    group = int(c.m.actuator_group[i])
+    return not disabled(c, "ACTUATION") and not (0 <= group < 31 and int(c.m.opt.disableactuator) >> group & 1)
+
+
+def _is_limited(c: "Compiled", i: int, control: int, joint: int) -> bool:
+    """Whether MuJoCo clips the control of a motor, its force, or what all actuators of its joint give, or delays it."""
+    m = c.m
+    clipped = m.actuator_ctrllimited[control] and not disabled(c, "CLAMPCTRL")
+    delayed = hasattr(m, "actuator_delay") and np.any(m.actuator_delay[i])
+    return bool(clipped or delayed or m.actuator_forcelimited[i] or m.jnt_actfrclimited[joint])
+
+
+def _scalar_joint(c: "Compiled", i: int) -> int | None:
+    """The hinge or slide that an actuator acts on."""
+    transmission, joint = c.lib.mjtTrn(c.m.actuator_trntype[i]), int(c.m.actuator_trnid[i, 0])
+    if transmission not in (c.lib.mjtTrn.mjTRN_JOINT, c.lib.mjtTrn.mjTRN_JOINTINPARENT):
+        return None
+    return joint if c.is_scalar(joint) else None
+
+
+def _address(m: Any, array: str, i: int) -> int:
+    """Where an actuator's numbers stand: MuJoCo 4 knows actuators of several controls."""
+    return int(getattr(m, array)[i]) if hasattr(m, array) else i
+
+
+def _reflected(c: "Compiled", i: int, joint: int, gear: float) -> None:
+    """Armature and damping that an actuator adds to its joint (MuJoCo 4)."""
+    m = c.m
+    if hasattr(m, "jnt_actuatorid") and m.jnt_actuatorid[joint] == i:
+        at = c.model.joints[c.model.getJointId(c.joints[joint])].idx_v
+        c.model.armature[at] += gear**2 * m.actuator_armature[i]
+        if not disabled(c, "DAMPER"):
+            c.model.damping[at] += gear**2 * m.actuator_damping[i]
+
+
+def springs_of(c: "Compiled") -> list[JointSpring | Bushing]:
+    """Springs of hinges and slides, and of ball and free joints as bushings of equal stiffnesses."""
+    m = c.m
+    out: list[JointSpring | Bushing] = []
+    for j in np.flatnonzero(m.jnt_stiffness).tolist() if not disabled(c, "SPRING") else ():
+        name, rest, k = f"{c.joints[j]} spring", m.qpos_spring[m.jnt_qposadr[j] :], float(m.jnt_stiffness[j])
+        if c.is_scalar(j):
+            out.append(JointSpring(name=name, joint=c.joints[j], stiffness=k, rest=float(rest[0])))
+            continue
+        free = c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE
+        parent, place = c.before[j]
+        here = place * (pose(rest[:3], rest[3:7]) if free else pose(np.zeros(3), rest[:4]))
+        number = c.model.getJointId(c.joints[j])
+        frames = (c.unique(f"{name}.1"), c.unique(f"{name}.2"))
+        for frame, joint, at in zip(frames, (parent, number), (here, pin.SE3.Identity()), strict=True):
+            c.model.addFrame(pin.Frame(frame, joint, at, pin.FrameType.OP_FRAME))
+        out.append(Bushing(name=name, frames=frames, stiffness=(k if free else 0.0,) * 3 + (k,) * 3))
+    return out
+
+
+def weightless(c: "Compiled") -> dict[str, float]:
+    """Frames with the masses that stand for armature of free joints: those have inertia and no weight."""
+    m, out = c.m, {}
+    for j in range(m.njnt):
+        mass = float(m.dof_armature[m.jnt_dofadr[j]])
+        if c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE and mass:
+            out[c.add_frame(c.unique(f"{c.joints[j]} armature"), m.jnt_bodyid[j], np.zeros(3))] = mass
+    return out
+
+
+def disabled(c: "Compiled", flag: str) -> bool:
+    """Whether the file's option disables a part of the dynamics."""
+    bits = c.lib.mjtDisableBit
+    bit = getattr(bits, f"mjDSBL_{flag}", None) or bits.mjDSBL_PASSIVE
+    return bool(c.m.opt.disableflags & bit)

@@ -1,0 +1,81 @@
+"""Equalities of an MJCF file as closures and drivers: connect, weld and joint; others are named as left out."""
+
+from math import comb
+from typing import TYPE_CHECKING
+
+from ...closures.closure import Closure
+from ...closures.driver import Driver
+from ...signals import Constant
+
+if TYPE_CHECKING:
+    from .read import Compiled
+
+
+def loops_of(c: "Compiled") -> tuple[list[Closure], list[Driver], list[str]]:
+    """Return closures and drivers of the active equalities, and the names of those left out with the reason.
+
+    A joint that is held at a value becomes a driver that stands still.
+    """
+    m, kinds, flags = c.m, c.lib.mjtEq, c.lib.mjtDisableBit
+    off = bool(m.opt.disableflags & (flags.mjDSBL_EQUALITY | flags.mjDSBL_CONSTRAINT))
+    out: list[Closure] = []
+    held: list[Driver] = []
+    unread: list[str] = []
+    names: set[str] = set()
+    for i in range(m.neq):
+        name, k = c.name("EQUALITY", i) or f"equality{i}", 2
+        while name in names:
+            name, k = f"{name}_{k}", k + 1
+        names.add(name)
+        kind = kinds(m.eq_type[i])
+        if off or not m.eq_active0[i]:
+            unread.append(f"{name} (not active)")
+        elif kind == kinds.mjEQ_JOINT and m.eq_obj2id[i] < 0:
+            held.append(Driver(name=name, joint=c.joints[m.eq_obj1id[i]], motion=_held(c, i)))
+        elif kind == kinds.mjEQ_JOINT:
+            out.append(_coupling(c, i, name))
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _stands(c, i):
+            unread.append(f"{name} (its bodies do not move against each other)")
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            out.append(_closure(c, i, name))
+        else:
+            unread.append(f"{name} ({kind.name.removeprefix('mjEQ_').lower()})")
+    return out, held, unread
+
+
+def _stands(c: "Compiled", i: int) -> bool:
+    """Whether both sides of an equality are carried by the same joint."""
+    sides = int(c.m.eq_obj1id[i]), int(c.m.eq_obj2id[i])
+    sites = c.lib.mjtObj(c.m.eq_objtype[i]) == c.lib.mjtObj.mjOBJ_SITE
+    one, two = (c.home[c.m.site_bodyid[x] if sites else x][0] for x in sides)
+    return one == two
+
+
+def _closure(c: "Compiled", i: int, name: str) -> Closure:
+    m, data = c.m, c.m.eq_data[i]
+    one, two = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
+    weld = c.lib.mjtEq(m.eq_type[i]) == c.lib.mjtEq.mjEQ_WELD
+    if c.lib.mjtObj(m.eq_objtype[i]) == c.lib.mjtObj.mjOBJ_SITE:
+        frames = (c.sites[one], c.sites[two])
+    else:  # MuJoCo stores a weld's anchor in body 2 first, a connect's in body 1
+        at, there = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
+        turn = data[6:10] if weld else None
+        first, second = c.unique(f"{name}.1"), c.unique(f"{name}.2")
+        frames = (c.add_frame(first, one, at, turn), c.add_frame(second, two, there))
+    turns = weld and data[10] != 0  # torquescale 0 leaves the rotation free
+    return Closure(kind="frame" if turns else "point", frames=frames, name=name)
+
+
+def _held(c: "Compiled", i: int) -> Constant:
+    return Constant(value=float(c.m.qpos0[c.m.jnt_qposadr[c.m.eq_obj1id[i]]] + c.m.eq_data[i, 0]))
+
+
+def _coupling(c: "Compiled", i: int, name: str) -> Closure:
+    """q1 - ref1 = polynomial of (q2 - ref2), written as a polynomial of q2."""
+    m, one, two = c.m, int(c.m.eq_obj1id[i]), int(c.m.eq_obj2id[i])
+    poly, ref1, ref2 = m.eq_data[i, :5], *(float(m.qpos0[m.jnt_qposadr[j]]) for j in (one, two))
+    powers = [sum(poly[n] * comb(n, k) * (-ref2) ** (n - k) for n in range(k, 5)) for k in range(5)]
+    powers[0] += ref1
+    while len(powers) > 2 and powers[-1] == 0:
+        powers.pop()
+    return Closure.coupling(c.joints[one], c.joints[two], tuple(powers), name)

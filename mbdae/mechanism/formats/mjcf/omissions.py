@@ -1,0 +1,129 @@
+"""What an MJCF file shows, and what it says that is not carried over."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from ...scene.shapes import mesh
+from ..part import listed
+from .actuators import actuator_name
+from .states import pose
+
+if TYPE_CHECKING:
+    from .read import Compiled
+
+SHOWN_GROUPS = 3  # MuJoCo's viewer shows groups 0, 1 and 2
+
+
+def visuals(c: "Compiled") -> tuple[pin.GeometryModel, list[str]]:
+    """The geoms that MuJoCo's own viewer shows, and the names of those that have no shape here."""
+    out, missing = pin.GeometryModel(), []
+    meshes: dict[int, coal.BVHModelOBBRSS] = {}
+    for g in np.flatnonzero(c.m.geom_group < SHOWN_GROUPS).tolist():
+        name, material = c.name("GEOM", g) or f"geom{g}", int(c.m.geom_matid[g])
+        shape = _shape(c, g, meshes)
+        if shape is None:
+            missing.append(name)
+            continue
+        joint, place = c.home[c.m.geom_bodyid[g]]
+        here = place * pose(c.m.geom_pos[g], c.m.geom_quat[g])
+        geometry = pin.GeometryObject(name, joint, here, shape)
+        geometry.meshColor = np.array(c.m.mat_rgba[material] if material >= 0 else c.m.geom_rgba[g], float)
+        out.addGeometryObject(geometry)
+    return out, missing
+
+
+def _shape(c: "Compiled", g: int, meshes: dict[int, coal.BVHModelOBBRSS]) -> Any:
+    m, kinds = c.m, c.lib.mjtGeom
+    a, b, h = (float(x) for x in m.geom_size[g])
+    match kinds(m.geom_type[g]):
+        case kinds.mjGEOM_SPHERE:
+            return coal.Sphere(a)
+        case kinds.mjGEOM_CAPSULE:
+            return coal.Capsule(a, 2 * b)
+        case kinds.mjGEOM_CYLINDER:
+            return coal.Cylinder(a, 2 * b)
+        case kinds.mjGEOM_ELLIPSOID:
+            return coal.Ellipsoid(a, b, h)
+        case kinds.mjGEOM_BOX:
+            return coal.Box(2 * a, 2 * b, 2 * h)
+        case kinds.mjGEOM_PLANE:  # a size of 0 means without end
+            wide = 2 * float(m.stat.extent)
+            return coal.Box(2 * a or wide, 2 * b or wide, wide * 1e-4)
+        case kinds.mjGEOM_MESH:
+            i = int(m.geom_dataid[g])
+            if i not in meshes:
+                points = m.mesh_vert[m.mesh_vertadr[i] :][: m.mesh_vertnum[i]]
+                meshes[i] = mesh(points, m.mesh_face[m.mesh_faceadr[i] :][: m.mesh_facenum[i]])
+            return meshes[i]
+    return None
+
+
+def left_out(
+    c: "Compiled", equalities: Iterable[str], actuators: Iterable[str], limited: Iterable[str], shapes: Iterable[str]
+) -> list[str]:
+    """Everything that moves or shows the file's model and is not carried over, each with its names."""
+    m = c.m
+    found: list[tuple[str, Iterable[str]]] = [
+        ("contact between geoms", [""] if _touching(c) else []),
+        ("limits of joints", (c.joints[j] for j in np.flatnonzero(m.jnt_limited))),
+        ("friction loss of joints", _joints(c, m.dof_frictionloss)),
+        ("nonlinear stiffness of joints", (c.joints[j] for j in _rows(m, "jnt_stiffnesspoly"))),
+        ("plastic stiffness of joints", (c.joints[j] for j in _rows(m, "jnt_springyield"))),
+        ("nonlinear damping of joints", _joints(c, _array(m, "dof_dampingpoly", m.nv))),
+        ("equalities", equalities),
+        ("actuators that are not motors on a hinge or slide", actuators),
+        ("limits and delays of motors", limited),
+        ("nonlinear damping of actuators", (actuator_name(c, i) for i in _rows(m, "actuator_dampingpoly"))),
+        ("tendons", (c.name("TENDON", t) or f"tendon{t}" for t in range(m.ntendon))),
+        ("gravity compensation of bodies", (c.name("BODY", b) or f"body{b}" for b in _rows(m, "body_gravcomp"))),
+        ("motion of mocap bodies", (c.name("BODY", int(b)) for b in np.flatnonzero(m.body_mocapid >= 0))),
+        ("flexes", (c.name("FLEX", f) or f"flex{f}" for f in range(m.nflex))),
+        ("skins", (c.name("SKIN", s) or f"skin{s}" for s in range(m.nskin))),
+        ("plugins", (c.name("PLUGIN", p) or f"plugin{p}" for p in range(m.nplugin))),
+        ("adhesion of geoms", (c.name("GEOM", g) or f"geom{g}" for g in _rows(m, "geom_adhesion"))),
+        ("adhesion of pairs of geoms", (f"pair{p}" for p in _rows(m, "pair_adhesion"))),
+        ("sleep of bodies", _sleepers(c)),
+        ("forces of a fluid", [""] if m.opt.density or m.opt.viscosity else []),
+        ("shapes", shapes),
+    ]
+    return [listed(what, names) for what, values in found if (names := list(values))]
+
+
+def _array(m: Any, name: str, rows: int) -> np.ndarray:
+    """An array of the compiled model, nothing where this version of MuJoCo does not know it."""
+    return np.array(getattr(m, name, np.zeros((rows, 1))))
+
+
+def _rows(m: Any, name: str) -> list[int]:
+    values = np.array(getattr(m, name, []))
+    return [int(i) for i in np.flatnonzero(values.reshape(len(values), -1).any(axis=1))] if len(values) else []
+
+
+def _joints(c: "Compiled", per_dof: np.ndarray) -> list[str]:
+    dofs = np.flatnonzero(per_dof.reshape(c.m.nv, -1).any(axis=1)).tolist() if c.m.nv else []
+    return list(dict.fromkeys(c.joints[c.m.dof_jntid[d]] for d in dofs))
+
+
+def _sleepers(c: "Compiled") -> list[str]:
+    """Bodies whose trees sleep or do not as the file says; a nameless one where it only switches sleeping on."""
+    m, own = c.m, getattr(c.lib, "mjtSleepPolicy", None)
+    if own is None:
+        return []
+    trees = np.flatnonzero(m.tree_sleep_policy > int(own.mjSLEEP_AUTO_ALLOWED))
+    bodies = [int(np.flatnonzero(m.body_treeid == tree)[0]) for tree in trees]
+    on = m.opt.enableflags & c.lib.mjtEnableBit.mjENBL_SLEEP
+    return [c.name("BODY", b) or f"body{b}" for b in bodies] or ([""] if on else [])
+
+
+def _touching(c: "Compiled") -> bool:
+    """Whether two geoms on bodies that move against each other may touch, as far as their bit masks say."""
+    m = c.m
+    if c.m.opt.disableflags & (c.lib.mjtDisableBit.mjDSBL_CONTACT | c.lib.mjtDisableBit.mjDSBL_CONSTRAINT):
+        return False
+    masks = zip(m.geom_contype, m.geom_conaffinity, m.body_weldid[m.geom_bodyid], strict=True)
+    groups = {(int(t), int(a), int(body)) for t, a, body in masks}
+    return bool(m.npair) or any(x[2] != y[2] and (x[0] & y[1] or y[0] & x[1]) for x in groups for y in groups)

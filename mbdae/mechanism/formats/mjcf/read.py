@@ -1,0 +1,225 @@
+"""MJCF: compiled by MuJoCo itself, then written down as a Pinocchio model with closures, forces and a start state.
+
+MuJoCo's compiler resolves defaults, includes, angles and inertias, so what is converted here are the numbers that
+MuJoCo would simulate with. Joint coordinates keep MuJoCo's values (``ref`` included); quaternions and the velocity of
+free joints change as `mbdae.mechanism.formats.mjcf.states` says. A body with several joints becomes a chain of joints
+whose inner links have no mass. Equalities become exact closures: their softness (solref, solimp) is not carried over.
+"""
+
+import warnings
+from pathlib import Path
+from threading import Lock
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ....errors import InputError, UnknownNameError
+from ...places import Places
+from ...scene.shapes import pack
+from ..part import Part
+from ..plain import written
+from ..schema import HUGE, Start
+from .actuators import disabled, motors_of, springs_of, weightless
+from .equalities import loops_of
+from .files import check_files
+from .omissions import left_out, visuals
+from .states import from_mujoco, pose
+
+REFERENCE = "qpos0"
+ONE_AT_A_TIME = Lock()  # MuJoCo has one place for all threads where it says what it finds odd
+NUMBERS = (
+    "body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat", "jnt_pos", "jnt_axis",
+    "jnt_stiffness", "dof_armature", "dof_damping", "qpos0", "qpos_spring", "key_qpos", "key_qvel", "eq_data",
+    "site_pos", "geom_pos", "geom_size", "actuator_gear", "actuator_gainprm",
+)  # fmt: skip
+
+
+class Compiled:
+    """A compiled MuJoCo model with names for everything, and the Pinocchio model that grows from it.
+
+    Attributes:
+        lib: the mujoco package.
+        m: the mujoco.MjModel.
+        model: the Pinocchio model.
+        home: for each MuJoCo body the joint that carries it and its place there.
+        before: for each MuJoCo joint the joint that carries it and its place there.
+        joints: Pinocchio's name of each MuJoCo joint.
+        sites: name of the frame of each MuJoCo site.
+    """
+
+    def __init__(self, lib: ModuleType, m: Any, name: str) -> None:
+        self.lib, self.m = lib, m
+        self.model = pin.Model()
+        self.model.name = name
+        self.home: list[tuple[int, pin.SE3]] = [(0, pin.SE3.Identity())]
+        self.before: list[tuple[int, pin.SE3]] = []
+        self._taken = {"world", "universe"}
+        self.joints = [self._name("JOINT", j, "joint") for j in range(m.njnt)]
+        self._taken = {"world", "universe"}  # joints and frames may share names
+        bodies = [self._name("BODY", b, "body") for b in range(1, m.nbody)]
+        for b, body in enumerate(bodies, 1):
+            self._add_body(b, body)
+        self.sites = [self._name("SITE", s, "site") for s in range(m.nsite)]
+        for s, site in enumerate(self.sites):
+            self.add_frame(site, m.site_bodyid[s], m.site_pos[s], m.site_quat[s])
+
+    def name(self, kind: str, i: int) -> str:
+        """The name that the file gives, or an empty one."""
+        return self.lib.mj_id2name(self.m, getattr(self.lib.mjtObj, f"mjOBJ_{kind}"), i) or ""
+
+    def is_scalar(self, j: int) -> bool:
+        """Whether a MuJoCo joint is a hinge or a slide."""
+        kinds = self.lib.mjtJoint
+        return kinds(self.m.jnt_type[j]) in (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE)
+
+    def unique(self, name: str) -> str:
+        """A frame name that is not taken yet."""
+        new, k = name, 2
+        while new in self._taken:
+            new, k = f"{name}_{k}", k + 1
+        self._taken.add(new)
+        return new
+
+    def _name(self, kind: str, i: int, word: str) -> str:
+        return self.unique(self.name(kind, i) or f"{word}{i}")
+
+    def add_frame(self, name: str, body: int, position: np.ndarray, quaternion: np.ndarray | None = None) -> str:
+        """Add a frame on a MuJoCo body; return its name."""
+        joint, place = self.home[body]
+        here = place * pose(position, quaternion)
+        self.model.addFrame(pin.Frame(name, joint, here, pin.FrameType.OP_FRAME))
+        return name
+
+    def _add_body(self, b: int, name: str) -> None:
+        m, (joint, place) = self.m, self.home[self.m.body_parentid[b]]
+        place = place * pose(m.body_pos[b], m.body_quat[b])
+        for j in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
+            joint, place = self._add_joint(j, joint, place)
+        self.home.append((joint, place))
+        turn = pose(np.zeros(3), m.body_iquat[b]).rotation
+        inertia = pin.Inertia(m.body_mass[b], m.body_ipos[b], turn @ np.diag(m.body_inertia[b]) @ turn.T)
+        self.model.appendBodyToJoint(joint, inertia, place)
+        self.model.addFrame(pin.Frame(name, joint, place, pin.FrameType.BODY))
+
+    def _add_joint(self, j: int, parent: int, place: pin.SE3) -> tuple[int, pin.SE3]:
+        """Add a joint; ``place`` is the body in the parent joint's frame before it moves, returned is that after."""
+        m, kinds = self.m, self.lib.mjtJoint
+        at, axis = pose(m.jnt_pos[j]), np.array(m.jnt_axis[j])
+        ref, after = float(m.qpos0[m.jnt_qposadr[j]]), at.inverse()
+        match kinds(m.jnt_type[j]):
+            case kinds.mjJNT_FREE:
+                place, joint, after = pin.SE3.Identity(), pin.JointModelFreeFlyer(), pin.SE3.Identity()
+            case kinds.mjJNT_BALL:
+                place, joint = place * at, pin.JointModelSpherical()
+            case kinds.mjJNT_HINGE:
+                place = place * at * pin.SE3(pin.exp3(-ref * axis), np.zeros(3))
+                joint = pin.JointModelRevoluteUnaligned(axis)
+            case kinds.mjJNT_SLIDE:
+                place = place * at * pose(-ref * axis)
+                joint = pin.JointModelPrismaticUnaligned(axis)
+        self.before.append((parent, place))
+        number = self.model.addJoint(parent, joint, place, self.joints[j])
+        new = self.model.joints[number]
+        ours, theirs = slice(new.idx_v, new.idx_v + new.nv), slice(m.jnt_dofadr[j], m.jnt_dofadr[j] + new.nv)
+        self.model.armature[ours] = m.dof_armature[theirs]
+        if new.nv == 6:  # in space, as a weightless mass at the origin: Pinocchio's would turn with the body
+            self.model.armature[ours.start : ours.start + 3] = 0
+            origin = pin.Inertia(m.dof_armature[theirs.start], np.zeros(3), np.zeros((3, 3)))
+            self.model.appendBodyToJoint(number, origin, pin.SE3.Identity())
+        if not disabled(self, "DAMPER"):
+            self.model.damping[ours] = m.dof_damping[theirs]
+        return number, after
+
+
+def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
+    """Read an MJCF file.
+
+    Args:
+        path: the file; what it includes is found as MuJoCo finds it.
+        places: where that may stand.
+        key: name of the keyframe to start from, ``"qpos0"`` for the reference configuration; the first keyframe, if
+            there is one, when left out.
+
+    Raises:
+        InputError: where MuJoCo is missing, or does not compile the file, or for a file that stands elsewhere.
+        UnknownNameError: for a keyframe that does not exist.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise InputError(f"{path.name} is MJCF: reading it needs MuJoCo, pip install 'mbdae[mjcf]'") from None
+    check_files(path, places)
+    m = _compile(mujoco, path)
+    _refuse_wild(m, path.name)
+    c = Compiled(mujoco, m, path.stem)
+    motors, others, limited = motors_of(c)
+    frame = _key(c, key)
+    start = _start(c, frame)
+    control = m.key_ctrl[frame] if frame is not None else np.zeros(m.nu)
+    gravity = (0.0, 0.0, 0.0) if disabled(c, "GRAVITY") else tuple(m.opt.gravity.tolist())
+    closures, drivers, unread = loops_of(c)
+    forces, masses, (geometry, shapeless) = springs_of(c), weightless(c), visuals(c)
+    return Part(
+        c.model,
+        geometry,
+        lambda: {"model": written(c.model), "visuals": pack(geometry)},
+        gravity=gravity,
+        closures=tuple(closures),
+        drivers=tuple(drivers),
+        forces=tuple(forces),
+        weightless=masses,
+        start=start,
+        motors=tuple(motors.values()),
+        controls={motor.name: float(control[i]) for i, motor in motors.items() if control[i]},
+        left_out=tuple(left_out(c, unread, others, limited, shapeless)),
+    )
+
+
+def _compile(lib: ModuleType, path: Path) -> Any:
+    said: list[str] = []
+    with ONE_AT_A_TIME:
+        before = lib.get_mju_user_warning()
+        lib.set_mju_user_warning(said.append)  # else MuJoCo writes them to a file of its own in the working directory
+        try:
+            m = lib.MjModel.from_xml_path(str(path))
+        except (ValueError, RuntimeError, lib.FatalError) as e:
+            words = " ".join(str(e).split())
+            raise InputError(f"{path.name} is not an MJCF file that MuJoCo compiles: {words}") from None
+        finally:
+            lib.set_mju_user_warning(before)
+    for text in said:
+        warnings.warn(f"{path.name}: MuJoCo says {text.strip()}", stacklevel=4)
+    return m
+
+
+def _refuse_wild(m: Any, name: str) -> None:
+    """Refuse numbers that are not finite, or whose products would overflow."""
+    for array in NUMBERS:
+        if not np.abs(getattr(m, array)).max(initial=0) <= HUGE:
+            raise InputError(f"{name}: {array} is not finite, or beyond {HUGE:g}")
+    if not np.abs(m.opt.gravity).max() <= HUGE:
+        raise InputError(f"{name}: gravity is not finite, or beyond {HUGE:g}")
+
+
+def _key(c: Compiled, key: str) -> int | None:
+    names = [c.name("KEY", k) or f"key{k}" for k in range(c.m.nkey)]
+    if key in names:
+        return names.index(key)
+    if key not in ("", REFERENCE):
+        raise UnknownNameError("keyframe", key, [*names, REFERENCE])
+    return 0 if names and not key else None
+
+
+def _start(c: Compiled, key: int | None) -> Start:
+    qpos, qvel = (c.m.qpos0, np.zeros(c.m.nv)) if key is None else (c.m.key_qpos[key], c.m.key_qvel[key])
+    q, v = from_mujoco(c.model, qpos, qvel)
+    joints = [(n, c.model.joints[c.model.getJointId(n)]) for n in c.joints]
+    guess = {n: _value(q[j.idx_q : j.idx_q + j.nq]) for n, j in joints}
+    speed = {n: _value(v[j.idx_v : j.idx_v + j.nv]) for n, j in joints}
+    return Start(guess=guess, guess_v={n: s for n, s in speed.items() if np.any(s)})
+
+
+def _value(x: np.ndarray) -> float | tuple[float, ...]:
+    return float(x[0]) if len(x) == 1 else tuple(x.tolist())

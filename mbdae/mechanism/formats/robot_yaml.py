@@ -1,0 +1,146 @@
+"""robot.urdf with robot.yaml: the tables in which parallel robots write what a URDF cannot say.
+
+==============================  ========================================================================
+closed_loop: [[frame, frame]]   pairs of frames that coincide
+type: [6d]                      of each pair: whole frames (6d, also when left out) or origins only (3d)
+name_mot: [joint]               motors; one text stands for every joint whose name contains it
+joint_name: [joint]             joints of another kind than the URDF says,
+joint_type: [SPHERICAL]         and which: SPHERICAL, UJOINT_XY (also CARDAN), UJOINT_XZ, ..., FIXED
+==============================  ========================================================================
+
+A universal joint takes the place of the URDF's joint and keeps its name; it has two coordinates.
+"""
+
+import math
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from ...errors import InputError
+from ...files import text_of
+from ..closures.closure import Closure
+from ..frames import find_joint, joint_names
+from ..places import Places
+from ..tables import one_line
+from .part import Motor, Part
+from .urdf import read_urdf
+
+FILE, URDF = "robot.yaml", "robot.urdf"
+CLOSURES: dict[str, Any] = {"6d": "frame", "3d": "point"}
+KINDS = {
+    "SPHERICAL": "spherical",
+    "CARDAN": "universal_xy",
+    **{f"UJOINT_{a}{b}": f"universal_{a}{b}".lower() for a, b in permutations("XYZ", 2)},
+}
+FIXED = "FIXED"
+LARGEST = 100_000  # entries of a robot.yaml
+
+
+class RobotTables(BaseModel):
+    """What may stand in a robot.yaml; other keys are left out, by name."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    closed_loop: tuple[tuple[str, str], ...] = ()
+    type: tuple[str, ...] | None = None
+    name_mot: tuple[str, ...] | str = ()
+    joint_name: tuple[str, ...] = ()
+    joint_type: tuple[str, ...] = ()
+
+
+def read_robot_yaml(path: Path, places: Places, free_flyer: bool = False) -> Part:
+    """Read a robot.yaml and the robot.urdf beside it.
+
+    Args:
+        path: of the robot.yaml.
+        places: where meshes are looked up.
+        free_flyer: put a free joint under the root link.
+
+    Raises:
+        InputError: one line with the key and what was expected.
+        UnknownNameError: for a joint that does not exist.
+    """
+    tables, urdf = read_tables(text_of(path), path.name), path.with_name(URDF)
+    kinds = {n: t.upper() for n, t in zip(tables.joint_name, tables.joint_type, strict=True)}
+    part = read_urdf(
+        text_of(urdf),
+        urdf.name,
+        places,
+        free_flyer,
+        kinds={n: KINDS[t] for n, t in kinds.items() if t != FIXED},
+        lock={n: 0.0 for n, t in kinds.items() if t == FIXED},
+    )
+    joints, motors = joint_names(part.model), tables.name_mot
+    found = [n for n in joints if motors in n] if isinstance(motors, str) else motors
+    if motors and not found:
+        raise InputError(f"{path.name}: name_mot {motors!r} stands in no joint's name: {', '.join(joints)}")
+    for n in found:
+        find_joint(part.model, n)
+    extra = sorted(tables.model_extra or ())
+    return replace(
+        part,
+        closures=tuple(
+            Closure(kind=CLOSURES[t.lower()], frames=pair)
+            for pair, t in zip(tables.closed_loop, tables.type or (), strict=True)
+        ),
+        motors=tuple(Motor(n, n) for n in found),
+        left_out=(f"keys of {path.name} {', '.join(extra)}",) if extra else (),
+    )
+
+
+def read_tables(text: str, name: str) -> RobotTables:
+    """Read the tables of a robot.yaml.
+
+    Raises:
+        InputError: one line with the key and what was expected.
+    """
+    try:
+        if (size := _written_out(yaml.compose(text, yaml.SafeLoader), {})) > LARGEST:
+            raise InputError(f"{name}: its aliases stand for {size:.3g} entries, more than {LARGEST}")
+        content: Any = yaml.safe_load(text)
+    except InputError:
+        raise
+    except (yaml.YAMLError, ValueError, RecursionError) as e:
+        raise InputError(f"{name} is not YAML: {' '.join(str(e).split())[:200]}") from None
+    if not isinstance(content, dict) or not any(k in RobotTables.model_fields for k in content):
+        raise InputError(f"{name} is not a table of keys; known: {', '.join(RobotTables.model_fields)}")
+    try:
+        tables = RobotTables.model_validate({str(k): v for k, v in content.items() if v is not None})
+    except ValidationError as e:
+        raise InputError(f"{name}: {one_line(e, lambda path: list(RobotTables.model_fields))}") from None
+    if tables.type is None:
+        tables = tables.model_copy(update={"type": ("6d",) * len(tables.closed_loop)})
+    _same_length(name, "closed_loop", tables.closed_loop, "type", tables.type or ())
+    _same_length(name, "joint_name", tables.joint_name, "joint_type", tables.joint_type)
+    if twice := {n for n in tables.joint_name if tables.joint_name.count(n) > 1}:
+        raise InputError(f"{name}: joint_name has {', '.join(sorted(twice))} more than once")
+    for t in tables.type or ():
+        _one_of(name, "type", t.lower(), CLOSURES)
+    for t in tables.joint_type:
+        _one_of(name, "joint_type", t.upper(), [*KINDS, FIXED])
+    return tables
+
+
+def _written_out(node: yaml.Node | None, known: dict[int, float]) -> float:
+    """Number of entries of a node where every alias is written out; without end where one stands for itself."""
+    if not isinstance(node, yaml.CollectionNode):
+        return 1
+    if id(node) not in known:
+        known[id(node)] = math.inf  # while it is open
+        inner = (x for entry in node.value for x in (entry if isinstance(entry, tuple) else (entry,)))
+        known[id(node)] = 1 + sum(_written_out(x, known) for x in inner)
+    return known[id(node)]
+
+
+def _same_length(name: str, key: str, values: tuple[Any, ...], other: str, others: tuple[Any, ...]) -> None:
+    if len(values) != len(others):
+        raise InputError(f"{name}: {key} has {len(values)} entries, {other} has {len(others)}: one for each")
+
+
+def _one_of(name: str, key: str, value: str, valid: Any) -> None:
+    if value not in valid:
+        raise InputError(f"{name}: {key} {value[:40]!r}; known: {', '.join(valid)}")

@@ -1,0 +1,236 @@
+"""The mechanism file: its keys, their types and defaults. Unknown keys are errors that list the known ones."""
+
+import math
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+
+from ...errors import InputError, printable
+from ..closures.closure import Closure
+from ..closures.driver import Driver
+from ..forces.force import FORCES, AnyForce
+from ..frames import find_joint
+from ..signals import SIGNALS, Signal
+from ..tables import Table, one_line
+
+HUGE = 1e50  # numbers of SI units beyond this are mistakes, and their products overflow
+Vector = tuple[float, float, float]
+Value = float | tuple[float, ...]
+Override = Literal[
+    "revolute", "spherical", "planar", "translation", "free",
+    "universal", "universal_xy", "universal_xz", "universal_yx", "universal_yz", "universal_zx", "universal_zy",
+]  # fmt: skip
+JointKind = Literal[
+    "revolute", "continuous", "prismatic", "spherical", "planar", "translation", "universal", "free", "fixed"
+]
+WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
+
+
+class Frame(Table):
+    """An extra frame on a link; xyz in m, rpy in rad (roll, pitch, yaw as in URDF)."""
+
+    name: str
+    parent: str
+    xyz: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = (0.0, 0.0, 0.0)
+
+
+class Body(Frame):
+    """An extra body with the joint that carries it; joint and link get the body's name.
+
+    mass in kg, com in m, inertia (ixx, iyy, izz, ixy, ixz, iyz) about the centre of mass in kg m^2. The axis belongs to
+    revolute, continuous and prismatic joints; that of a planar joint is the normal of its plane.
+    """
+
+    joint: JointKind = "revolute"
+    axis: Vector = (0.0, 0.0, 1.0)
+    mass: float = Field(default=0.0, ge=0)
+    com: Vector = (0.0, 0.0, 0.0)
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+
+    @model_validator(mode="after")
+    def _axis_fits(self) -> "Body":
+        if "axis" in self.model_fields_set and self.joint not in WITH_AXIS:
+            raise ValueError(f"axis does not belong to a {self.joint} joint; turn its frame by rpy")
+        return self
+
+
+class Source(Table):
+    """A file that brings joints and bodies: URDF, MJCF, or robot.yaml beside a robot.urdf.
+
+    Attributes:
+        file: beside the mechanism file, or ``"example-robot-data:..."``.
+        prefix: before every name that the file brings.
+        parent: frame that carries it; ``"world"`` or a frame of another source or body.
+        xyz: place in the parent frame, in m.
+        rpy: turn in the parent frame, in rad.
+        free_flyer: put a free joint under the root link of a URDF.
+        key: keyframe of an MJCF file to start from.
+        packages: more folders in which what the file names is looked up, ``package://`` names too, and may be read.
+    """
+
+    file: str
+    prefix: str = ""
+    parent: str = "world"
+    xyz: Vector = (0.0, 0.0, 0.0)
+    rpy: Vector = (0.0, 0.0, 0.0)
+    free_flyer: bool = False
+    key: str = ""
+    packages: tuple[str, ...] = ()
+
+
+class Start(Table):
+    """The start state: q and v are held during assembly, guess and guess_v say where other coordinates start.
+
+    With ``assemble = false`` the values are taken as they are, and refused where they leave a closure open.
+    """
+
+    q: dict[str, Value] = Field(default_factory=dict)
+    v: dict[str, Value] = Field(default_factory=dict)
+    guess: dict[str, Value] = Field(default_factory=dict)
+    guess_v: dict[str, Value] = Field(default_factory=dict)
+    assemble: bool = True
+
+    @property
+    def tables(self) -> dict[str, dict[str, Value]]:
+        """The tables ``joint = value`` by name."""
+        return {"q": self.q, "v": self.v, "guess": self.guess, "guess_v": self.guess_v}
+
+
+class OrderSettings(Table):
+    """Order study: end time T in s, coarsest number of steps (at least ten), and a start of its own (held values)."""
+
+    T: float = Field(default=1.0, gt=0)
+    steps: int = Field(default=20, ge=10)
+    q: dict[str, Value] = Field(default_factory=dict)
+    v: dict[str, Value] = Field(default_factory=dict)
+
+
+class MechanismFile(Table):
+    """Everything that may stand in a mechanism.toml.
+
+    ``source`` is the name of a file or a table; several ``[[source]]`` tables put several robots into one mechanism.
+    ``joint_type`` says what a URDF cannot: other kinds of joints. ``motor`` gives controls to named inputs.
+    """
+
+    title: str = ""
+    source: tuple[Source, ...] = ()
+    gravity: Vector = (0.0, 0.0, -9.81)
+    free_flyer: bool = False
+    lock: dict[str, Value] = Field(default_factory=dict)
+    joint_type: dict[str, Override] = Field(default_factory=dict)
+    motor: dict[str, Signal] = Field(default_factory=dict)
+    duration: float = Field(default=10.0, gt=0)
+    frame: tuple[Frame, ...] = ()
+    body: tuple[Body, ...] = ()
+    closure: tuple[Closure, ...] = ()
+    driver: tuple[Driver, ...] = ()
+    force: tuple[AnyForce, ...] = ()
+    start: Start = Start()
+    order: OrderSettings = OrderSettings()
+
+    @field_validator("source", mode="before")
+    @classmethod
+    def _one_or_several(cls, source: Any) -> Any:
+        if isinstance(source, str):
+            return ({"file": source},)
+        return (source,) if isinstance(source, dict | Source) else source or ()
+
+
+def read_toml(text: str, name: str) -> MechanismFile:
+    """Read a mechanism file.
+
+    Raises:
+        InputError: one line with the key, what is wrong with it, and the known keys.
+    """
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as e:  # ValueError: also a number of thousands of digits
+        raise InputError(f"{name} is not TOML: {e}") from None
+    return checked(content, name)
+
+
+def checked(content: Mapping[str, Any], name: str) -> MechanismFile:
+    """Check the tables of a mechanism file.
+
+    Raises:
+        InputError: one line with the key, what is wrong with it, and the known keys.
+    """
+    wild = next(_wild(content), None)
+    if wild is not None:
+        raise InputError(f"{name}: {wild} is beyond {HUGE:g} in magnitude, or holds control characters")
+    try:
+        return MechanismFile.model_validate(content)
+    except ValidationError as e:
+        raise InputError(f"{name}: {one_line(e, _known_keys)}") from None
+
+
+def _wild(value: Any, where: str = "") -> Iterator[str]:
+    """Keys of numbers whose products would overflow, and of texts that would act on a terminal."""
+    if isinstance(value, dict | list | tuple):
+        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+            if printable(str(key)) != str(key):
+                yield str(key)
+            yield from _wild(inner, f"{where}.{key}" if where else str(key))
+    elif isinstance(value, str):
+        if printable(value) != value:
+            yield where
+    elif isinstance(value, float | int) and abs(value) > HUGE and value not in (math.inf, -math.inf):
+        yield where
+
+
+def _known_keys(path: Sequence[Any]) -> list[str]:
+    tables: dict[str, type[BaseModel]] = {
+        "frame": Frame,
+        "body": Body,
+        "source": Source,
+        "closure": Closure,
+        "driver": Driver,
+        "start": Start,
+        "order": OrderSettings,
+    }
+    kinds = {f.model_fields["kind"].default: f for f in (*FORCES, *SIGNALS)}
+    found = next((kinds[p] for p in reversed(path) if p in kinds), None) or (tables.get(path[0]) if path else None)
+    return sorted((found or MechanismFile).model_fields)
+
+
+def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Return the full vector that a table ``joint = value`` stands for, and the tangent indices it names.
+
+    A list gives the values of a joint of several coordinates in Pinocchio's order; an unbounded revolute joint may
+    be given by its angle.
+
+    Raises:
+        UnknownNameError: for a joint that does not exist.
+        InputError: for a wrong number of values, or a turn that vanishes.
+    """
+    out = np.zeros(model.nv) if of_v else pin.neutral(model)
+    index: list[int] = []
+    for name, value in table.items():
+        j = find_joint(model, name)
+        n, at = (j.nv, j.idx_v) if of_v else (j.nq, j.idx_q)
+        try:
+            values = np.atleast_1d(np.asarray(value, float))
+        except (TypeError, ValueError):
+            values = np.empty(0)
+        if not of_v and (j.nq, j.nv) == (2, 1) and len(values) == 1:
+            values = np.array([np.cos(values[0]), np.sin(values[0])])
+        if values.shape != (n,) or not np.isfinite(values).all():
+            raise InputError(
+                f"joint {name!r} takes {n} finite {'velocity' if of_v else 'configuration'} values, got {value!r}"
+            )
+        out[at : at + n] = values
+        if not of_v and normalized(model, out) is None:
+            raise InputError(f"joint {name!r}: {value!r} is no turn: its quaternion, or cosine and sine, vanish")
+        index += range(j.idx_v, j.idx_v + j.nv)
+    return out if of_v else pin.normalize(model, out), np.array(index, int)
+
+
+def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
+    """Return q (nq,) with quaternions, and cosines with sines, of length 1; None where one of them vanishes."""
+    q = pin.normalize(model, q)
+    return q if pin.isNormalized(model, q, 1e-8) else None

@@ -1,0 +1,123 @@
+"""The source files of a mechanism: read, remembered, and merged with what the mechanism file says."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...errors import InputError, UnknownNameError
+from ...files import text_of
+from ..forces.force import JointTorque, Wrench
+from ..frames import joint_names
+from ..places import Places
+from ..scene.shapes import unpack
+from ..signals import Constant
+from .library import SOURCES, resolve
+from .mjcf.read import read_mjcf
+from .part import Motor, Part, follow
+from .plain import made
+from .robot_yaml import read_robot_yaml
+from .schema import MechanismFile, Source
+from .urdf import Record, read_urdf
+
+
+def read_source(source: Source, base: Path) -> Part:
+    """Read a source file, relative to ``base``.
+
+    Raises:
+        InputError: for a file that is missing, wrong, or of a kind that is not read.
+    """
+    path = resolve(source.file, base)
+    if path.suffix not in SOURCES:
+        raise InputError(f"cannot read source {path.name}: expected {', '.join(SOURCES)}")
+    places = Places.of(path, [base, *(base / p for p in source.packages)])
+    if path.suffix in (".xml", ".mjcf") and not _is_urdf(path):
+        if source.free_flyer:
+            raise InputError(f"free_flyer does not belong to an MJCF source: {path.name} has free joints of its own")
+        return read_mjcf(path, places, source.key)
+    if source.key:
+        raise InputError(f"key belongs to an MJCF source, not to {path.name}")
+    if path.suffix == ".yaml":
+        return read_robot_yaml(path, places, source.free_flyer)
+    return read_urdf(text_of(path), path.name, places, source.free_flyer)
+
+
+def restored(record: Mapping[str, Any]) -> Part:
+    """Make the part again that remembers itself as ``record``, as far as its tree and visuals go.
+
+    Raises:
+        InputError: for a record that is damaged.
+    """
+    if "urdf" in record:
+        r = Record.model_validate(record)
+        places = Places(Path(r.folder), tuple(map(Path, r.packages)))
+        return read_urdf(r.urdf, "URDF", places, r.free_flyer, kinds=r.kinds, lock=r.lock)
+    model = made(record["model"])
+    return Part(model, unpack(record["visuals"], model.njoints), dict(record).copy)
+
+
+def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, tuple[Motor, ...], tuple[str, ...]]:
+    """Put what the sources say into the mechanism file, which has the last word.
+
+    Returns:
+        The file, the named inputs, and what the sources say that is left out.
+
+    Raises:
+        UnknownNameError: for a motor that does not exist.
+        InputError: for a joint that is locked while the one that it follows is not, or gravities that differ.
+    """
+    named = [p.prefixed(s.prefix) for s, p in zip(file.source, parts, strict=True)]
+    joints = [s.prefix + n for s, p in zip(file.source, parts, strict=True) for n in joint_names(p.model)]
+    couplings, lock = follow(tuple(m for p in named for m in p.mimics), file.lock, joints)
+    gravity = _gravity(file, named)
+    motors = {m.name: m for p in named for m in p.motors}
+    controls = {**{n: u for p in named for n, u in p.controls.items()}, **file.motor}
+    changed = {*lock, *file.joint_type}
+    tables = {}
+    for key, table in file.start.tables.items():
+        old = {n: x for p in named for n, x in p.start.tables[key].items() if n not in changed}
+        tables[key] = {**old, **table}
+    update: dict[str, Any] = {
+        "lock": lock,
+        "closure": (*(c for p in named for c in p.closures), *couplings, *file.closure),
+        "driver": (*(d for p in named for d in p.drivers), *file.driver),
+        "force": (
+            *(f for p in named for f in (*p.forces, *_carried(p.weightless, gravity))),
+            *_driven(motors, controls),
+            *file.force,
+        ),
+        "gravity": gravity,
+        "start": file.start.model_copy(update=tables),
+        "motor": {},
+    }
+    left_out = tuple(text for p in named for text in p.left_out)
+    return file.model_copy(update=update), tuple(motors.values()), left_out
+
+
+def _driven(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[JointTorque]:
+    for name in controls:
+        if name not in motors:
+            raise UnknownNameError("motor", name, motors)
+    return [JointTorque(name=n, joint=motors[n].joint, torque=u, gear=motors[n].gear) for n, u in controls.items()]
+
+
+def _gravity(file: MechanismFile, parts: Sequence[Part]) -> tuple[float, ...]:
+    said = list(dict.fromkeys(p.gravity for p in parts if p.gravity))
+    if "gravity" in file.model_fields_set or not said:
+        return file.gravity
+    if len(said) > 1:
+        differing = " and ".join(str(list(g)) for g in said)
+        raise InputError(f"sources say gravity {differing}: the mechanism file must say it")
+    return said[0]
+
+
+def _carried(weightless: Mapping[str, float], gravity: Sequence[float]) -> list[Wrench]:
+    """Forces that carry the weight of masses which have none."""
+    forces = {n: tuple(Constant(value=-mass * g) for g in gravity) for n, mass in weightless.items()}
+    return [Wrench(name=n, frame=n, force=force) for n, force in forces.items() if any(gravity)]
+
+
+def _is_urdf(path: Path) -> bool:
+    """Whether the first element of an XML file is a robot."""
+    first = re.search(r"<([A-Za-z][\w.-]*)", re.sub(r"<!--.*?-->", "", text_of(path), flags=re.DOTALL))
+    return first is not None and first.group(1) == "robot"

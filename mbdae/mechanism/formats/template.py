@@ -1,0 +1,280 @@
+"""Mechanisms with other numbers: files are read once, and entries of their tables changed by dotted paths.
+
+gravity.2                       an entry of a list, counted from 0
+force.spring.stiffness          a force, closure, driver, frame or body by its name, and a key of it
+start.q.crank, start.v.crank    a start value of a joint
+joint.crank_pin.xyz.0           what a source (URDF, MJCF) says of a joint: `xyz` and `rpy` of its place in the body
+                                before it, `mass`, `com`, `inertia` of the body behind it, as in a [[body]] table
+
+Names may hold dots themselves; the longest that fits counts.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from copy import copy
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError, UnknownNameError
+from ..frames import find_joint, joint_names
+from ..mechanism import Mechanism
+from ..tables import Table
+from .build import body_inertia, build, placement
+from .library import PARAMETRIC, find
+from .load import Recipe, read
+from .parametric import parameter_names, split
+from .part import Part
+from .schema import Body, MechanismFile, Start
+
+TABLES = ("body", "closure", "driver", "duration", "force", "frame", "gravity", "start")  # of a mechanism file
+JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # what a source says of a joint
+START = "start."
+WHOLE = ("duration", "gravity")  # that may be given whole
+KEPT = 8  # mechanisms with equal numbers, of several threads
+
+
+class Template:
+    """A mechanism file whose numbers can be changed.
+
+    Args:
+        path: what `mbdae.load` takes, parameters behind the name included.
+
+    Attributes:
+        parameters: names of the parameters of a mechanism.py, to be changed besides its tables.
+
+    Raises:
+        UnknownNameError, InputError: as `mbdae.load`.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = str(path)
+        plain, _ = split(self.path)
+        found = find(plain)
+        self.parameters = parameter_names(found) if found.suffix == PARAMETRIC else ()
+        self._read = lru_cache(KEPT)(lambda text: _light(read(self.path, json.loads(text))))
+        self._made = lru_cache(KEPT)(lambda text: self._make(*json.loads(text)))
+
+    def recipe(self, values: Mapping[str, Any]) -> Recipe:
+        """The files as read with the parameters among ``values``; visuals are left out."""
+        return self._read(json.dumps({n: x for n, x in values.items() if n in self.parameters}))
+
+    def check(self, values: Mapping[str, Any]) -> None:
+        """Refuse names that lead nowhere.
+
+        Raises:
+            UnknownNameError: with the names that exist in its place.
+        """
+        mech, recipe = self.make({n: x for n, x in values.items() if n in self.parameters}), self.recipe(values)
+        joints = [s.prefix + n for s, p in zip(recipe.file.source, recipe.parts, strict=True)
+                  for n in joint_names(p.model)]  # fmt: skip
+        for name in values:
+            root, dot, rest = name.partition(".")
+            if name in self.parameters:
+                continue
+            if root not in (*TABLES, "joint") or not (dot or root in WHOLE):
+                valid = [f"{t}. ..." for t in (*TABLES, "joint", "solve") if t not in WHOLE]
+                raise UnknownNameError("parameter", name, (*self.parameters, *WHOLE, *valid))
+            if root == "start":
+                check_start(mech, name)
+            elif root == "joint":
+                _split_joint(rest, joints)
+            else:
+                _check(recipe.file, name)
+
+    def make(self, values: Mapping[str, Any]) -> Mechanism:
+        """The mechanism with these numbers; one object serves runs that differ in their start alone.
+
+        Raises:
+            UnknownNameError, InputError: for names that lead nowhere, or values that do not fit.
+        """
+        plain = {n: x for n, x in values.items() if n in self.parameters}
+        changed = {n: x for n, x in values.items() if n not in plain and not n.startswith(START)}
+        mech = self._made(json.dumps([plain, changed]))
+        return with_start(mech, {n: x for n, x in values.items() if n.startswith(START) and n not in plain})
+
+    def _make(self, plain: dict[str, Any], changed: dict[str, Any]) -> Mechanism:
+        recipe = self.recipe(plain)
+        file, parts = recipe.file, recipe.parts
+        moved = {n.removeprefix("joint."): x for n, x in changed.items() if n.startswith("joint.")}
+        if moved:
+            parts = [_changed(p, s.prefix, moved) for p, s in zip(parts, file.source, strict=True)]
+        for name, value in changed.items():
+            if not name.startswith("joint."):
+                file = replaced(file, name, value, name)
+        model, _ = build(file, parts, recipe.name)
+        return Mechanism(
+            model,
+            file.closure,
+            file.force,
+            drivers=file.driver,
+            start=file.start,
+            title=file.title or recipe.name,
+            duration=file.duration,
+            order=file.order,
+            left_out=recipe.left_out,
+        )
+
+
+def check_start(mech: Mechanism, name: str) -> None:
+    """Refuse a name of a start value, ``start.q.crank``, that leads nowhere.
+
+    Raises:
+        UnknownNameError: lists the names that exist.
+    """
+    table, _, joint = name.removeprefix(START).partition(".")
+    if table not in mech.start_values.tables:
+        raise UnknownNameError("entry of start", table, mech.start_values.tables)
+    find_joint(mech.model, joint)
+
+
+def with_start(mech: Mechanism, values: Mapping[str, Any]) -> Mechanism:
+    """The mechanism with other start values, ``start.q.crank = 0.3``; the rest is shared.
+
+    Raises:
+        UnknownNameError: for a joint that does not exist.
+        InputError: for values that do not fit.
+    """
+    if not values:
+        return mech
+    start: Start = mech.start_values
+    for name, value in values.items():
+        check_start(mech, name)
+        start = replaced(start, name.removeprefix(START), value, name)
+    other = copy(mech)
+    other.start_values, other._starts = start, {}
+    return other
+
+
+def replaced(thing: Any, path: str, value: Any, whole: str) -> Any:
+    """Return a checked table, or what stands in it, with another value at the end of a dotted path.
+
+    Args:
+        thing: a table, a list or a dict.
+        path: where the value goes, below ``thing``.
+        value: the value.
+        whole: the path from the top, for messages.
+
+    Raises:
+        UnknownNameError: where the path leads nowhere.
+        InputError: for a value that does not fit.
+    """
+    if not path:
+        return value
+    key, rest = _head(thing, path, whole)
+    if isinstance(thing, Table):
+        said = {k: getattr(thing, k) for k in thing.model_fields_set if k in type(thing).model_fields}
+        try:
+            return type(thing)(**{**said, key: replaced(getattr(thing, key), rest, value, whole)})
+        except UnknownNameError:
+            raise
+        except InputError as e:
+            raise InputError(str(e) if str(e).startswith(whole) else f"{whole}: {e}") from None
+    if isinstance(thing, dict):
+        return {**thing, key: replaced(thing.get(key), rest, value, whole)}
+    at = int(key)
+    return (*thing[:at], replaced(thing[at], rest, value, whole), *thing[at + 1 :])
+
+
+def _head(thing: Any, path: str, whole: str) -> tuple[str, str]:
+    """The first key of a path, which may hold dots, and the rest; entries of lists are numbered."""
+    if isinstance(thing, dict):  # joint = value: which joints there are is known to the model
+        return path, ""
+    keys = _keys(thing)
+    found = [k for k in keys if path == k or path.startswith(f"{k}.")]
+    if not found:
+        above = whole.removesuffix(path).rstrip(".") or "the mechanism"
+        raise UnknownNameError(f"entry of {above}", path, keys)
+    name = max(found, key=len)
+    return keys[name], path[len(name) + 1 :]
+
+
+def _keys(thing: Any) -> dict[str, str]:
+    """What may stand behind a thing in a path, and the key or number that it means."""
+    if isinstance(thing, MechanismFile):
+        return {k: k for k in TABLES}
+    if isinstance(thing, Table):
+        return {k: k for k in type(thing).model_fields}
+    if isinstance(thing, tuple):
+        return _names(thing) or {str(i): str(i) for i in range(len(thing))}
+    return {}
+
+
+def _names(entries: tuple[Any, ...]) -> dict[str, str]:
+    """Names of the entries of a table list, and their numbers; forces without a name have their kind and number."""
+    out = {}
+    for i, entry in enumerate(entries):
+        if isinstance(entry, Table) and "name" in type(entry).model_fields:
+            out[getattr(entry, "name", "") or f"{getattr(entry, 'kind', '')} {i + 1}"] = str(i)
+    return out
+
+
+def _check(file: MechanismFile, name: str) -> None:
+    """Refuse a dotted path into the tables of a file that leads nowhere, or ends at a table."""
+    at: Any = file
+    rest = name
+    while rest:
+        key, rest = _head(at, rest, name)
+        at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
+    if isinstance(at, Table) or _names(at if isinstance(at, tuple) else ()):
+        raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(_keys(at))}")
+
+
+def _split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
+    """The joint and what of it a path names."""
+    names = list(joints)
+    found = [n for n in names if path.startswith(f"{n}.")]
+    if not found:
+        raise UnknownNameError("joint of a source", path.rpartition(".")[0] or path, names)
+    joint = max(found, key=len)
+    rest = path[len(joint) + 1 :]
+    key, _, index = rest.partition(".")
+    if key not in JOINT:
+        raise UnknownNameError(f"entry of joint.{joint}", rest, JOINT)
+    _ = index and _head(getattr(Body(name=joint, parent=""), key), index, f"joint.{path}")
+    return joint, rest
+
+
+def _changed(part: Part, prefix: str, moved: Mapping[str, Any]) -> Part:
+    """A source with other numbers at its joints."""
+    model = part.model.copy()
+    bodies: dict[str, Any] = {}
+    for path, value in moved.items():
+        names = [prefix + n for n in joint_names(model)]
+        if not any(path.startswith(f"{n}.") for n in names):
+            continue
+        joint, rest = _split_joint(path, names)
+        body = bodies.get(joint) or _as_body(model, joint.removeprefix(prefix))
+        bodies[joint] = replaced(body, rest, value, f"joint.{path}")
+        at = model.getJointId(joint.removeprefix(prefix))
+        if rest.startswith("rpy"):
+            model.jointPlacements[at] = placement(bodies[joint])
+        elif rest.startswith("xyz"):
+            model.jointPlacements[at] = pin.SE3(model.jointPlacements[at].rotation, np.array(bodies[joint].xyz))
+        else:
+            model.inertias[at] = body_inertia(bodies[joint]) or pin.Inertia.Zero()
+    return replace(part, model=model)
+
+
+def _as_body(model: pin.Model, joint: str) -> Body:
+    """A joint and the body behind it, in the words of a mechanism file."""
+    at = model.getJointId(joint)
+    place, inertia = model.jointPlacements[at], model.inertias[at]
+    tensor = inertia.inertia
+    return Body(
+        name=joint,
+        parent="",
+        xyz=place.translation.tolist(),
+        rpy=pin.rpy.matrixToRpy(place.rotation).tolist(),
+        mass=inertia.mass,
+        com=inertia.lever.tolist(),
+        inertia=[tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
+    )
+
+
+def _light(recipe: Recipe) -> Recipe:
+    return recipe._replace(parts=[replace(p, visuals=None) for p in recipe.parts])

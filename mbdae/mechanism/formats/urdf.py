@@ -1,0 +1,153 @@
+"""URDF: read by Pinocchio; what it does not carry over is noted: mimic joints, and the axes of planar joints."""
+
+import warnings
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError
+from ..closures.closure import Axis
+from ..frames import joint_names
+from ..places import Places
+from ..scene.meshes import stand_in
+from ..tables import Table
+from .part import Mimic, Part, follow, listed
+from .schema import HUGE, WITH_AXIS, Value
+from .tree import settled
+
+TOKEN = 10_000_000  # m: the size of boxes that stand for meshes
+
+
+def read_urdf(
+    text: str,
+    name: str,
+    places: Places,
+    free_flyer: bool = False,
+    *,
+    kinds: Mapping[str, str] | None = None,
+    lock: Mapping[str, Any] | None = None,
+) -> Part:
+    """Read a URDF text; visuals are None (with a warning) when a mesh is missing.
+
+    Args:
+        text: the URDF.
+        name: of the file, for messages.
+        places: where meshes are looked up.
+        free_flyer: put a free joint, ``root_joint``, under the root link.
+        kinds: joints of another kind than the URDF says.
+        lock: joints that are locked at values.
+
+    Raises:
+        InputError: if the text is not a URDF that Pinocchio accepts, or a joint's axis is zero.
+    """
+    try:
+        root = (pin.JointModelFreeFlyer(),) if free_flyer else ()
+        model = pin.buildModelFromXML(text, *root)
+        tree = ET.fromstring(text)
+        mimics, axes = _mimics(tree), _axes(tree)
+    except (ValueError, RuntimeError, IndexError, ET.ParseError) as e:
+        raise InputError(f"{name} is not a URDF that Pinocchio reads: {_short(e)}") from None
+    names = joint_names(model)
+    lost = [m.joint for m in mimics if m.joint in names and m.other not in names]
+    mimics = tuple(m for m in mimics if m.joint in names and m.other in names)
+    kinds, lock = dict(kinds or {}), follow(mimics, dict(lock or {}), names)[1]
+    axes = {n: x for n, x in axes.items() if n not in kinds and n not in lock}
+    for joint, (_, axis) in axes.items():
+        if not 0 < np.linalg.norm(axis) < np.inf:
+            raise InputError(f"{name}: the axis of joint {joint!r} is no direction: {' '.join(map(str, axis))}")
+    record = {
+        "urdf": text,
+        "folder": str(places.folder),
+        "packages": list(map(str, places.packages)),
+        "free_flyer": free_flyer,
+        "kinds": kinds,
+        "lock": lock,
+    }
+    try:
+        visuals = _visuals(model, tree, places)
+    except (ValueError, RuntimeError) as e:
+        reason = str(e) if isinstance(e, InputError) else _short(e)
+        warnings.warn(f"{name}: visuals left out, {reason}", stacklevel=2)
+        visuals = None
+    model, visuals = settled(model, visuals, kinds, lock)
+    return Part(
+        model,
+        visuals,
+        record.copy,
+        mimics=tuple(m for m in mimics if m.joint not in lock),
+        normals={n: axis for n, (kind, axis) in axes.items() if kind == "planar"},
+        left_out=(listed("mimicry of joints that do not move by", lost),) if lost else (),
+    )
+
+
+class Record(Table):
+    """What a part remembers of itself, see `read_urdf`."""
+
+    urdf: str
+    folder: str
+    packages: tuple[str, ...]
+    free_flyer: bool
+    kinds: dict[str, str]
+    lock: dict[str, Value]
+
+
+def _visuals(model: pin.Model, tree: ET.Element, places: Places) -> pin.GeometryModel:
+    """The visuals, whose meshes are files that may be read: Pinocchio sees a box for each, by whose size it is known.
+
+    Raises:
+        InputError: for a mesh that is missing, damaged, stands elsewhere, or is of a format that is not drawn.
+    """
+    meshes = []
+    for shape in tree.iterfind("link/visual/geometry"):
+        for mesh in shape.findall("mesh"):
+            meshes.append((places.find(mesh.get("filename", "")), _scale(mesh.get("scale", "1 1 1"))))
+            shape.remove(mesh)
+            ET.SubElement(shape, "box", size=f"{TOKEN + len(meshes) - 1} {TOKEN} {TOKEN}")
+    for material in tree.iter("material"):
+        for texture in material.findall("texture"):
+            material.remove(texture)
+    text = ET.tostring(tree, encoding="unicode")
+    visuals = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL, None, [])
+    for g in visuals.geometryObjects:
+        size = 2 * g.geometry.halfSide if isinstance(g.geometry, coal.Box) else np.zeros(3)
+        if size[1] == size[2] == TOKEN:
+            path, g.meshScale = meshes[round(size[0] - TOKEN)]
+            g.meshPath, g.geometry = str(path), stand_in(path, g.meshScale)
+    return visuals
+
+
+def _scale(text: str) -> np.ndarray:
+    scale = np.array(text.split(), float)
+    if scale.shape != (3,) or not (np.abs(scale) <= HUGE).all():
+        raise InputError(f"the scale of a mesh is three finite numbers, got {text[:40]!r}")
+    return scale
+
+
+def _mimics(tree: ET.Element) -> tuple[Mimic, ...]:
+    out = []
+    for joint in tree.iter("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None:
+            numbers = [float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))]
+            out.append(Mimic(joint.get("name", ""), mimic.get("joint", ""), *numbers))
+    return tuple(out)
+
+
+def _axes(tree: ET.Element) -> dict[str, tuple[str, Axis]]:
+    """Kind and axis, x when left out, of the joints that have one; floating and fixed joints have none."""
+    out = {}
+    for joint in tree.iter("joint"):
+        if (kind := joint.get("type", "")) in WITH_AXIS:
+            axis = joint.find("axis")
+            given = None if axis is None else axis.get("xyz")
+            x, y, z = map(float, (given or "1 0 0").split())
+            out[joint.get("name", "")] = kind, (x, y, z)
+    return out
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__

@@ -1,0 +1,67 @@
+"""A step of a mechanism in index-2 form: its stages, each a linear saddle-point system."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import dgesv
+
+from .implicit import ImplicitStages
+
+if TYPE_CHECKING:
+    from .index2 import Descriptor
+
+Array = np.ndarray
+
+
+class DescriptorChart(ImplicitStages):
+    """A step of a mechanism in coordinates (x, v, s, w), q = q_n (+) x, x' = J(x) v; one set of rows within it."""
+
+    def __init__(self, system: "Descriptor", t: float, y: Array, rows: Array) -> None:
+        self.system, self.t, self.y, self.rows = system, t, y, rows
+        self.q, self.v = system.split(y)
+        self.s = system.inner(y)
+
+    def first(self, carry: Array) -> tuple[Array, Array]:  # noqa: D102
+        return np.concatenate([self.v, carry]), np.empty(0)
+
+    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+        """One saddle-point solve; two configurations meet in it (Hairer, Wanner II, (VII.6.8))."""
+        s, m, nv = self.system, self.system.manifold, self.system.nv
+        q, v = m.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
+        U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
+        G = s.jacobian()
+        Gr = G.take(self.rows, 0)
+        dx, Ghat = self.meet(that, x[:nv], v, xhat[:nv], factor, U, Gr)
+        rate = Ghat.dot(self.v + xhat[nv : 2 * nv])
+        if s.driven:
+            rate += s.g_t(that)[self.rows]
+        vdot, lam = s.saddle(t, U, Gr, Ghat, f, rate / -factor)
+        if s.driven:
+            rates[-1] -= lam @ s.g_t(t)[self.rows]
+        s._last_q, s._last = q, (U, G)
+        return np.concatenate((dx, vdot, rates)), lam
+
+    def meet(
+        self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
+    ) -> tuple[Array, Array]:
+        """Return x' = J(x) v (nv,) and G (r, nv) where the stage meets the constraint: q_n (+) (xhat + factor x')."""
+        m = self.system.manifold
+        dx = m.tangent(x, v)
+        return dx, self.system.jacobian(m.integrate(self.q, xhat + factor * dx)).take(self.rows, 0)
+
+    def own(self, z: Array) -> Array:
+        """Multipliers of all rows at the last stage's configuration."""
+        return self.system.own(self.system._last[1], self.rows, z)
+
+    def point(self, x: Array) -> Array:  # noqa: D102
+        self.system.manifold.within(x[: self.system.nv])
+        return self.system.add(self.y, x)
+
+    def project(self, e: Array) -> Array:
+        """Project the velocity part in the mass metric on G v = 0 at the last stage's configuration."""
+        s, nv = self.system, self.system.nv
+        if len(self.rows):
+            e = e.copy()
+            s.counts.projections += 1
+            e[nv : 2 * nv] -= s._MinvGT.dot(dgesv(s._G.dot(s._MinvGT), s._G.dot(e[nv : 2 * nv]))[2])
+        return e

@@ -1,0 +1,146 @@
+"""The index-2 descriptor form in the compiled core: the same functions as `Descriptor`, and whole steps.
+
+The Python `Descriptor` is the specification. What the core cannot do at a point (a singular system, a value that is
+not finite, a force law that raises an error) it leaves to Python, which finds the words for it.
+"""
+
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...system import Counts, State, Step
+from ..manifold import GROUPS
+from .compiled_parts import constraints_of, laws_of
+from .index2 import Descriptor
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+Array = np.ndarray
+COUNTS = tuple(name for name in Counts().to_dict() if name != "newton")  # the core has no iteration of Newton's
+
+
+class Compiled(Descriptor):
+    """`mbdae.system.System` of a mechanism whose points and steps the core computes.
+
+    Args:
+        mechanism: the mechanism.
+        native: the core, see `mbdae.backend`.
+
+    Raises:
+        NotCompiled: names what the core does not have.
+    """
+
+    def __init__(self, mechanism: "Mechanism", native: ModuleType) -> None:
+        super().__init__(mechanism)
+        m = self.manifold
+        pairs, rows, drivers = constraints_of(self.model, mechanism.constraints, self.constraints)
+        law_pairs, laws = laws_of(self.laws)
+        blocks = [(GROUPS[ad], s.start) for _, s, ad, _ in m.blocks]
+        turning = m.turning.astype(int).tolist()
+        self.native = native
+        self.core = native.Core(
+            mechanism.model, m.flat, pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning
+        )
+        self._seen = [0] * len(COUNTS)
+        self._begun = False
+        self._tableau: tuple[Any, Any] = (None, None)
+
+    def tableau(self, tableau: Any) -> Any:
+        """Return the coefficients of a half-explicit method as the core takes them."""
+        if self._tableau[0] is not tableau:
+            a, order = tableau.arrays, 0 if tableau.b_embedded else tableau.order
+            flags = bool(tableau.explicit_first), bool(tableau.project_embedded), order, tableau.noise
+            self._tableau = tableau, self.native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, *flags)
+        return self._tableau[1]
+
+    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
+        """See `Descriptor.derivative`; the first one, which finds the rank, is computed in Python."""
+        self.core.weakest = 1.0
+        found = self.core.derivative(t, y) if self._begun else None
+        self.after()
+        if found is not None:
+            return found
+        self.before_python()
+        found = super().derivative(t, y, near)
+        self.after_python()
+        return found
+
+    def compiled_step(self, tableau: Any, t: float, h: float, state: State) -> Step | None:
+        """See `mbdae.methods.step.half_explicit_step`; None where the core cannot take the step."""
+        if not self._begun:
+            self.derivative(t, state.y)
+        self.core.weakest = 1.0
+        found = self.core.step(self.tableau(tableau), t, h, state.y, state.carry, state.low)
+        self.after()
+        if found is None:
+            self.before_python()
+            return None
+        y, carry, low, z, errors = found
+        return Step(State(y, carry, low), z, errors)
+
+    def march(self, tableau: Any, course: Any) -> None:
+        """Take many steps, see `mbdae.integrate.steppers.native`; the course has them even if this is interrupted."""
+        try:
+            self.core.march(self.tableau(tableau), course)
+        finally:
+            self.after()
+            if course.changes:
+                self.rows = np.array(self.core.rows, int)
+
+    def derivatives(self, t: Array, y: Array) -> tuple[Array, Array]:
+        """Return y' (n, ny) and lam (n, ng) at points (n, ...), see `derivative`; nan where they cannot be found."""
+        if len(t) and not self._begun:
+            self.derivative(float(t[0]), y[0])
+        return self.core.derivatives(np.ascontiguousarray(t), np.ascontiguousarray(y))
+
+    def ratio(self, q: Array) -> float | None:
+        """See `mbdae.mechanism.singularity.ratio`; None where M is singular."""
+        return self.core.ratio(np.ascontiguousarray(q), self.rank or 1)
+
+    def after(self) -> None:
+        """Take over what the core counted."""
+        counts = self.core.counts
+        now = [getattr(counts, name) for name in COUNTS]
+        for name, new, old in zip(COUNTS, now, self._seen, strict=True):
+            if new != old:
+                setattr(self.counts, name, getattr(self.counts, name) + new - old)
+        self._seen = now
+        self.weakest = min(self.weakest, self.core.weakest)
+        self.widest = max(self.widest, self.core.widest)
+        self.fastest = max(self.fastest, self.core.fastest)
+
+    def before_python(self) -> None:
+        """Let Python go on with the rows that the core uses."""
+        if self._begun and not self.held:
+            self.rows = np.array(self.core.rows, int)
+        self._last_q = np.full(self.nq, np.nan)
+
+    def after_python(self) -> None:
+        """Let the core go on with the rows that Python uses."""
+        rows = [] if self.rows is None else self.rows.tolist()
+        self.core.use(rows, len(rows), self.floor, self.held)
+        self._begun = True
+
+    def hold(self, rows: tuple[int, ...]) -> None:
+        """See `mbdae.system.System`."""
+        super().hold(rows)
+        self.after_python()
+
+    def settle(self, t: float, state: State) -> State:
+        """See `mbdae.system.System`."""
+        array = isinstance(state.carry, np.ndarray)
+        if self._begun and self.held and (array or state.carry is None):
+            found = self.core.settle(t, state.y, state.carry)
+            self.after()
+            if found is not None:
+                changed, y, carry = found
+                if changed:
+                    self.rows = np.array(self.core.rows, int)
+                    return State(y, carry, state.low)
+                return state
+        self.before_python()
+        state = super().settle(t, state)
+        self.after_python()
+        return state

@@ -1,0 +1,205 @@
+"""Closures, drivers and forces as the plain numbers that the compiled core takes."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pinocchio as pin
+from scipy.interpolate import PPoly
+
+from ...errors import MbdaeError
+from .. import signals
+from ..closures.constraints import Constraints, Spec, anchors
+from ..closures.driver import Driver
+from ..closures.rows import Axes, Coordinate, Distance, Gap, Rows
+from ..forces.actuators import ActuatorLaw, MotorLaw, ResistanceLaw
+from ..forces.controllers import PDLaw, PIDLaw, SampledLaw
+from ..forces.frame_forces import BushingLaw, SpringDamperLaw, WrenchLaw
+from ..forces.joint_forces import CurveLaw, DampingLaw, FrictionLaw, JointTorqueLaw, SpringLaw
+from ..forces.law import Law, Laws, TorqueLaw
+from ..frames import Anchor, Pair, find_joint
+
+Plain = dict[str, Any]
+ZERO = [0.0, 0.0, 0.0]
+
+
+class NotCompiled(MbdaeError):
+    """Names a part of a mechanism that the core does not have."""
+
+
+def constraints_of(
+    model: pin.Model, specs: tuple[Spec, ...], constraints: Constraints
+) -> tuple[list[Any], list[Plain], list[Plain]]:
+    """Return pairs of frames, rows and drivers; the bound constraints know the periods of couplings."""
+    pairs: list[Any] = []
+    rows: list[Plain] = []
+    drivers: list[Plain] = []
+    periods = {part.at: part.period for part in constraints.joint_parts}
+    for spec in specs:
+        if isinstance(spec, Driver):
+            drivers.append({"row": len(rows), "length": bool(spec.frames), "motion": _motion(spec)})
+        if spec.frames:
+            pairs.append(tuple(map(_frame, anchors(model, spec))))
+        for r in spec.rows():
+            rows += (
+                [_coordinate(model, r, periods[len(rows)])] if isinstance(r, Coordinate) else _rows(r, len(pairs) - 1)
+            )
+    return pairs, rows, drivers
+
+
+def _rows(r: Rows, pair: int) -> list[Plain]:
+    if isinstance(r, Distance):
+        return [{"kind": "distance", "pair": pair, "a": ZERO, "b": ZERO, "length": r.length}]
+    if isinstance(r, Gap):
+        return [{"kind": "gap", "pair": pair, "a": a, "b": ZERO, "length": 0.0} for a in r.axes.T.tolist()]
+    if isinstance(r, Axes):
+        both = zip(r.a.T.tolist(), r.b.T.tolist(), strict=True)
+        return [{"kind": "axes", "pair": pair, "a": a, "b": b, "length": 0.0} for a, b in both]
+    raise NotCompiled(f"rows of kind {type(r).__name__}")
+
+
+def _coordinate(model: pin.Model, r: Coordinate, period: float) -> Plain:
+    joints = [find_joint(model, name) for name in (r.joint, r.other) if name]
+    numbers = [[j.idx_q, j.nq, j.idx_v] for j in joints]
+    return {"kind": "coordinate", "joints": numbers, "c": list(r.coefficients), "period": period}
+
+
+def _frame(a: Anchor) -> tuple[int, list[float], list[float]]:
+    return a.joint, a.R.ravel().tolist(), a.p.tolist()
+
+
+def _motion(driver: Driver) -> Plain:
+    if isinstance(driver.motion, signals.TimeTable):  # goes on at the ends' speed
+        m = driver.motion
+        return _pieces(signals.curve(m.points, m.interpolation, held=False))
+    return _signal(driver.motion)
+
+
+def _signal(s: Any) -> Plain:
+    match s:
+        case signals.Constant():
+            return {"kind": "constant", "a": [s.value]}
+        case signals.Harmonic():
+            return {"kind": "harmonic", "a": [s.amplitude, s.omega, s.phase, s.offset]}
+        case signals.Polynomial():
+            return {"kind": "polynomial", "a": list(s.coefficients)}
+        case signals.TimeTable():
+            return _pieces(signals.curve(s.points, s.interpolation, held=True))
+        case signals.Steps():
+            return {"kind": "steps", "a": [y for _, y in s.points], "b": [x for x, _ in s.points]}
+        case signals.Function():
+            return {"kind": "python", "call": s.at}
+    raise NotCompiled(f"functions of time of kind {type(s).__name__}")
+
+
+def _pieces(c: PPoly) -> Plain:
+    return {"kind": "pieces", "a": c.c.T.ravel().tolist(), "b": c.x.tolist(), "degree": len(c.c) - 1}
+
+
+def laws_of(laws: Laws) -> tuple[list[Any], list[Plain]]:
+    """Return pairs of frames and force laws.
+
+    Raises:
+        NotCompiled: for a law that the core does not have.
+    """
+    pairs: list[Any] = []
+    out: list[Plain] = []
+    states = [(law, slice(0, 0)) for law in laws.plain] + list(laws.stateful)
+    for law, part in states:
+        numbers = _law(law)
+        pair: Pair | None = numbers.pop("frames", None)
+        if pair is not None:
+            numbers["pair"] = len(pairs)
+            pairs.append((_frame(pair.a), _frame(pair.b)))
+        out.append({**numbers, "state": part.start, "states": part.stop - part.start})
+    return pairs, out
+
+
+def _law(law: Any) -> Plain:
+    if type(law) not in LAWS:
+        raise NotCompiled(f"force {law.name!r} of kind {type(law).__name__}")
+    return LAWS[type(law)](law)
+
+
+def _damping(law: DampingLaw) -> Plain:
+    return {"kind": "damping", "a": law.d.tolist()}
+
+
+def _friction(law: FrictionLaw) -> Plain:
+    return {"kind": "friction", "a": [*law.d.tolist(), law.v0]}
+
+
+def _spring(law: SpringLaw) -> Plain:
+    return {"kind": "spring", "iq": law.iq, "iv": law.iv, "a": [law.k, law.rest, law.damping]}
+
+
+def _curve(law: CurveLaw) -> Plain:
+    numbers = {"iq": law.iq, "iv": law.iv, "a": [0.0, law.rest, law.damping]}
+    return {"kind": "curve", **numbers, "signals": [_pieces(law.c)]}
+
+
+def _torque(law: JointTorqueLaw) -> Plain:
+    return {"kind": "torque", "iv": [law.part.start], "a": [law.gear], "signals": [_signal(s) for s in law.values]}
+
+
+def _pid(law: PDLaw | PIDLaw) -> Plain:
+    spec, kind = law.spec, "pid" if isinstance(law, PIDLaw) else "pd"
+    numbers = {"iq": [law.iq], "iv": [law.iv], "a": [spec.kp, spec.kd, spec.ki], "flag": spec.controls == "velocity"}
+    return {"kind": kind, **numbers, "signals": [_signal(spec.reference)]}
+
+
+def _resistance(law: ResistanceLaw) -> Plain:
+    numbers = {"iv": [law.iv], "a": [law.k, law.spec.resistance]}
+    return {"kind": "resistance", **numbers, "signals": [_signal(law.spec.voltage)]}
+
+
+def _motor(law: MotorLaw) -> Plain:
+    numbers = {"iv": [law.iv], "a": [law.k, law.spec.resistance, law.spec.inductance]}
+    return {"kind": "motor", **numbers, "signals": [_signal(law.spec.voltage)]}
+
+
+def _held(law: SampledLaw) -> Plain:
+    return {"kind": "held", "iv": list(law.iv)}
+
+
+def _spring_damper(law: SpringDamperLaw) -> Plain:
+    s = law.spec
+    numbers = {"frames": law.pair, "a": [s.stiffness, s.damping, s.length]}
+    return {"kind": "spring_damper", **numbers, "signals": [_signal(s.force)]}
+
+
+def _bushing(law: BushingLaw) -> Plain:
+    numbers = {"frames": law.pair, "a": [*law.k, *law.kr, *law.d, *law.dr]}
+    return {"kind": "bushing", **numbers, "flag": law.damped}
+
+
+def _wrench(law: WrenchLaw) -> Plain:
+    s = law.spec
+    flags = {"flag": s.axes == "frame", "steady": law.steady}
+    return {"kind": "wrench", "frames": law.pair, **flags, "signals": [_signal(x) for x in (*s.force, *s.torque)]}
+
+
+def _python(law: TorqueLaw) -> Plain:
+    return {"kind": "python", "call": lambda t, q, v: law.torque(t, q, v)[1]}
+
+
+def _actuator(law: ActuatorLaw) -> Plain:
+    return {"kind": "actuator", "call": law.evaluate}
+
+
+LAWS: dict[type[Law], Callable[[Any], Plain]] = {
+    DampingLaw: _damping,
+    FrictionLaw: _friction,
+    SpringLaw: _spring,
+    CurveLaw: _curve,
+    JointTorqueLaw: _torque,
+    PDLaw: _pid,
+    PIDLaw: _pid,
+    ResistanceLaw: _resistance,
+    MotorLaw: _motor,
+    SampledLaw: _held,
+    SpringDamperLaw: _spring_damper,
+    BushingLaw: _bushing,
+    WrenchLaw: _wrench,
+    TorqueLaw: _python,
+    ActuatorLaw: _actuator,
+}

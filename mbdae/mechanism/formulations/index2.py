@@ -1,0 +1,300 @@
+"""The index-2 descriptor form of a mechanism, bound to the workspace of one solve.
+
+q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(t, q, v, s),   w' = power of the
+non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
+"""
+
+from collections.abc import Callable
+from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
+
+from ...errors import StepError
+from ...system import Counts, State
+from ..closures import independent_rows as rowmath
+from ..closures.constraints import Constraints
+from ..workspace import make_data
+from .chart import DescriptorChart
+from .interpolation import interpolant
+from .projection import restore
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+Array = np.ndarray
+
+
+class Descriptor:
+    """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
+
+    What is recomputed: one mass matrix, one force and two constraint Jacobians per stage, one factorization of M
+    (Cholesky) and of G(Qhat) M^-1 G(Q)^T (LU). Small arrays are written with what costs least in numpy: a.dot(b) half
+    as much as a @ b, x[x.argmin()] a quarter of x.min().
+    """
+
+    def __init__(self, mechanism: "Mechanism") -> None:
+        self.mechanism, self.model, self.manifold = mechanism, mechanism.model, mechanism.manifold
+        self.data = make_data(self.model)
+        self._M = self.data.M  # live view
+        self.nq, self.nv, self.ng = self.model.nq, self.model.nv, mechanism.ng
+        self.nz = self.ng
+        self.laws = mechanism.bind_forces(self.data)
+        self.ns = self.laws.ns
+        self.ny = 2 * self.nv + self.ns + 1
+        self.driven = bool(mechanism.drivers)
+        self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # drivers: their work too
+        self.counts = Counts()
+        self.constraints = Constraints(self.model, self.data, mechanism.constraints)
+        self.rank: int | None = None
+        self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
+        self.rows: Array | None = None
+        self.held = False  # the rows in use stay as they are, but for `settle`
+        self.weakest = 1.0  # smallest ratio of pivots of G M^-1 G^T that a solve met
+        self.widest = self.fastest = 0.0  # largest |g|, and |G v + g_t| / (1 + |v|), over all rows at ends of steps
+        self._last_q = np.full(self.nq, np.nan)
+        self._last = (np.empty(0), np.empty(0))  # U and G there
+
+    # -- the mechanism's functions -------------------------------------------------------------------------------
+
+    def closures(self, q: Array | None = None, t: float | None = None) -> tuple[Array, Array]:
+        """Return g(t, q) (ng,) and G (ng, nv) over all rows.
+
+        Without q the kinematics stand already; without t, g of driven rows is nan.
+        """
+        self._kinematics(q)
+        return self.constraints.value(t)
+
+    def jacobian(self, q: Array | None = None) -> Array:
+        """Return G (ng, nv) over all rows; without q the kinematics stand already."""
+        self._kinematics(q)
+        return self.constraints.jacobian()
+
+    def _kinematics(self, q: Array | None) -> None:
+        self.counts.G += self.ng > 0
+        if q is not None and self.ng:
+            pin.computeJointJacobians(self.model, self.data, q)
+
+    def g_t(self, t: float) -> Array:
+        """Return g_t over all rows, (ng,); zero for closures, minus the speed of drivers."""
+        return -self.constraints.motion(t)[1]
+
+    def residual(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return g(t, q) and G v + g_t over all rows, (ng,) each."""
+        g, G = self.closures(q, t)
+        return g, G @ v + self.g_t(t)
+
+    def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
+        """Return gamma = Gdot v + g_tt over all rows, (ng,); without t, it is nan for driven rows."""
+        pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.nv))
+        return self.constraints.bias(v) - self.constraints.motion(t)[2]
+
+    def inertia(self, t: float, q: Array) -> Array:
+        """Return the Cholesky factor U of M(q) = U^T U, (nv, nv), zero below; leaves J and poses at q."""
+        self.counts.M += 1
+        self.counts.factorizations += 1
+        pin.crba(self.model, self.data, q, pin.Convention.WORLD)
+        U, info = dpotrf(self._M, lower=0, clean=1)
+        if info:
+            if not np.isfinite(self._M).all():
+                raise StepError("nonfinite", f"the state is not finite at t = {t:.17g}")
+            joint = self.mechanism.coordinate_joint(abs(info) - 1)
+            raise StepError(
+                "singular",
+                f"the mass matrix is singular at joint {joint!r}, t = {t:.17g}: a body without inertia",
+            )
+        return U
+
+    def force(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+        """Return f (nv,) and the rates (s', power in W), (ns + 1,); the kinematics stand at q already."""
+        tau, rates = self.torque(t, q, v, s)
+        f = tau - pin.nonLinearEffects(self.model, self.data, q, v)
+        if not isfinite(f.dot(f)) and len(bad := np.flatnonzero(~np.isfinite(f))):
+            joint = self.mechanism.coordinate_joint(int(bad[0]))
+            raise StepError("nonfinite", f"the force on joint {joint!r} is not finite at t = {t:.17g}")
+        return f, rates
+
+    def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+        """Return the sum of all force laws (nv,) and the rates (s', power in W); the kinematics stand at q already."""
+        self.counts.f += 1
+        return self.laws.torque(t, q, v, s)
+
+    def energy(self, q: Array, v: Array) -> tuple[float, float]:
+        """Kinetic energy (armature included) and potential energy of gravity and springs, in J."""
+        pin.crba(self.model, self.data, q, pin.Convention.WORLD)
+        M = self.data.M
+        kinetic = float(v @ (np.triu(M, 1) @ v)) + 0.5 * float(v @ (np.diagonal(M) * v))
+        gravity = float(pin.computePotentialEnergy(self.model, self.data, q))
+        return kinetic, gravity + self.laws.potential(q)
+
+    def choose_rows(self, t: float, U: Array, G: Array) -> Array:
+        """Independent rows (r,) for a step or a point; the rank is fixed when it is first found.
+
+        They are those in use as long as they serve, and as long as they are held.
+        """
+        if not self.ng:
+            return np.empty(0, int)
+        if self.held and self.rows is not None:
+            return self.rows
+        # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
+        B = dgesv(U.T, G.T)[2]
+        found = _, diagonal = rowmath.pivots(B)
+        if self.rank is None:
+            self.rank, self.floor = rowmath.found(B, G, diagonal, t)
+        rowmath.confirm(diagonal, self.rank, self.floor, t)
+        if self.rank:
+            self.weakest = min(self.weakest, (diagonal[self.rank - 1] / diagonal[0]) ** 2)
+        self.rows = rowmath.choose(B, self.rows, self.rank, found)
+        return self.rows
+
+    @property
+    def in_use(self) -> tuple[int, ...]:
+        """See `mbdae.system.System`."""
+        return () if self.rows is None else tuple(self.rows.tolist())
+
+    def hold(self, rows: tuple[int, ...]) -> None:  # noqa: D102
+        self.rows, self.rank, self.held = np.array(rows, int), len(rows), True
+
+    def settle(self, t: float, state: State) -> State:
+        """See `mbdae.system.System`: choose the rows of the next step, and bring v onto those that are new.
+
+        Rows of loops that stand open by |g| contradict each other by as much: v that met those in use before misses the
+        new ones, which a step would take for an error of its own.
+        """
+        if not self.ng:
+            return state
+        q, v = self.split(state.y)
+        U, G = self.point(t, q)
+        before, self.held = self.rows, False
+        rows = self.choose_rows(t, U, G)
+        self.held = True
+        rate = G @ v + self.g_t(t)
+        if before is not None and not np.array_equal(rows, before):
+            B = dgesv(U.T, G[rows].T)[2]
+            v = v - dgesv(U, B @ dgesv(B.T @ B, rate[rows])[2])[2]
+            state = State(np.concatenate([q, v, state.y[self.nq + self.nv :]]), state.carry, state.low)
+            if state.carry is not None:
+                state = state._replace(carry=self.carry(*self.derivative(t, state.y)))
+                G = self.jacobian(q)
+            rate = G @ v + self.g_t(t)
+        self.widest = max(self.widest, float(np.abs(self.constraints.value(t)[0]).max()))
+        self.fastest = max(self.fastest, float(np.abs(rate).max()) / (1 + float(np.abs(v).max())))
+        return state
+
+    def point(self, t: float, q: Array) -> tuple[Array, Array]:
+        """Return U and G at q, with the kinematics there; those of the last stage where it ended here."""
+        if np.abs(q - self._last_q).max() <= 1e-15 * (1 + np.abs(q).max()):
+            pin.computeJointJacobians(self.model, self.data, q)
+            return self._last
+        U = self.inertia(t, q)
+        return U, self.jacobian()
+
+    def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
+        """Largest eigenvalue of (G M^-1 G^T)^+: the change of lam per unit residual of G v', in kg."""
+        q, _ = self.split(y)
+        U, G = self.inertia(t, q), self.jacobian()
+        rows = self.choose_rows(t, U, G)
+        if not len(rows):
+            return 0.0
+        B = dgesv(U.T, G[rows].T)[2]
+        return float(np.linalg.svd(B, compute_uv=False)[-1] ** -2)
+
+    def own(self, G: Array, rows: Array, lam: Array) -> Array:
+        """Multipliers of all rows, (ng,), from those in use: of minimum norm when rows depend on each other."""
+        if len(rows) == self.ng:
+            return lam
+        return rowmath.minimum_norm(G, len(rows), lam.dot(G.take(rows, 0)))
+
+    # -- the contract of mbdae.system ----------------------------------------------------------------------------
+
+    def split(self, y: Array) -> tuple[Array, Array]:
+        """Return q (nq,) and v (nv,)."""
+        return y[: self.nq], y[self.nq : self.nq + self.nv]
+
+    def inner(self, y: Array) -> Array:
+        """Return the states s (ns,) of actuators and controllers."""
+        return y[self.nq + self.nv : -1]
+
+    def breakpoint(self, t: float, sign: float) -> float:  # noqa: D102
+        return self.laws.breakpoint(t, sign)
+
+    def jump(self, t: float, y: Array) -> Array:
+        """See `mbdae.system.System`: the states of sampled controllers jump."""
+        q, v = self.split(y)
+        return np.concatenate([q, v, self.laws.jump(t, q, v, self.inner(y)), y[-1:]])
+
+    def chart(self, t: float, y: Array) -> "DescriptorChart":  # noqa: D102
+        q, _ = self.split(y)
+        rows = self.rows if self.held else None
+        if rows is None:
+            rows = self.choose_rows(t, *self.point(t, q)) if self.ng else np.empty(0, int)
+        return DescriptorChart(self, t, y, rows)
+
+    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
+        """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""
+        q, v = self.split(y)
+        U, (f, rates) = self.inertia(t, q), self.force(t, q, v, self.inner(y))
+        G = self.jacobian()
+        rows = self.choose_rows(t, U, G)
+        Gr = G[rows]
+        rhs = -self.gamma(q, v, t)[rows] if self.ng else np.empty(0)
+        vdot, lam = self.saddle(t, U, Gr, Gr, f, rhs)
+        rates[-1] -= lam @ self.g_t(t)[rows]
+        return np.concatenate([v, vdot, rates]), self.own(G, rows, lam)
+
+    def saddle(self, t: float, U: Array, G: Array, Ghat: Array, f: Array, rhs: Array) -> tuple[Array, Array]:
+        """Solve M v' = f + G^T lam, Ghat v' = rhs by Cholesky of M = U^T U and LU of Ghat M^-1 G^T."""
+        self.counts.solves += 1
+        X = dpotrs(U, np.concatenate((G, f[None])).T, overwrite_b=1)[0].T  # G M^-1, and a row (M^-1 f)^T below
+        if not len(rhs):
+            return X[-1], rhs
+        self._MinvGT, self._G = X[:-1].T, G
+        S = X.dot(Ghat.T).T
+        lu, _, lam, info = dgesv(S[:, :-1], rhs - S[:, -1], overwrite_a=1, overwrite_b=1)
+        self.counts.factorizations += 1
+        pivot = np.abs(lu.diagonal())
+        i, largest = pivot.argmin(), pivot[pivot.argmax()]
+        self.weakest = min(self.weakest, pivot[i] / largest)
+        if info or not pivot[i] > 1e-14 * largest:
+            name = self.mechanism.row_closure(int(self.rows[i] if self.rows is not None else 0))
+            raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
+        return X[-1] + lam.dot(X[:-1]), lam
+
+    def carry(self, F: Array, z: Array) -> Array:
+        """Keep (v', s', w'): not lam, because rows may be re-chosen."""
+        return F[self.nv :].copy()
+
+    def add(self, y: Array, x: Array) -> Array:  # noqa: D102
+        return np.concatenate([self.manifold.integrate(y[: self.nq], x[: self.nv]), y[self.nq :] + x[self.nv :]])
+
+    def difference(self, y0: Array, y1: Array) -> Array:  # noqa: D102
+        return np.concatenate([self.manifold.difference(y0[: self.nq], y1[: self.nq]), y1[self.nq :] - y0[self.nq :]])
+
+    def lost(self, y0: Array, x: Array, y1: Array) -> Array:  # noqa: D102
+        out = np.zeros(self.ny)
+        out[self.nv :] = x[self.nv :] - (y1[self.nq :] - y0[self.nq :])
+        if self.manifold.flat:
+            out[: self.nv] = x[: self.nv] - (y1[: self.nq] - y0[: self.nq])
+        return out
+
+    def restore(self, t: float, y: Array, tight: bool = False) -> Array:  # noqa: D102
+        return restore(self, t, y, tight)
+
+    def size(self, y: Array) -> Array:  # noqa: D102
+        size = np.concatenate([self.manifold.size(y[: self.nq]), np.abs(y[self.nq :])])
+        if self.driven:
+            size[-1] += self.energy(*self.split(y))[0]
+        return size
+
+    def noise(self, y: Array, share: float) -> Array:  # noqa: D102
+        out = np.zeros(self.ny)
+        if self.ng:
+            out[self.nv : 2 * self.nv] = share * np.abs(self.split(y)[1]).max()
+        return out
+
+    def interpolant(  # noqa: D102
+        self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int
+    ) -> Callable[[float], Array]:
+        return interpolant(self, t, h, ends, rates, order)

@@ -1,0 +1,68 @@
+"""Projection of a state on its closures, as an option at the ends of steps."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import dgesv
+
+from ...errors import StepError
+from ..closures.closure_error import widest
+
+if TYPE_CHECKING:
+    from .index2 import Descriptor
+
+Array = np.ndarray
+TRUNCATION = 1e-7  # of the largest singular value of G M^-1/2
+ITERATIONS = 10
+ROUNDING = 1e-14  # of 1 + |q| or 1 + |v|: residuals below are left alone
+OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
+
+
+def restore(system: "Descriptor", t: float, y: Array, tight: bool = False) -> Array:
+    """Return the nearest point with g(t, q) = 0 and G(q) v + g_t = 0, q first and then v, over all rows.
+
+    Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g with a truncated pseudoinverse, M
+    frozen; then v - M^-1/2 (G M^-1/2)^+ (G v + g_t). A step that does not halve |g| is not taken: near singular
+    positions rounding in g stands for large corrections.
+
+    Args:
+        system: a workspace.
+        t: time.
+        y: the point.
+        tight: go on below `ROUNDING` until |g| falls no more: near singular positions v turns by |g| / sigma^2.
+
+    Raises:
+        StepError: if the closures cannot be met from there.
+
+    Source: Hairer, Wanner II, (VII.2.14), (VII.2.15).
+    """
+    if not system.ng:
+        return y
+    q, v = system.split(y)
+    U = system.inertia(t, q)
+    g, G = system.closures(None, t)
+    system.counts.state_projections += 1
+    move = 0.0
+    for _ in range(ITERATIONS):
+        if not tight and np.linalg.norm(g) <= ROUNDING * (1 + np.abs(q).max()):
+            break
+        x = _smallest(U, G, g)
+        move = float(np.abs(x).max())
+        nearer = system.manifold.integrate(q, -x)
+        residual = system.closures(nearer, t)
+        if not np.linalg.norm(residual[0]) < 0.5 * np.linalg.norm(g):
+            break
+        q, (g, G) = nearer, residual
+    if not np.linalg.norm(g) <= OPEN and not move <= STALLED * (1 + np.abs(q).max()):
+        gap = widest(system.mechanism, g)
+        raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
+    rate = G @ v + system.g_t(t)
+    if tight or np.linalg.norm(rate) > ROUNDING * (1 + np.abs(v).max()):
+        v = v - _smallest(U, G, rate)
+    return np.concatenate([q, v, y[system.nq + system.nv :]])
+
+
+def _smallest(U: Array, G: Array, r: Array) -> Array:
+    """The x (nv,) of least |U x| with G x = r (ng,), in the sense of truncated least squares."""
+    B = dgesv(U.T, G.T)[2]
+    return dgesv(U, np.linalg.lstsq(B.T, r, rcond=TRUNCATION)[0])[2]

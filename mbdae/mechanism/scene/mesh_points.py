@@ -1,0 +1,121 @@
+"""Where the points of a mesh file are, for the size of a scene; the file itself is drawn by the page.
+
+The formats are read here: libraries for meshes do not return from every damaged file.
+"""
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError
+from ..formats.schema import HUGE
+
+NUMBERS = rb"[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)"
+TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+MOST = 10_000  # nodes and instances of a .dae, which may refer to each other
+
+
+def points_of(path: Path) -> np.ndarray:
+    """The points of a .stl, .obj or .dae file, (n, 3), in the unit and axes that the file has.
+
+    Raises:
+        InputError: for a file without points, or with some that are not finite.
+    """
+    data = path.read_bytes()
+    try:
+        match path.suffix.lower():
+            case ".stl":
+                points = _stl(data)
+            case ".obj":
+                points = np.array(re.findall(rb"^[ \t]*v" + NUMBERS, data, re.MULTILINE), dtype="S").astype(float)
+            case _:
+                points = _Collada(ET.fromstring(data)).points()
+    except (ValueError, LookupError, ET.ParseError, RecursionError) as e:
+        raise InputError(f"mesh {path.name!r} is damaged: {' '.join(str(e).split())[:100]}") from None
+    if not points.size or not (np.abs(points) <= HUGE).all():
+        raise InputError(f"mesh {path.name!r} has no points, or some that are not finite, or beyond {HUGE:g}")
+    return points
+
+
+def _stl(data: bytes) -> np.ndarray:
+    count = int.from_bytes(data[80:84], "little")
+    if len(data) >= 84 + count * TRIANGLE.itemsize and not (data[:5] == b"solid" and b"vertex" in data):
+        return np.frombuffer(data, TRIANGLE, count, 84)["corners"].reshape(-1, 3).astype(float)
+    return np.array(re.findall(rb"vertex" + NUMBERS, data), dtype="S").astype(float)
+
+
+class _Collada:
+    """A .dae file: its geometries, and the nodes that place them."""
+
+    def __init__(self, root: ET.Element) -> None:
+        for element in root.iter():
+            element.tag = element.tag.rpartition("}")[2]  # its namespace says the version
+        self.root, self.made = root, 0
+        self.named = {element.get("id", ""): element for element in root.iter() if element.get("id")}
+
+    def points(self) -> np.ndarray:
+        """All points, as the scene places them."""
+        scene = self.root.find("scene/instance_visual_scene")
+        nodes = self._target(scene).findall("node") if scene is not None else []
+        found = [p for node in nodes for p in self._node(node, np.eye(4))]
+        return np.concatenate(found) if found else np.empty((0, 3))
+
+    def _node(self, node: ET.Element, place: np.ndarray) -> list[np.ndarray]:
+        self.made += 1
+        if self.made > MOST:
+            raise ValueError(f"more than {MOST} nodes")
+        out = []
+        for x in node:
+            place = place @ _transform(x)
+        for x in node:
+            if x.tag == "node":
+                out += self._node(x, place)
+            elif x.tag == "instance_node":
+                out += self._node(self._target(x), place)
+            elif x.tag == "instance_geometry":
+                points = self._geometry(self._target(x))
+                out.append(points @ place[:3, :3].T + place[:3, 3])
+        return out
+
+    def _geometry(self, geometry: ET.Element) -> np.ndarray:
+        self.made += 1
+        place = geometry.find("mesh/vertices/input[@semantic='POSITION']")
+        if place is None:
+            return np.empty((0, 3))
+        source = self._target(place, "source")
+        numbers, accessor = source.find("float_array"), source.find("technique_common/accessor")
+        if numbers is None:
+            raise ValueError("a geometry has no points")
+        stride = int(accessor.get("stride", "3")) if accessor is not None else 3
+        values = _numbers(numbers)
+        return values[: len(values) // stride * stride].reshape(-1, stride)[:, :3] if stride >= 3 else np.empty((0, 3))
+
+    def _target(self, element: ET.Element, key: str = "url") -> ET.Element:
+        return self.named[element.get(key, "").removeprefix("#")]
+
+
+def _numbers(x: ET.Element) -> np.ndarray:
+    values = np.array((x.text or "").split(), float)
+    if not (np.abs(values) <= HUGE).all():
+        raise ValueError(f"numbers of <{x.tag}> are not finite, or beyond {HUGE:g}")
+    return values
+
+
+def _transform(x: ET.Element) -> np.ndarray:
+    """The (4, 4) matrix of an element of a node; the unit matrix for one that does not place anything."""
+    out = np.eye(4)
+    if x.tag not in ("matrix", "translate", "rotate", "scale"):
+        return out
+    values = _numbers(x)
+    if x.tag == "matrix":
+        return values.reshape(4, 4)
+    if x.tag == "translate":
+        out[:3, 3] = values
+    elif x.tag == "scale":
+        out[:3, :3] = np.diag(values)
+    else:
+        out[:3, :3] = pin.exp3(np.radians(values[3]) * values[:3] / (np.linalg.norm(values[:3]) or 1.0))
+    return out

@@ -1,0 +1,139 @@
+"""Meshes: the bytes of their files, so that colours and textures survive, or else their triangles."""
+
+import re
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import coal
+import numpy as np
+
+from ...errors import InputError
+from ..places import package_of
+from .mesh_points import points_of
+from .shapes import mesh
+
+FILE_FORMATS = ("dae", "obj", "stl")
+LIBRARY = rb"^[ \t]*mtllib[ \t]+(.+?)\s*$"
+KEYWORDS = rb"newmtl|K[adse]|N[si]|d|T[rf]|illum|sharpness|P[rmsc]|Pcr|aniso\w*|map_\w+|bump|disp|decal|norm|refl"
+MATERIAL = re.compile(rb"^[ \t]*(?:" + KEYWORDS + rb")[ \t].*$", re.MULTILINE)
+PICTURES = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*")  # how images begin
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles, as their file has them or as arrays; bodies that share a mesh share the object.
+
+    Attributes:
+        format: ``"dae"``, ``"obj"`` or ``"stl"`` for the bytes of a file, ``"triangles"`` for arrays.
+        data: the file's bytes, empty for arrays.
+        companions: what the file refers to (material libraries, textures) by the name it uses; empty for
+            what is missing.
+        vertices: (n, 3) for arrays [m], otherwise empty.
+        faces: (m, 3) indices into ``vertices``, otherwise empty.
+    """
+
+    format: str
+    data: bytes = b""
+    companions: Mapping[str, bytes] = field(default_factory=dict)
+    vertices: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    faces: np.ndarray = field(default_factory=lambda: np.empty((0, 3), dtype=int))
+
+
+def read_mesh(name: str, path: Path) -> Mesh:
+    """Reads a mesh file whose format is one of ``FILE_FORMATS``, and what it refers to.
+
+    Args:
+        name: of the visual, for messages.
+        path: the file.
+
+    Returns:
+        The mesh; a material library or texture that is missing, stands outside of the mesh's package or is something
+        else is empty, and warned of. Of a material library only what says materials is taken.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    kind = path.suffix[1:].lower()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"visual {name!r}: cannot read {path}: {error.strerror}") from error
+    companions: dict[str, bytes] = {}
+    if kind == "dae":
+        _add_companions(companions, path, rb"<init_from>([^<]+\.\w+)</init_from>", data, _picture)
+    elif kind == "obj":
+        _add_companions(companions, path, LIBRARY, data, _materials)
+        for library in list(companions.values()):
+            _add_companions(companions, path, rb"^\s*map_\w+[ \t]+(.+?)\s*$", library, _picture)
+    missing = sorted(companion for companion, found in companions.items() if not found)
+    if missing:
+        warnings.warn(f"visual {name!r} is drawn without {', '.join(missing)}: not found beside the mesh", stacklevel=2)
+    return Mesh(kind, data, companions)
+
+
+def triangles(name: str, geometry: coal.CollisionGeometry) -> Mesh:
+    """Takes the triangles that coal holds.
+
+    Args:
+        name: of the visual, for messages.
+        geometry: a mesh or a convex body.
+
+    Returns:
+        The mesh as arrays.
+
+    Raises:
+        InputError: the geometry has no triangles.
+    """
+    if isinstance(geometry, coal.BVHModelBase):
+        vertices, count, face = geometry.vertices(), geometry.num_tris, geometry.tri_indices
+    elif isinstance(geometry, coal.Convex):
+        vertices, count, face = geometry.points(), geometry.num_polygons, geometry.polygons
+    else:
+        valid = "box, sphere, ellipsoid, cylinder, cone, capsule, mesh"
+        raise InputError(
+            f"visual {name!r} is a {type(geometry).__name__} and cannot be drawn; valid: {valid}"
+        )
+    faces = np.array([[face(k)[i] for i in range(3)] for k in range(count)], dtype=int)
+    return Mesh("triangles", vertices=np.array(vertices), faces=faces)
+
+
+def stand_in(path: Path, scale: np.ndarray) -> coal.BVHModelOBBRSS:
+    """What has the bounds of a mesh file, scaled; the points count that no face has, too.
+
+    Raises:
+        InputError: for a file that is damaged, or of a format that is not drawn.
+    """
+    if path.suffix[1:].lower() not in FILE_FORMATS:
+        raise InputError(f"mesh {path.name!r} is not drawn; known: {', '.join('.' + f for f in FILE_FORMATS)}")
+    points = points_of(path) * scale
+    low, high = points.min(axis=0), points.max(axis=0)
+    return mesh(np.array([low, [low[0], high[1], high[2]], high]), np.array([[0, 1, 2]]))
+
+
+def _add_companions(
+    companions: dict[str, bytes], path: Path, pattern: bytes, text: bytes, needed: Callable[[bytes], bytes]
+) -> None:
+    for found in re.findall(pattern, text, re.MULTILINE):
+        name = found.decode("utf-8", errors="replace")
+        file = _companion(path, name)
+        companions[name] = needed(file.read_bytes()) if file else b""
+
+
+def _companion(path: Path, name: str) -> Path | None:
+    """The file in the package of a mesh that the mesh calls by a name."""
+    try:
+        file, package = (path.parent / name).resolve(), package_of(path.resolve().parent)
+        return file if file.is_file() and file.is_relative_to(package) else None
+    except (OSError, ValueError, RuntimeError):  # not a path, or links that lead to each other
+        return None
+
+
+def _materials(data: bytes) -> bytes:
+    return b"\n".join(MATERIAL.findall(data))
+
+
+def _picture(data: bytes) -> bytes:
+    bitmap = data.startswith(b"BM") and int.from_bytes(data[2:6], "little") == len(data)
+    return data if data.startswith(PICTURES) or bitmap or (data[:4], data[8:12]) == (b"RIFF", b"WEBP") else b""

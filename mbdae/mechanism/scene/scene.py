@@ -1,0 +1,205 @@
+"""What a mechanism looks like: plain shapes, and where each of them is at a configuration.
+
+Nothing here draws. A `Scene` is data that any viewer can show without knowing Pinocchio: the shapes
+once, and `Scene.placements(q)` for every instant.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError
+from ..workspace import make_data
+from . import stick_figure as sticks
+from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
+
+Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
+
+
+class Mark(NamedTuple):
+    """A closure to be shown: its two anchors, which coincide while the loop is closed; or a spring between two points.
+
+    Attributes:
+        name: the closure's or spring's name.
+        first: joint and placement of the first anchor.
+        second: joint and placement of the second anchor.
+        rod: length of the massless rod of a distance closure [m], 0 for none; rest length of a spring.
+    """
+
+    name: str
+    first: Anchor
+    second: Anchor
+    rod: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One rigid thing to draw, in its own frame (axes of symmetry along z).
+
+    Attributes:
+        name: unique within a scene.
+        role: ``"visual"``, ``"link"``, ``"joint"``, ``"ground"``, ``"closure"`` or ``"force"``.
+        kind: ``"box"``, ``"sphere"``, ``"ellipsoid"``, ``"cylinder"``, ``"cone"``, ``"capsule"`` or
+            ``"mesh"``.
+        size: [m] box: three edges; sphere: radius; ellipsoid: three radii; cylinder, cone: radius and
+            length; capsule: radius and length between the centres of its caps; mesh: empty.
+        rgba: colour, each in [0, 1]; None: a mesh keeps the colours of its file.
+        bounds: (2, 3) lower and upper corner of the shape, in its frame [m].
+        mesh: the triangles of a mesh.
+        scale: (3,) factors from the mesh's coordinates to metres, negative ones mirror.
+    """
+
+    name: str
+    role: str
+    kind: str
+    size: tuple[float, ...]
+    rgba: tuple[float, ...] | None
+    bounds: np.ndarray
+    mesh: Mesh | None = None
+    scale: tuple[float, ...] = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The shapes of a mechanism, and where they are.
+
+    Attributes:
+        shapes: what is drawn, n of them.
+    """
+
+    shapes: tuple[Shape, ...]
+    _model: pin.Model
+    _anchors: tuple[tuple[Anchor, ...], ...]  # one: fixed to a joint; two: from the first towards the second
+
+    def placements(self, q: np.ndarray) -> np.ndarray:
+        """Where the shapes are in the world.
+
+        Args:
+            q: (nq,) a configuration, or (m, nq) several.
+
+        Returns:
+            (n, 7) or (m, n, 7): x, y, z [m] and the unit quaternion x, y, z, w of each shape.
+
+        Raises:
+            InputError: q has another length.
+        """
+        q = np.asarray(q, dtype=float)
+        if q.ndim not in (1, 2) or q.shape[-1] != self._model.nq:
+            raise InputError(f"q must have shape ({self._model.nq},) or (m, {self._model.nq}), not {q.shape}")
+        data = make_data(self._model)
+        out = np.empty((*q.shape[:-1], len(self.shapes), 7))
+        for row, place in zip(np.atleast_2d(q), out.reshape(-1, len(self.shapes), 7), strict=True):
+            pin.forwardKinematics(self._model, data, row)
+            for k, anchors in enumerate(self._anchors):
+                ends = [data.oMi[joint] * placement for joint, placement in anchors]
+                here = ends[0] if len(ends) == 1 else _towards(ends[0], ends[1], self.shapes[k].size[1])
+                place[k] = pin.SE3ToXYZQUAT(here)
+        return out
+
+
+def make_scene(
+    model: pin.Model,
+    visual_model: pin.GeometryModel | None = None,
+    closures: Iterable[Mark] = (),
+    springs: Iterable[Mark] = (),
+) -> Scene:
+    """Builds the scene: the model's visuals, generated sticks for massive bodies without any, closures, springs.
+
+    Args:
+        model: the mechanism's tree.
+        visual_model: its visual geometry, or None.
+        closures: what to mark, and between which anchors.
+        springs: from point to point; each is drawn as two tubes that slide in each other, unless its rest length is 0.
+
+    Returns:
+        The scene.
+
+    Raises:
+        InputError: a mesh file cannot be read, or a visual is of a kind that cannot be drawn.
+    """
+    closures = tuple(closures)
+    meshes: dict[Path, Mesh] = {}
+    visuals = list(visual_model.geometryObjects) if visual_model is not None else []
+    shapes = [_shape("visual", g, meshes) for g in visuals]
+    points = [(int(j), p.translation) for mark in closures for j, p in (mark.first, mark.second)]
+    named = [f for f in model.frames if f.type == pin.FrameType.OP_FRAME and f.parentJoint]  # feet, tools, tips
+    points += [(int(f.parentJoint), f.placement.translation) for f in named]
+    corners = [
+        (int(g.parentJoint), g.placement.act(np.array(corner)))
+        for g, shape in zip(visuals, shapes, strict=True)
+        for corner in product(*shape.bounds.T)
+    ]
+    rods = [mark.rod for mark in closures if mark.rod > 0]
+    size = sticks.proportions(model, points, rods, corners)
+    parts = list(sticks.generate(model, points, size, {joint for joint, _ in corners}))
+    for mark in closures:
+        parts += sticks.closure_balls(mark.name, (mark.first, mark.second), size.width)
+    shapes += [_shape(role, g, meshes) for role, g in parts]
+    fixed = [*visuals, *(g for _, g in parts)]
+    anchors: list[tuple[Anchor, ...]] = [((int(g.parentJoint), g.placement),) for g in fixed]
+    for mark in closures:
+        if mark.rod > 0:
+            shapes.append(_shape("closure", sticks.rod(mark.name, mark.rod, size.width), meshes))
+            anchors.append((mark.first, mark.second))
+    for mark in springs:
+        both = (mark.first, mark.second), (mark.second, mark.first)
+        for tube, ends in zip(sticks.tubes(mark.name, mark.rod, size.width), both, strict=False):
+            shapes.append(_shape("force", tube, meshes))
+            anchors.append(ends)
+    return Scene(tuple(_uniquely_named(shapes)), model, tuple(anchors))
+
+
+def _towards(first: pin.SE3, second: pin.SE3, length: float) -> pin.SE3:
+    """The middle of a rod of some length that begins at a point and leads towards another, with z along it."""
+    d = second.translation - first.translation
+    turn = pin.Quaternion.FromTwoVectors(pin.ZAxis, d) if d.any() else pin.Quaternion.Identity()
+    return pin.SE3(turn, first.translation + turn * np.array([0.0, 0.0, length / 2]))
+
+
+def _uniquely_named(shapes: Iterable[Shape]) -> Iterable[Shape]:
+    taken: set[str] = set()
+    for shape in shapes:
+        name, k = shape.name, 1
+        while name in taken:
+            name, k = f"{shape.name} {k + 1}", k + 1
+        taken.add(name)
+        yield replace(shape, name=name)
+
+
+def _shape(role: str, g: pin.GeometryObject, meshes: dict[Path, Mesh]) -> Shape:
+    geometry = g.geometry
+    geometry.computeLocalAABB()
+    box = geometry.aabb_local
+    bounds = np.array([box.min_, box.max_])
+    rgba = tuple(float(c) for c in np.clip(g.meshColor, 0, 1))
+    solid = _primitive(geometry)
+    if solid is not None:
+        return Shape(g.name, role, *solid, rgba, bounds)
+    path = Path(g.meshPath)
+    if path.suffix[1:].lower() in FILE_FORMATS:
+        if path not in meshes:
+            meshes[path] = read_mesh(g.name, path)
+        mesh = meshes[path]
+        own_colours = (mesh.format == "dae" or any(mesh.companions.values())) and not g.overrideMaterial
+        scale = tuple(float(s) for s in g.meshScale)
+        return Shape(g.name, role, "mesh", (), None if own_colours else rgba, bounds, mesh, scale)
+    return Shape(g.name, role, "mesh", (), rgba, bounds, triangles(g.name, geometry))
+
+
+def _primitive(geometry: Any) -> tuple[str, tuple[float, ...]] | None:
+    if isinstance(geometry, coal.Box):
+        return "box", tuple(2 * np.asarray(geometry.halfSide))
+    if isinstance(geometry, coal.Sphere):
+        return "sphere", (geometry.radius,)
+    if isinstance(geometry, coal.Ellipsoid):
+        return "ellipsoid", tuple(geometry.radii)
+    for kind, cls in (("cylinder", coal.Cylinder), ("cone", coal.Cone), ("capsule", coal.Capsule)):
+        if isinstance(geometry, cls):
+            return kind, (geometry.radius, 2 * geometry.halfLength)
+    return None

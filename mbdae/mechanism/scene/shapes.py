@@ -1,0 +1,139 @@
+"""Visual geometry as plain JSON data, without the files that it came from."""
+
+import base64
+import zlib
+from typing import Annotated, Any, Literal
+
+import coal
+import numpy as np
+import pinocchio as pin
+from pydantic import Field, ValidationError
+
+from ...errors import InputError
+from ..tables import Table, one_line
+
+Place = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
+SOLIDS = {  # kind: the shape of sizes, its sizes, and their number
+    "sphere": (coal.Sphere, lambda s: [s.radius], 1),
+    "capsule": (coal.Capsule, lambda s: [s.radius, 2 * s.halfLength], 2),
+    "cylinder": (coal.Cylinder, lambda s: [s.radius, 2 * s.halfLength], 2),
+    "ellipsoid": (coal.Ellipsoid, lambda s: list(s.radii), 3),
+    "box": (coal.Box, lambda s: list(2 * s.halfSide), 3),
+}
+LARGEST = 2**28  # bytes of points or of faces: what is packed may unpack to a thousand times its size
+Size = Annotated[float, Field(ge=0)]
+
+
+class _Mesh(Table):
+    points: str
+    faces: str
+
+
+class _Shape(Table):
+    name: str
+    joint: int = Field(ge=0)
+    placement: Place
+    rgba: tuple[float, float, float, float]
+    kind: Literal["sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh"]
+    size: tuple[Size, ...] = ()
+    mesh: int | None = Field(default=None, ge=0)
+
+
+class _Visuals(Table):
+    shapes: tuple[_Shape, ...]
+    meshes: tuple[_Mesh, ...]
+
+
+def pack(visuals: pin.GeometryModel) -> dict[str, Any]:
+    """Write solids and triangle meshes down; a mesh that several shapes share stands once."""
+    shapes: list[dict[str, Any]] = []
+    meshes: list[dict[str, str]] = []
+    numbers: dict[tuple[str, str], int] = {}
+    for g in visuals.geometryObjects:
+        shape: dict[str, Any] = {
+            "name": g.name,
+            "joint": int(g.parentJoint),
+            "placement": g.placement.homogeneous[:3].ravel().tolist(),
+            "rgba": g.meshColor.tolist(),
+        }
+        kind = next((k for k, (cls, *_) in SOLIDS.items() if isinstance(g.geometry, cls)), "")
+        if kind:
+            shape |= {"kind": kind, "size": [float(x) for x in SOLIDS[kind][1](g.geometry)]}
+        else:
+            points = g.geometry.vertices()
+            faces = [[g.geometry.tri_indices(k)[i] for i in range(3)] for k in range(g.geometry.num_tris)]
+            mesh = {"points": _packed(points, "<f4"), "faces": _packed(faces, "<i4")}
+            number = numbers.setdefault((mesh["points"], mesh["faces"]), len(meshes))
+            if number == len(meshes):
+                meshes.append(mesh)
+            shape |= {"kind": "mesh", "mesh": number}
+        shapes.append(shape)
+    return {"shapes": shapes, "meshes": meshes}
+
+
+def unpack(data: dict[str, Any], joints: int) -> pin.GeometryModel:
+    """Read what `pack` wrote; ``joints`` is the number of joints that may carry shapes.
+
+    Raises:
+        InputError: names what is wrong.
+    """
+    try:
+        visuals = _Visuals.model_validate(data)
+    except ValidationError as e:
+        raise InputError(f"visuals: {one_line(e, lambda path: [])}") from None
+    meshes = [_mesh(m) for m in visuals.meshes]
+    out = pin.GeometryModel()
+    for s in visuals.shapes:
+        if s.joint >= joints:
+            raise InputError(f"visuals: {s.name!r} is on joint {s.joint}, which does not exist")
+        if s.kind == "mesh":
+            if s.mesh is None or s.mesh >= len(meshes):
+                raise InputError(f"visuals: {s.name!r} is mesh {s.mesh}, which does not exist")
+            geometry = meshes[s.mesh]
+        else:
+            solid, _, count = SOLIDS[s.kind]
+            if len(s.size) != count:
+                raise InputError(f"visuals: {s.name!r} has {len(s.size)} sizes, a {s.kind} has {count}")
+            geometry = solid(*s.size)
+        place = np.array(s.placement).reshape(3, 4)
+        g = pin.GeometryObject(s.name, s.joint, pin.SE3(place[:, :3], place[:, 3]), geometry)
+        g.meshColor = np.array(s.rgba)
+        out.addGeometryObject(g)
+    return out
+
+
+def mesh(points: np.ndarray, faces: np.ndarray) -> coal.BVHModelOBBRSS:
+    """A mesh of points (n, 3) in m and faces (m, 3)."""
+    out = coal.BVHModelOBBRSS()
+    out.beginModel(len(faces), len(points))
+    out.addVertices(np.array(points, float))
+    out.addTriangles(np.array(faces, int))
+    out.endModel()
+    return out
+
+
+def _packed(array: Any, kind: str) -> str:
+    return base64.b85encode(zlib.compress(np.asarray(array, kind).tobytes())).decode()
+
+
+def _mesh(packed: _Mesh) -> coal.BVHModelOBBRSS:
+    points, faces = _unpacked(packed.points, "<f4"), _unpacked(packed.faces, "<i4")
+    if not np.isfinite(points).all() or (len(faces) and not 0 <= faces.min() <= faces.max() < len(points)):
+        raise InputError(f"visuals: a mesh of {len(points)} points has others, or some that are not finite")
+    return mesh(points, faces)
+
+
+def _unpacked(text: str, kind: str) -> np.ndarray:
+    """Rows of three numbers.
+
+    Raises:
+        InputError: for a text that holds something else, or more than `LARGEST` bytes.
+    """
+    stream = zlib.decompressobj()
+    try:
+        data = stream.decompress(base64.b85decode(text), LARGEST)
+    except (ValueError, zlib.error) as e:
+        raise InputError(f"visuals: a mesh cannot be unpacked: {e}") from None
+    if not stream.eof or len(data) % 12:
+        raise InputError(f"visuals: a mesh is cut off, or has more than {LARGEST} bytes")
+    return np.frombuffer(data, kind).reshape(-1, 3)

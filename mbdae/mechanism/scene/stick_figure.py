@@ -1,0 +1,214 @@
+"""Stick figures: generated links, joints and marks for what has no visual geometry of its own.
+
+A body is a star of links from its joint to the joints of its children and to the anchors of closures; a
+body that ends a branch reaches to its centre of mass. Revolute joints are cylinders along their axis,
+prismatic ones boxes on a rail, all others balls.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from ..formats.tree import subspace
+from ..workspace import make_data
+
+Point = tuple[int, np.ndarray]  # a joint, and a point fixed in its frame [m]
+Part = tuple[str, pin.GeometryObject]  # its role, and the geometry
+
+LINK_COLOURS = ("#4e79a7", "#59a14f", "#b07aa1", "#499894", "#9c755f", "#7c7cc0")
+JOINT_COLOUR, GROUND_COLOUR = "#33383f", "#878d96"
+CLOSURE_COLOURS = ("#f28e2b", "#e0263c")
+
+
+class Proportions(NamedTuple):
+    """How large things are: ``extent`` of the whole mechanism, ``width`` of a link's radius [m]."""
+
+    extent: float
+    width: float
+
+
+def proportions(
+    model: pin.Model,
+    points: Sequence[Point],
+    rods: Sequence[float] = (),
+    corners: Sequence[Point] = (),
+) -> Proportions:
+    """Measures the mechanism at its neutral configuration.
+
+    Args:
+        model: the tree.
+        points: further points that belong to it, anchors of closures for instance.
+        rods: lengths of rods between them [m].
+        corners: the extremities of its visual geometry.
+
+    Returns:
+        Lengths that are positive whatever the model is.
+    """
+    data = make_data(model)
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    massive = [i for i in range(1, model.njoints) if model.inertias[i].mass > 0]
+    local = [(i, np.zeros(3)) for i in range(1, model.njoints)]
+    local += [(i, model.inertias[i].lever) for i in massive]
+    local += [*points, *corners]
+    world = np.array([data.oMi[i].act(p) for i, p in local] or [np.zeros(3)])
+    extent = max(float(np.linalg.norm(np.ptp(world, axis=0))), *rods, 0.0)
+    if extent == 0.0:
+        gyration = [np.sqrt(np.trace(model.inertias[i].inertia) / model.inertias[i].mass) for i in massive]
+        extent = 2 * max(gyration, default=0.0) or 1.0
+    if corners:
+        return Proportions(extent, 0.006 * extent)
+    ends = [p for i in range(1, model.njoints) for p in _ends(model, i, points)]
+    typical = float(np.median([*map(np.linalg.norm, ends), *rods])) if ends or rods else extent
+    return Proportions(extent, float(np.clip(0.008 * extent, 0.02 * typical, 0.12 * typical)))
+
+
+def generate(model: pin.Model, points: Sequence[Point], size: Proportions, seen: Collection[int]) -> Iterator[Part]:
+    """Draws the bodies that have no visual geometry.
+
+    Args:
+        model: the tree.
+        points: points that bodies reach to besides their children, the anchors of closures.
+        size: lengths to draw with.
+        seen: joints whose bodies have visuals. When there are any, bodies without mass are left out.
+
+    Yields:
+        Role and geometry, fixed to joints; role is ``"ground"``, ``"joint"`` or ``"link"``.
+    """
+    shown = [i for i in range(1, model.njoints) if i not in seen and (not seen or model.inertias[i].mass > 0)]
+    subspaces = _motion_subspaces(model)
+    grounded = [i for i in shown if model.parents[i] == 0 and subspaces[i][3:].any() and model.nvs[i] < 6]
+    feet = [model.jointPlacements[i] for i in grounded]
+    feet += [pin.SE3(np.eye(3), p) for j, p in points if j == 0 and not seen]
+    edge = 4.2 * size.width
+    for foot in _distinct(feet):
+        yield _part("ground", "ground", 0, foot, coal.Box(edge, edge, edge), GROUND_COLOUR)
+    for i in shown:
+        yield from _joint(model, i, subspaces[i], points, size)
+        yield from _body(model, i, points, size)
+
+
+def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: float) -> list[Part]:
+    """Two balls, the second hidden in the first as long as the anchors coincide."""
+    return [
+        _part("closure", f"{name} {k}", joint, placement, coal.Sphere(radius * width), colour)
+        for (joint, placement), k, radius, colour in zip(anchors, "ab", (2.2, 1.7), CLOSURE_COLOURS, strict=True)
+    ]
+
+
+def rod(name: str, length: float, width: float) -> pin.GeometryObject:
+    """The rod of a distance closure, in its own frame along z."""
+    shape = coal.Cylinder(0.6 * width, length)
+    return _part("closure", f"{name} rod", 0, pin.SE3.Identity(), shape, CLOSURE_COLOURS[0])[1]
+
+
+def tubes(name: str, length: float, width: float) -> list[pin.GeometryObject]:
+    """The two tubes of a spring of some rest length, each in its own frame along z; none for a length of 0."""
+    part, still = 0.55 * length, pin.SE3.Identity()
+    sizes = ((0.8 * width, JOINT_COLOUR), (0.45 * width, GROUND_COLOUR)) if length > 0 else ()
+    return [_part("force", name, 0, still, coal.Cylinder(radius, part), colour)[1] for radius, colour in sizes]
+
+
+def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) -> Iterator[Part]:
+    name, colour, width = model.names[i], LINK_COLOURS[i % len(LINK_COLOURS)], size.width
+    inertia = model.inertias[i]
+    ends = _ends(model, i, points)
+    for end in ends:
+        yield _part("link", f"{name} link", i, _along(end / 2, end), _capsule(end, width), colour)
+    if ends or inertia.mass <= 0:
+        return
+    com = inertia.lever
+    if np.linalg.norm(com) > 3 * width:
+        yield _part("link", f"{name} link", i, _along(com / 2, com), _capsule(com, width), colour)
+        ball = coal.Sphere(2.5 * width)
+        yield _part("link", f"{name} mass", i, pin.SE3(np.eye(3), com), ball, colour)
+        return
+    moments, axes = np.linalg.eigh(inertia.inertia)
+    if np.linalg.det(axes) < 0:
+        axes = -axes
+    edges = np.sqrt(np.maximum(6 / inertia.mass * (moments.sum() - 2 * moments), 0.0))
+    solid = coal.Box(*np.maximum(edges, 2 * width)) if edges.max() > 4 * width else coal.Sphere(3 * width)
+    yield _part("link", f"{name} body", i, pin.SE3(axes, com), solid, colour)
+
+
+def _joint(
+    model: pin.Model, i: int, subspace: np.ndarray, points: Sequence[Point], size: Proportions
+) -> Iterator[Part]:
+    name, width, (linear, angular) = model.names[i], size.width, np.split(subspace, 2)
+    if model.nvs[i] == 6:
+        return
+    if model.nvs[i] != 1:
+        ball = coal.Sphere(1.9 * width)
+        yield _part("joint", name, i, pin.SE3.Identity(), ball, JOINT_COLOUR)
+        return
+    if angular.any():
+        cylinder = coal.Cylinder(1.8 * width, 6 * width)
+        yield _part("joint", name, i, _along(np.zeros(3), angular[:, 0]), cylinder, JOINT_COLOUR)
+        return
+    axis = _along(np.zeros(3), linear[:, 0])
+    box = coal.Box(3.6 * width, 3.6 * width, 7 * width)
+    yield _part("joint", name, i, axis, box, JOINT_COLOUR)
+    low, high = _travel(model, i, linear[:, 0], points, size)
+    rail = pin.SE3(np.eye(3), np.array([0, 0, (low + high) / 2]))
+    where = model.jointPlacements[i] * axis * rail
+    shape = coal.Cylinder(0.5 * width, max(high - low, width))
+    yield _part("ground", f"{name} rail", model.parents[i], where, shape, GROUND_COLOUR)
+
+
+def _travel(
+    model: pin.Model, i: int, axis: np.ndarray, points: Sequence[Point], size: Proportions
+) -> tuple[float, float]:
+    """Where the rail of a sliding joint begins and ends [m].
+
+    Its limits say so. Without limits a rail on the ground is as long as the mechanism, one on a body reaches as far as
+    the body does, or, where that is nowhere, as far as what slides.
+    """
+    k, parent = model.idx_qs[i], model.parents[i]
+    limits = model.lowerPositionLimit[k], model.upperPositionLimit[k]
+    if parent and np.abs(limits).min() > size.extent:  # an unlimited joint has the largest number, not infinity
+        place = model.jointPlacements[i].inverse()
+        reach = [axis @ place.act(p) for p in (np.zeros(3), *_ends(model, parent, points))]
+        if np.ptp(reach) < size.width:
+            reach += [axis @ p for p in _ends(model, i, points)]
+        if np.ptp(reach) > size.width:
+            return min(reach), max(reach)
+    low, high = np.clip(limits, -size.extent, size.extent)
+    return float(low), float(high)
+
+
+def _ends(model: pin.Model, i: int, points: Sequence[Point]) -> list[np.ndarray]:
+    """Where the links of body i lead, apart from its own joint [m]."""
+    ends = [model.jointPlacements[c].translation for c in model.children[i]]
+    ends += [p for j, p in points if j == i]
+    far = [pin.SE3(np.eye(3), p) for p in ends if np.linalg.norm(p) > 1e-9]
+    return [placement.translation for placement in _distinct(far)]
+
+
+def _distinct(placements: Iterable[pin.SE3]) -> list[pin.SE3]:
+    kept: list[pin.SE3] = []
+    for placement in placements:
+        if not any(np.allclose(placement.translation, k.translation, rtol=1e-6, atol=1e-12) for k in kept):
+            kept.append(placement)
+    return kept
+
+
+def _motion_subspaces(model: pin.Model) -> list[np.ndarray]:
+    """(6, nv) per joint: linear, then angular velocity in the joint's frame at the neutral configuration."""
+    return [np.empty((6, 0)), *(subspace(joint) for joint in list(model.joints)[1:])]
+
+
+def _along(origin: np.ndarray, direction: np.ndarray) -> pin.SE3:
+    """A frame whose z points along a direction."""
+    return pin.SE3(pin.Quaternion.FromTwoVectors(pin.ZAxis, np.array(direction)), np.array(origin))
+
+
+def _capsule(end: np.ndarray, width: float) -> coal.Capsule:
+    return coal.Capsule(width, float(np.linalg.norm(end)))
+
+
+def _part(role: str, name: str, joint: int, placement: pin.SE3, shape: coal.CollisionGeometry, colour: str) -> Part:
+    geometry = pin.GeometryObject(name, int(joint), placement, shape)
+    geometry.meshColor = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)] + [1.0])
+    return role, geometry

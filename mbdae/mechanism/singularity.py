@@ -1,0 +1,158 @@
+"""Singular configurations: where closures lose rank, and a motion could go on along several branches."""
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg.lapack import dgesv
+
+from .closures import independent_rows as rowmath
+from .formulations.compiled import Compiled
+from .reactions import scaled
+
+if TYPE_CHECKING:
+    from .formulations.index2 import Descriptor
+
+Array = np.ndarray
+SINGULAR = 1e-5  # ratio of pivots, of its usual size, where positions are kept: interpolation finds no smaller for sure
+NEARLY = 1e-2  # what open loops may add to it: where they stand open so wide, a run is of another mechanism
+ROUND = 5.0  # times the square root of the gap: how far from a singular configuration the way round it may pass
+SHARE = 1e-3  # of a closure's rows in a combination that vanishes
+TURN = 1e-4  # of a step: far enough to see the tangent space turn
+
+
+@dataclass(frozen=True)
+class Singular:
+    """A configuration on the way in which the closures lose rank.
+
+    Attributes:
+        t: time in s.
+        q: configuration, (nq,).
+        v: velocity, (nv,).
+        rank: of the closures before and after.
+        rank_there: rank in this configuration.
+        closures: names of those whose rows depend on each other there, and not elsewhere.
+    """
+
+    t: float
+    q: tuple[float, ...]
+    v: tuple[float, ...]
+    rank: int
+    rank_there: int
+    closures: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        n, names = len(self.closures), self.closures
+        where = ", ".join(names) if n <= 4 else f"{n} closures from {names[0]} to {names[-1]}"
+        return f"rank {self.rank} falls to {self.rank_there} at t = {self.t:.9g} s ({where})"
+
+
+def ratio(system: "Descriptor", t: float, y: Array) -> float:
+    """Smallest pivot of the independent rows of G M^-1/2 to the largest: 0 in a singular configuration."""
+    found = system.ratio(system.split(y)[0]) if isinstance(system, Compiled) else None
+    if found is not None:
+        return found
+    diagonal = rowmath.pivots(scaled(system, t, system.split(y)[0]).T)[1]
+    return float(diagonal[(system.rank or 1) - 1] / diagonal[0])
+
+
+def singular(
+    system: "Descriptor", t: float, y: Array, before: tuple[float, Array], limit: float
+) -> Singular | None:
+    """Say whether the closures lose rank at (t, y): where pivots are smaller than ``limit`` times the largest.
+
+    Args:
+        system: a workspace; its rank is that of the run.
+        t: time where the pivots are smallest.
+        y: the point there.
+        before: time and point a little earlier, where nothing is singular.
+        limit: the ratio of pivots that counts as none.
+    """
+    q, v = system.split(y)
+    here, there = (scaled(system, *point) for point in ((before[0], system.split(before[1])[0]), (t, q)))
+    pivots = rowmath.pivots(there.T)[1]
+    small = pivots <= limit * pivots[0]
+    rank = system.rank or 0
+    if not rank or not small[rank - 1]:
+        return None
+    rows = _shares(there, int((~small).sum())) - _shares(here, rank)
+    names = [system.mechanism.row_closure(int(i)) for i in np.flatnonzero(rows > SHARE)]
+    found = tuple(q.tolist()), tuple(v.tolist()), rank, int((~small).sum()), tuple(dict.fromkeys(names))
+    return Singular(t, *found)
+
+
+def open_limit(system: "Descriptor", t: float, y: Array, usual: float, gap: float) -> float:
+    """The ratio of pivots that a singular configuration may have in a run with |g| up to ``gap``.
+
+    Rows that a loop has drifted open by ``gap`` keep apart from each other by its square root: a smallest pivot below
+    that may be a singular configuration, or the way round one on either branch.
+
+    Args:
+        system: a workspace.
+        t: time.
+        y: a point nearby.
+        usual: the ratio of pivots elsewhere, where nothing is singular.
+        gap: largest |g| nearby, in m or rad.
+    """
+    size = float(np.abs(system.closures(system.split(y)[0])[1]).max())
+    return usual * min(NEARLY, SINGULAR + ROUND * np.sqrt(gap / size))
+
+
+def crossing(system: "Descriptor", t: float, y: Array, limit: float, allowed: float) -> bool:
+    """Say whether closed loops meet a singular configuration near (t, y), where their rows nearly do.
+
+    Bars that lie in a line with a gap pass it on a bend of radius sqrt(gap): the combination of rows that vanishes
+    keeps a residual when the others are met.
+
+    Args:
+        system: a workspace.
+        t: time.
+        y: a point with rows that nearly depend on each other.
+        limit: the ratio of singular values that counts as none.
+        allowed: residual, relative to the size of G.
+    """
+    q, _ = system.split(y)
+    for _ in range(2):
+        U = system.inertia(t, q)
+        g, G = system.closures(None, t)
+        B = dgesv(U.T, G.T)[2]
+        q = system.manifold.integrate(q, -dgesv(U, np.linalg.lstsq(B.T, g, rcond=limit)[0])[2])
+    g, G = system.closures(q, t)
+    return bool(np.abs(g).max() <= allowed * np.abs(G).max())
+
+
+def tangent(system: "Descriptor", t: float, y: Array) -> Array:
+    """Unit vectors (nv, k) along which the closed mechanism can move, in the mass metric; its velocity if it is driven.
+
+    They are the null space of G M^-1/2, and turn smoothly along a motion; on another branch they are others.
+    """
+    q, v = system.split(y)
+    G = scaled(system, t, q)
+    rank = system.rank or 0
+    if rank == system.nv:
+        u = np.triu(system.inertia(t, q)) @ v
+        return u[:, None] / max(float(np.linalg.norm(u)), np.finfo(float).tiny)
+    return np.linalg.svd(G)[2][rank:].T
+
+
+def turned(before: Array, after: Array) -> float:
+    """The largest angle between two tangent spaces, in rad."""
+    return float(np.arccos(np.clip(np.linalg.svd(before.T @ after, compute_uv=False).min(initial=1.0), 0.0, 1.0)))
+
+
+def turning(system: "Descriptor", t: float, y: Array, dt: float) -> float:
+    """How fast the tangent space turns along the motion, in rad/s."""
+    q, v = system.split(y)
+    d = dt * TURN
+    moved = np.concatenate([system.manifold.integrate(q, d * v), y[system.nq :]])
+    return turned(tangent(system, t, y), tangent(system, t + d, moved)) / abs(d)
+
+
+def _shares(G: Array, rank: int) -> Array:
+    """How much each row takes part in the combinations of rows that vanish, (ng,), for the given rank."""
+    left = np.linalg.svd(G)[0]
+    return (left[:, rank:] ** 2).sum(axis=1)

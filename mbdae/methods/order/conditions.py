@@ -1,0 +1,113 @@
+"""Order conditions of half-explicit and Radau IIA methods, checked exactly on the trees of index-2 theory.
+
+With the elementary weights phi, psi of a tableau (`mbdae.methods.order.weights`) and the trees of DAT2
+
+    y_1:    b . phi(t) = 1 / gamma(t)     for all t in DAT2_y with rho(t) <= p      gives order p of y
+    own z:  psi_n(u)   = 1 / gamma(u)     for all u in DAT2_z with rho(u) <= m - 1  gives order m of Z_n
+
+(with p >= m, and for a carried z with |w_n1| < 1). Trees in which a vertex has two fat sons drop out when f
+is linear in z, as in mechanics. Sources: Hairer, Lubich and Roche 1989, chapter 5; A. Murua, Computing 59
+(1997).
+"""
+
+from collections.abc import Callable, Iterable
+from fractions import Fraction
+from functools import cache
+from math import prod
+
+from ..exact import Number, exact
+from ..radau import Method
+from ..tableau import Row
+from .assumptions import assumptions
+from .report import Check, ConditionReport, Embedded, Failure
+from .trees import Tree, iterate_y, trees_z
+from .weights import Weights
+
+ROUNDED = 1e-20
+"""A residual up to this counts as zero for tableaus whose decimals were rounded."""
+
+Weight = Callable[[Tree], Number]
+Trees = Callable[[int], Iterable[Tree]]
+
+
+def check_conditions(tableau: Method, max_order: int | None = None) -> ConditionReport:
+    """Check every order condition of a tableau up to one order above its claims.
+
+    Args:
+        tableau: the method.
+        max_order: highest order to look at; each claim plus one if left out. A claim above it is not met.
+
+    Returns:
+        The orders found, the first condition that fails above each, and the simplifying assumptions.
+    """
+    weights, b = Weights(tableau), tableau.exact_b
+    tolerance = ROUNDED if tableau.rounded else 0.0
+
+    def search(weight: Weight, trees: Trees, highest: int) -> Check:
+        return _search(weight, trees, max_order or highest, tolerance)
+
+    def embedded(name: str, row: Row) -> Embedded:
+        plain, moved = (lambda t: weights.sum(row, t)), _projected(weights, b, row)
+        checks = [search(f, trees, tableau.order) for f in (plain, moved) for trees in (iterate_y, _linear_y)]
+        return Embedded(name, checks[2 if tableau.project_embedded else 0], *checks)
+
+    own = _search(weights.last, trees_z, max_order - 1 if max_order else tableau.order_own, tolerance)
+    rows = {"b_embedded": tableau.b_embedded, "b_companion": tableau.b_companion}
+    claims = ("order", "order_linear", "order_own", "order_embedded")
+    return ConditionReport(
+        name=tableau.name,
+        y=search(lambda t: weights.sum(b, t), iterate_y, tableau.order + 1),
+        y_linear=search(lambda t: weights.sum(b, t), _linear_y, tableau.order_linear + 1),
+        own=Check(own.order + 1, own.trees, own.residual, own.failure),
+        w_last_1=float(weights.W[-1][0]) if tableau.explicit_first else None,
+        assumptions=assumptions(tableau, tolerance),
+        embedded=tuple(embedded(name, [exact(x) for x in row]) for name, row in rows.items() if row),
+        claims={key: getattr(tableau, key) for key in claims},
+        tolerance=tolerance,
+    )
+
+
+def _search(weight: Weight, trees: Trees, highest: int, tolerance: float) -> Check:
+    """Go through the conditions weight(t) = 1 / gamma(t) order by order until one fails."""
+    counted, largest = 0, 0.0
+    for order in range(1, highest + 1):
+        held = counted
+        for tree in trees(order):
+            left, right = weight(tree), 1 / tree.gamma
+            size = float(left - right)
+            if left - right and abs(size) > tolerance:
+                failure = Failure(str(tree), order, _short(left), str(right), size)
+                return Check(order - 1, held, largest, failure)
+            counted, largest = counted + 1, max(largest, abs(size))
+    return Check(highest, counted, largest, None)
+
+
+def _linear_y(order: int) -> Iterable[Tree]:
+    return (t for t in iterate_y(order) if t.linear)
+
+
+def _projected(weights: Weights, b: Row, row: Row) -> Weight:
+    """Elementary weights of y_0 + h sum row_i F_i + h f_z(y_1, z_1) mu, with mu such that it satisfies 0 = g.
+
+    The last term adds, for every fat son u_j of the root, the product over the other sons at (y_1, Z_n) times
+    the weight of u_j in mu; 0 = g makes the weight of [u]_y, u = [t_1..]_z, the product of those of the t_i.
+    """
+
+    @cache
+    def moved(tree: Tree) -> Number:
+        value = weights.sum(row, tree)
+        for j, u in enumerate(tree.sons_z):
+            others = [weights.sum(b, t) for t in tree.sons_y]
+            others += [weights.last(x) for x in tree.sons_z[:j] + tree.sons_z[j + 1 :]]
+            value = value + prod(others, start=Fraction(1)) * shift(u)
+        return value
+
+    @cache
+    def shift(u: Tree) -> Number:
+        return prod((moved(t) for t in u.sons_y), start=Fraction(1)) - weights.sum(row, u)
+
+    return moved
+
+
+def _short(x: Number) -> str:
+    return str(x) if len(str(x)) <= 40 else f"{float(x):.12g}"

@@ -1,0 +1,145 @@
+"""What the order conditions say of a tableau: small frozen results of `mbdae.methods.order.conditions`."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from .assumptions import Assumptions
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A condition that does not hold: the elementary weight ``left`` of a tree is not ``right`` = 1/gamma."""
+
+    tree: str
+    order: int
+    left: str
+    right: str
+    residual: float
+
+    def __str__(self) -> str:
+        return f"{self.tree} has {self.left}, not {self.right} (residual {self.residual:+.3g})"
+
+
+@dataclass(frozen=True)
+class Check:
+    """All conditions up to ``order`` hold.
+
+    Attributes:
+        order: the order found.
+        trees: how many conditions hold up to it.
+        residual: the largest residual among them; 0 unless coefficients are rounded.
+        failure: the first condition that fails at the next order; None if no higher order was looked at.
+    """
+
+    order: int
+    trees: int
+    residual: float
+    failure: Failure | None
+
+    def __str__(self) -> str:
+        counted = f"{self.order} ({self.trees} conditions" + (
+            f", to {self.residual:.0e})" if self.residual else ")"
+        )
+        return f"{counted}; then {self.failure}" if self.failure else f"{counted}; nothing higher was tried"
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """Orders of an embedded formula, as it stands and after projection onto 0 = g along f_z(y_1, z_1).
+
+    Attributes:
+        name: ``"b_embedded"`` or ``"b_companion"``.
+        used: the one of the other four that applies to the method (that for general f).
+    """
+
+    name: str
+    used: Check
+    y: Check
+    y_linear: Check
+    projected: Check
+    projected_linear: Check
+
+
+@dataclass(frozen=True)
+class ConditionReport:
+    """What the order conditions say of one tableau, next to what it claims.
+
+    Attributes:
+        name: the method.
+        y: conditions of y for general f.
+        y_linear: those that remain when f is linear in z.
+        own: conditions of the method's own z.
+        w_last_1: factor of the error of the carried z from one step to the next; None if nothing is carried.
+        assumptions: the simplifying assumptions that hold.
+        embedded: one entry for each embedded formula.
+        claims: claimed order, order_linear, order_own, order_embedded.
+        tolerance: residuals up to this counted as zero; 0 for exact coefficients.
+    """
+
+    name: str
+    y: Check
+    y_linear: Check
+    own: Check
+    w_last_1: float | None
+    assumptions: Assumptions
+    embedded: tuple[Embedded, ...]
+    claims: dict[str, int]
+    tolerance: float
+
+    @property
+    def order_y(self) -> int:
+        """Order of y for general f."""
+        return self.y.order
+
+    @property
+    def order_y_linear(self) -> int:
+        """Order of y for f linear in z."""
+        return self.y_linear.order
+
+    @property
+    def order_own(self) -> int:
+        """Order of the method's own z, never more than that of y."""
+        return min(self.own.order, self.y.order)
+
+    @property
+    def order_embedded(self) -> int:
+        """Order of the embedded formula as the method uses it; 0 without one."""
+        return self.embedded[0].used.order if self.embedded else 0
+
+    @property
+    def stable(self) -> bool:
+        """Errors of a carried z are damped: |w_n1| < 1."""
+        return self.w_last_1 is None or abs(self.w_last_1) < 1
+
+    @property
+    def holds(self) -> bool:
+        """Every claim is reached, and the carried z is stable."""
+        found = (self.order_y, self.order_y_linear, self.order_own, self.order_embedded)
+        names = ("order", "order_linear", "order_own", "order_embedded")
+        return self.stable and all(have >= self.claims[name] for have, name in zip(found, names, strict=True))
+
+    def __str__(self) -> str:
+        rounded = f" (rounded coefficients: residuals up to {self.tolerance:g} count as zero)"
+        lines = [
+            f"{self.name}: its claims {'hold' if self.holds else 'DO NOT HOLD'}"
+            + rounded * (self.tolerance > 0),
+            f"  y, any f            claimed {self.claims['order']}, found {self.y}",
+            f"  y, f linear in z    claimed {self.claims['order_linear']}, found {self.y_linear}",
+            f"  own z               claimed {self.claims['order_own']}, found {self.own}",
+        ]
+        if self.w_last_1 is not None:
+            state = "damped" if self.stable else "NOT DAMPED"
+            lines.append(f"  carried z           its error is {state}, factor {self.w_last_1:.4g} per step")
+        for formula in self.embedded:
+            lines.append(f"  {formula.name:<19} claimed {self._claim(formula)}, found {formula.used}")
+            if formula.used is formula.projected:
+                lines.append(f"                      after projection; without it {formula.y}")
+        return "\n".join([*lines, f"  {self.assumptions}"])
+
+    def _claim(self, formula: Embedded) -> int:
+        return self.claims["order_embedded"] - (formula.name == "b_companion")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as plain numbers, strings, lists and dictionaries."""
+        orders = ("order_y", "order_y_linear", "order_own", "order_embedded", "stable", "holds")
+        return asdict(self) | {name: getattr(self, name) for name in orders}

@@ -1,0 +1,132 @@
+"""Elementary weights: what a tableau makes of a tree, exactly and fast.
+
+Vectors over the stages are integers over one common denominator; over Q(sqrt d) a vector holds its rational
+parts followed by its irrational ones. A sub-tree is evaluated once.
+"""
+
+from fractions import Fraction
+from math import gcd, lcm, prod
+from typing import NamedTuple
+
+from ..exact import Number, Surd
+from ..radau import Method
+from ..tableau import Row
+from .trees import Tree
+
+
+class Vector(NamedTuple):
+    """An exact vector ``numbers / denominator``."""
+
+    numbers: list[int]
+    denominator: int
+
+
+class Weights:
+    """Elementary weights of a tableau with n stages (Hairer, Lubich, Roche 1989, chapter 5; Murua 1997).
+
+        phi_i(tau) = 1,  phi_i([t_1.., u_1..]_y) = prod_k (A phi(t_k))_i prod_l psi_i(u_l)
+        psi(u) = W prod_k (Ahat phi(t_k))  for u = [t_1..]_z,  W the inverse of Ahat
+
+    An explicit first stage has psi_1 = 0 (z_0 is exact), its row of Ahat is e_1 before the inversion.
+
+    Args:
+        tableau: the coefficients.
+
+    Attributes:
+        W: the inverse above, (n, n).
+    """
+
+    def __init__(self, tableau: Method) -> None:
+        A, Ahat = tableau.exact_A, tableau.exact_Ahat
+        self.n = len(A)
+        self.d = next((x.d for r in (*A, *Ahat, tableau.exact_b) for x in r if isinstance(x, Surd)), 0)
+        self.W = _inverse(Ahat, tableau.explicit_first)
+        self._A, self._Ahat, self._W = (self._matrix(M) for M in (A, Ahat, self.W))
+        self._ones = Vector([1] * self.n + [0] * (self.n if self.d else 0), 1)
+        self._phi: dict[Tree, Vector] = {}
+        self._A_phi: dict[Tree, Vector] = {}
+        self._Ahat_phi: dict[Tree, Vector] = {}
+
+    def stages(self, tree: Tree) -> Vector:
+        """phi(t) of a meagre tree or psi(u) of a fat one at the n stages."""
+        if tree not in self._phi:
+            if tree.fat:
+                factors = [self._memo(self._Ahat_phi, self._Ahat, t) for t in tree.sons_y]
+                self._phi[tree] = self._apply(self._W, self._product(factors))
+            else:
+                factors = [self._memo(self._A_phi, self._A, t) for t in tree.sons_y]
+                self._phi[tree] = self._product(factors + [self.stages(u) for u in tree.sons_z])
+        return self._phi[tree]
+
+    def sum(self, row: Row, tree: Tree) -> Number:
+        """Return sum_i row_i phi_i(tree) or of psi_i for a fat tree, the row padded with zeros."""
+        padded = [*row, *[Fraction(0)] * (self.n - len(row))]
+        return self._number(self._apply(self._matrix([padded]), self.stages(tree)), 0)
+
+    def last(self, tree: Tree) -> Number:
+        """Return phi or psi at the last stage."""
+        return self._number(self.stages(tree), self.n - 1)
+
+    def _memo(self, known: dict[Tree, Vector], matrix: "_Matrix", tree: Tree) -> Vector:
+        if tree not in known:
+            known[tree] = self._apply(matrix, self.stages(tree))
+        return known[tree]
+
+    def _matrix(self, M: list[Row]) -> "_Matrix":
+        """Integers over one denominator; a + b sqrt d is [[a, d b], [b, a]] on (rational, irrational)."""
+        a = [[x.a if isinstance(x, Surd) else x for x in r] for r in M]
+        if self.d:
+            b = [[x.b if isinstance(x, Surd) else Fraction(0) for x in r] for r in M]
+            upper = [[*ra, *(self.d * x for x in rb)] for ra, rb in zip(a, b, strict=True)]
+            a = upper + [[*rb, *ra] for ra, rb in zip(a, b, strict=True)]
+        den = lcm(*(x.denominator for r in a for x in r))
+        sparse = [[(j, int(x * den)) for j, x in enumerate(r) if x] for r in a]
+        return _Matrix(sparse, den)
+
+    def _apply(self, matrix: "_Matrix", v: Vector) -> Vector:
+        x = v.numbers
+        return _reduced(
+            [sum(a * x[j] for j, a in row) for row in matrix.rows], matrix.denominator * v.denominator
+        )
+
+    def _product(self, factors: list[Vector]) -> Vector:
+        x, n = self._ones.numbers, self.n
+        for factor in factors:
+            y = factor.numbers
+            if self.d:
+                first = [x[i] * y[i] + self.d * x[n + i] * y[n + i] for i in range(n)]
+                x = first + [x[i] * y[n + i] + x[n + i] * y[i] for i in range(n)]
+            else:
+                x = [a * b for a, b in zip(x, y, strict=True)]
+        return _reduced(x, prod(f.denominator for f in factors))
+
+    def _number(self, v: Vector, i: int) -> Number:
+        half = len(v.numbers) // 2
+        a = Fraction(v.numbers[i], v.denominator)
+        b = Fraction(v.numbers[half + i], v.denominator) if self.d else Fraction(0)
+        return Surd(a, b, self.d) if b else a
+
+
+class _Matrix(NamedTuple):
+    rows: list[list[tuple[int, int]]]
+    denominator: int
+
+
+def _reduced(numbers: list[int], denominator: int) -> Vector:
+    common = gcd(denominator, *numbers)
+    return Vector([x // common for x in numbers], denominator // common)
+
+
+def _inverse(Ahat: list[Row], explicit_first: bool) -> list[Row]:
+    """Inverse by elimination without exchanges, the zero first row replaced by e_1."""
+    n = len(Ahat)
+    rows = [[*row, *(Fraction(int(i == j)) for j in range(n))] for i, row in enumerate(Ahat)]
+    if explicit_first:
+        rows[0][0] = Fraction(1)
+    for k in range(n):
+        rows[k] = [x / rows[k][k] for x in rows[k]]
+        for i in range(n):
+            factor = rows[i][k]
+            if i != k and factor:
+                rows[i] = [x - factor * y for x, y in zip(rows[i], rows[k], strict=True)]
+    return [row[n:] for row in rows]

@@ -1,0 +1,45 @@
+"""Points of a solution between its steps, many at once."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..mechanism import Compiled, Mechanism
+from ..mechanism.formulations.interpolation import plain, sampled
+
+if TYPE_CHECKING:
+    from .solution import Solution
+
+Array = np.ndarray
+
+
+def at_once(sol: "Solution", times: Array) -> Array | None:
+    """Return y at all times, (n, ...), as `Solution.point` does; None where they must be computed one by one.
+
+    Raises:
+        StepError: for a point that cannot be found.
+    """
+    ts, ys, _ = map(np.asarray, sol.nodes)
+    if not isinstance(sol.problem, Mechanism) or len(ts) < 2 or len(times) < 2:
+        return None
+    if not plain(sol.system, sol.settings["dense_order"]):
+        return None
+    sign = 1.0 if ts[-1] > ts[0] else -1.0
+    if not ((sign * times >= sign * ts[0]) & (sign * times <= sign * ts[-1])).all():
+        return None  # the first one outside is refused
+    step = np.minimum(sol.before(times), len(ts) - 2)
+    used, which = np.unique(step, return_inverse=True)
+    if len(sol.parts(np.union1d(used, used + 1))) > 1:
+        return None
+    sol.at(int(used[0]))
+    if isinstance(sol.system, Compiled):
+        nodes = np.union1d(used, used + 1)
+        rates = sol.system.derivatives(ts[nodes], ys[nodes])[0]
+        sol.rates |= {int(i): F for i, F in zip(nodes, rates, strict=True) if not np.isnan(F).any()}
+    starts, ends = (np.array([sol.rate(int(i)) for i in nodes]) for nodes in (used, used + 1))
+    h, theta = ts[used + 1] - ts[used], (times - ts[step]) / (ts[step + 1] - ts[step])
+    out = sampled(sol.system, ts[used], h, (ys[used], ys[used + 1]), (starts, ends), which, theta)
+    for node in (step, step + 1):
+        there = times == ts[node]
+        out[there] = ys[node[there]]
+    return out

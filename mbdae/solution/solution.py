@@ -1,0 +1,300 @@
+"""What a run returns: times, states, multipliers, statistics, and the solution between the steps."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from .. import backend
+from ..errors import InputError, StepError
+from ..mechanism import Compiled, Effort, Mechanism, NotCompiled, Reaction, Singular, effort, reaction, redundant
+from ..textbook.hessenberg import Hessenberg
+from .archive import read, write
+from .columns import signals
+from .sampling import at_once
+
+Array = np.ndarray
+
+
+class Sample(NamedTuple):
+    """The state of a mechanism between steps: q (nq,) and v (nv,), or a row for each time."""
+
+    q: Array
+    v: Array
+
+
+@dataclass
+class Solution:
+    """A computed motion.
+
+    Attributes:
+        problem: the mechanism or textbook problem.
+        t: times of the accepted steps or of ``t_eval``, (n,).
+        y: points, (n, ...): (q, v, s, w) of a mechanism. At a jump there are two, the second just after the first.
+        z_own: the method's own multipliers at t, (n, nz).
+        status: one of `mbdae.errors.STATUS`; ``"finished"`` and ``"event"`` are successes.
+        message: one line.
+        stats: counts of steps, rejections, evaluations, solves, and seconds.
+        settings: method, tolerances and steps that were used.
+        steps: times, points and own multipliers of all steps, when ``t_eval`` asked for others.
+        events: for each event function the times (k,) and points (k, ...) of its zeros.
+        singular: configurations on the way in which closures lose rank.
+        in_use: where rows of closures depend on each other: from which node on which of them were solved for.
+    """
+
+    problem: Any
+    t: Array
+    y: Array
+    z_own: Array
+    status: str
+    message: str
+    stats: dict[str, Any]
+    settings: dict[str, Any]
+    steps: tuple[Array, Array, Array] | None = field(default=None, repr=False)
+    events: list[tuple[Array, Array]] = field(default_factory=list, repr=False)
+    singular: list[Singular] = field(default_factory=list, repr=False)
+    in_use: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
+    viewer: ClassVar[Callable[["Solution"], str] | None] = None  # the page for notebooks, set by the package
+
+    def __post_init__(self) -> None:
+        self.rates: dict[int, Array] = {}
+        self._dense: dict[int, Callable[[float], Array]] = {}
+
+    @property
+    def nodes(self) -> tuple[Array, Array, Array]:
+        """Times, points and own multipliers of all steps."""
+        return self.steps or (self.t, self.y, self.z_own)
+
+    @cached_property
+    def system(self) -> Any:
+        """A workspace of the solution's own, for multipliers and dense output; its counts are not the run's.
+
+        It is one of the compiled core where that computed the run and is there.
+        """
+        native = backend.load() if self.stats.get("backend") == "native" else None
+        if native:
+            with suppress(NotCompiled):
+                return self.problem.system(native=native)
+        return self.problem.system()
+
+    def at(self, i: int) -> Any:
+        """The workspace, with the rows that were solved for at node i: what it computes depends on nothing else."""
+        rows = next((rows for first, rows in reversed(self.in_use) if first <= i), None)
+        if rows and (not self.system.held or rows != self.system.in_use):
+            self.system.hold(rows)
+        return self.system
+
+    def before(self, t: Array) -> Array:
+        """The node before each time, (k,): the later one of two at a jump."""
+        ts = np.asarray(self.nodes[0])
+        sign = 1.0 if len(ts) < 2 or ts[-1] > ts[0] else -1.0
+        return np.clip(np.searchsorted(sign * ts, sign * np.asarray(t), side="right") - 1, 0, max(0, len(ts) - 1))
+
+    def parts(self, nodes: Array) -> list[Array]:
+        """Split the places of nodes (k,) by the rows that were solved for there."""
+        if not len(nodes):
+            return []
+        which = np.searchsorted([first for first, _ in self.in_use], nodes, side="right")
+        return [np.flatnonzero(which == w) for w in np.unique(which)]
+
+    @property
+    def success(self) -> bool:
+        """True when the run came to its end, and nothing speaks against it."""
+        return self.status in ("finished", "event")
+
+    @property
+    def ended(self) -> bool:
+        """True when the run came to its end, whether it can be trusted or not."""
+        return self.success or self.status == "doubtful"
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism that moved.
+
+        Raises:
+            InputError: for a textbook problem.
+        """
+        if not isinstance(self.problem, Mechanism):
+            raise InputError("a textbook problem has y and z, not q, v and lam")
+        return self.problem
+
+    @property
+    def q(self) -> Array:
+        """Configurations, (n, nq)."""
+        return self.y[:, : self.mechanism.nq]
+
+    @property
+    def v(self) -> Array:
+        """Velocities, (n, nv)."""
+        return self.y[:, self.mechanism.nq : self.mechanism.nq + self.mechanism.nv]
+
+    @property
+    def s(self) -> Array:
+        """States of actuators and controllers, (n, ns), in the order of ``mechanism.states``."""
+        return self.y[:, self.mechanism.nq + self.mechanism.nv : -1]
+
+    @property
+    def work(self) -> Array:
+        """Work of the non-conservative forces since the start in J, integrated with the motion, (n,)."""
+        return self.y[:, -1]
+
+    @property
+    def lam_own(self) -> Array:
+        """The method's own multipliers, (n, ng): of minimum norm, finite in singular configurations, of lower order."""
+        return self.z_own[:, : self.mechanism.ng]
+
+    @cached_property
+    def z(self) -> Array:
+        """Multipliers from the hidden constraint at each t, (n, nz): of the order of y; computed when asked for.
+
+        NaN where they cannot be found, for instance in the singular configuration that ended a run.
+        """
+        out = np.full((len(self.t), self.system.nz), np.nan)
+        nodes = np.arange(len(self.t)) if self.steps is None else self.before(self.t)
+        if isinstance(self.system, Compiled):
+            for part in self.parts(nodes):
+                out[part] = self.at(int(nodes[part[0]])).derivatives(self.t[part], self.y[part])[1]
+        for i in np.flatnonzero(np.isnan(out).any(axis=1)):
+            with suppress(StepError):
+                out[i] = self.at(int(nodes[i])).derivative(self.t[i], self.y[i], self.z_own[i])[1]
+        return out
+
+    @property
+    def lam(self) -> Array:
+        """Multipliers from the hidden constraint 0 = G v' + gamma, (n, ng); of the order of v.
+
+        They act on the mechanism; rows in file order; of minimum norm where rows depend on each other.
+        """
+        return self.z[:, : self.mechanism.ng]
+
+    def reaction(self, name: str) -> Reaction:
+        """Return force (N) and torque (N m) of a closure, or of a driven distance, from `lam`.
+
+        Raises:
+            UnknownNameError: for a name that does not exist.
+            InputError: for a coupling or a driver of joints: see `effort`.
+        """
+        return reaction(self.mechanism, name, self.t, self.q, self.lam)
+
+    def effort(self, name: str) -> Effort:
+        """Return torque or force (N m, N) and power (W) of a coupling or a driver, from `lam`.
+
+        Raises:
+            UnknownNameError: for a name that does not exist.
+            InputError: for a closure between frames: see `reaction`.
+        """
+        return effort(self.mechanism, name, self.t, self.q, self.lam)
+
+    @property
+    def redundant(self) -> dict[str, int]:
+        """Closures whose reactions are not unique, and how many of their rows others keep as well, at the start."""
+        return redundant(self.mechanism, self.t[0], self.q[0])
+
+    def point(self, t: float) -> Array:
+        """Return y at any time of the run, interpolated between steps.
+
+        Raises:
+            InputError: for a time outside.
+        """
+        ts, ys, _ = self.nodes
+        low, high = min(ts[0], ts[-1]), max(ts[0], ts[-1])
+        if not low <= t <= high:
+            raise InputError(f"t = {t} is outside the solution, {low} to {high}")
+        if len(ts) == 1:
+            return ys[0]
+        i = min(int(self.before(np.array([t]))[0]), len(ts) - 2)
+        if t in (ts[i], ts[i + 1]):
+            return ys[i] if t == ts[i] else ys[i + 1]
+        return self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
+
+    def points(self, times: Array) -> Iterator[Array]:
+        """Return y at several times of the run, one after another; all are computed at once where that can be.
+
+        Raises:
+            InputError: for a time outside.
+            StepError: for a point that cannot be found; those before are given first.
+        """
+        found = None
+        with suppress(StepError):
+            found = at_once(self, np.asarray(times, float))
+        yield from (self.point(float(t)) for t in times) if found is None else found
+
+    def dense(self, i: int) -> Callable[[float], Array]:
+        """Return theta -> y on step i, theta in [0, 1], of one order below the method's."""
+        if i not in self._dense:
+            ts, ys, _ = self.nodes
+            rates = self.rate(i), self.rate(i + 1)
+            order = self.settings["dense_order"]
+            curve = self.at(i).interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
+            self._dense[i] = partial(self._on, i, curve)
+        return self._dense[i]
+
+    def _on(self, i: int, curve: Callable[[float], Array], theta: float) -> Array:
+        self.at(i)  # a curve may ask the workspace for more
+        return curve(theta)
+
+    def rate(self, i: int) -> Array:
+        """The tangent rate of y at the end of step i, computed once; 0 is the start."""
+        if i not in self.rates:
+            ts, ys, zs = self.nodes
+            self.rates[i] = self.at(i).derivative(ts[i], ys[i], zs[i])[0]
+        return self.rates[i]
+
+    def multipliers(self, t: float) -> Array:
+        """Return z (nz,) at any time of the run from the hidden constraint; the first ng are lam."""
+        y, i = self.point(t), int(self.before(np.array([t]))[0])
+        return self.at(i).derivative(t, y, self.nodes[2][i])[1]
+
+    def __call__(self, t: float | Array) -> Sample:
+        """Return q and v at a time, (nq,) and (nv,), or at several, (n, nq) and (n, nv).
+
+        They are continuous between steps, and of one order below the method's.
+
+        Raises:
+            InputError: for a time outside, or a textbook problem, which has `point`.
+        """
+        m, times = self.mechanism, np.asarray(t, float)
+        y = np.array(list(self.points(times.ravel()))).reshape(*times.shape, self.y.shape[1])
+        return Sample(y[..., : m.nq], y[..., m.nq : m.nq + m.nv])
+
+    def signals(self) -> dict[str, Array]:
+        """Named columns of equal length, see `mbdae.solution.columns.signals`: ``pandas.DataFrame(sol.signals())``.
+
+        Raises:
+            InputError: for a textbook problem.
+        """
+        return signals(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write a .npz file without pickles (arrays; mechanism, settings and versions as JSON text), or a .csv table.
+
+        Raises:
+            InputError: for a textbook problem, whose functions cannot be written, or an unwritable path.
+        """
+        write(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Solution":
+        """Read the .npz file that `save` wrote; warns when another version of mbdae wrote it.
+
+        Raises:
+            InputError: for a missing or damaged file.
+        """
+        return cls(**read(path))
+
+    def __repr__(self) -> str:
+        title = getattr(self.problem, "title", "?")
+        span = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "empty"
+        return f"<Solution of {title}, {self.settings.get('method', '?')}: {span}, {self.status}>"
+
+    def _repr_html_(self) -> str | None:
+        """How a notebook shows a motion; None where there is nothing to see."""
+        show = type(self).viewer
+        return show(self) if show and isinstance(self.problem, Mechanism) and len(self.t) else None
+
+
+Problem = Mechanism | Hessenberg

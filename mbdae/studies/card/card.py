@@ -1,0 +1,142 @@
+"""The model card: what a mechanism consists of, its degrees of freedom, and what is not modelled."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import require
+from ...mechanism import Closure, Mechanism, redundant
+
+NOT_MODELLED = (
+    "contact",
+    "joint limits",
+    "effort and velocity limits",
+    "dry joint friction (but for joint_friction forces)",
+)
+
+
+@dataclass(frozen=True)
+class Card:
+    """Result of `card`.
+
+    Attributes:
+        title: of the mechanism.
+        nq: length of a configuration.
+        nv: length of a velocity.
+        ng: rows of all closures.
+        rank: independent rows at the start.
+        freedom: degrees of freedom, nv - rank.
+        joints: name and kind of each joint, in the order of q.
+        closures: name, kind, frames or joints, and rows of each closure and driver, and how many of these rows the
+            others keep as well.
+        forces: names of the forces.
+        gravity: in m/s^2.
+        q: start configuration.
+        v: start velocity.
+        g_loaded: max |g| of the file's own start values, before assembly.
+        g: max |g| at the assembled start.
+        Gv: max |G v| at the assembled start.
+        open: which closure the file's own start values leave open, and by how much, in words.
+        motors: names of the inputs that take controls.
+        parameters: name and value of each parameter of the model, and which values it takes, in words.
+        not_modelled: what the motion ignores.
+    """
+
+    title: str
+    nq: int
+    nv: int
+    ng: int
+    rank: int
+    freedom: int
+    joints: tuple[tuple[str, str], ...]
+    closures: tuple[dict[str, Any], ...]
+    forces: tuple[str, ...]
+    gravity: tuple[float, ...]
+    q: tuple[float, ...]
+    v: tuple[float, ...]
+    g_loaded: float
+    g: float
+    Gv: float
+    open: str = ""
+    motors: tuple[str, ...] = ()
+    parameters: tuple[dict[str, Any], ...] = ()
+    not_modelled: tuple[str, ...] = NOT_MODELLED
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        dependent = f", {self.ng - self.rank} rows depend on others" if self.ng > self.rank else ""
+        lines = [
+            self.title,
+            f"  nq {self.nq}, nv {self.nv}, closure rows {self.ng} (rank {self.rank}{dependent}), "
+            f"degrees of freedom {self.freedom}",
+            "  joints    " + ", ".join(f"{n} ({k})" for n, k in self.joints),
+        ]
+        for c in self.closures:
+            also = f", {c['dependent']} dependent" if c["dependent"] else ""
+            lines.append(f"  closure   {c['name']}: {c['kind']} {' - '.join(c['joins'])}, {c['rows']} rows{also}")
+        if self.ng > self.rank:
+            names = ", ".join(c["name"] for c in self.closures if c["dependent"])
+            lines.append(f"            reactions of {names} are not unique: lam is the one of minimum norm")
+        lines += [f"  forces    {', '.join(self.forces) or 'none'}; gravity {list(self.gravity)} m/s^2"]
+        for p in self.parameters:
+            lines.append(f"  parameter {p['name']} = {p['value']}: {p['takes']}")
+        if self.motors:
+            lines.append(f"  motors    {', '.join(self.motors)}")
+        lines.append(f"  start     |g| {self.g:.1e} ({self.g_loaded:.1e} as loaded{self.open}), |G v| {self.Gv:.1e}")
+        lines.append(f"            q = {np.array2string(np.array(self.q), precision=6, max_line_width=100)}")
+        lines.append(f"            v = {np.array2string(np.array(self.v), precision=6, max_line_width=100)}")
+        lines.append(f"  not modelled: {', '.join(self.not_modelled)}")
+        return "\n".join(lines)
+
+
+def card(mech: Mechanism) -> Card:
+    """Describe a mechanism at its start state.
+
+    Raises:
+        AssemblyError: if the start cannot be assembled.
+        InputError: for anything but a mechanism.
+    """
+    require(mech, Mechanism, "card takes a Mechanism (see mbdae.load)")
+    q, v = mech.start
+    system = mech.system()
+    system.derivative(0.0, mech.point())
+    rows = system.rows if system.rows is not None else np.empty(0, int)
+    shared = redundant(mech, 0.0, q)
+    g, Gv = mech.residual(q, v)
+    loaded, gap = mech.given[0], mech.gap_as_given
+    closures = []
+    for c in mech.constraints:
+        closures.append(
+            {
+                "name": c.name,
+                "kind": c.kind if isinstance(c, Closure) else "driver",
+                "joins": list(c.between),
+                "rows": c.m,
+                "dependent": shared.get(c.name, 0),
+            }
+        )
+    return Card(
+        title=mech.title,
+        nq=mech.nq,
+        nv=mech.nv,
+        ng=mech.ng,
+        rank=len(rows),
+        freedom=mech.nv - len(rows),
+        joints=tuple((n, mech.joint_kind(n)) for n in mech.joint_names),
+        closures=tuple(closures),
+        forces=tuple(system.laws.names),
+        gravity=tuple(mech.gravity.tolist()),
+        q=tuple(q.tolist()),
+        v=tuple(v.tolist()),
+        g_loaded=float(np.abs(mech.residual(loaded, v)[0]).max(initial=0)),
+        g=float(np.abs(g).max(initial=0)),
+        Gv=float(np.abs(Gv).max(initial=0)),
+        open=f", {gap.name!r} open by {gap.text}" if gap and gap.size > 1e-10 else "",
+        motors=tuple(m.name for m in mech.motors),
+        parameters=tuple((mech.source or {}).get("parameters", ())),
+        not_modelled=(*NOT_MODELLED, *mech.left_out),
+    )

@@ -1,0 +1,1 @@
+"""Integrators side by side on one mechanism."""

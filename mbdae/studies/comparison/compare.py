@@ -1,0 +1,142 @@
+"""One mechanism, many methods and tolerances: errors against a reference, work, and time."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...backend import choose
+from ...errors import InputError, require
+from ...integrate.steppers.native import lacking
+from ...integrate.steppers.scipy_ivp import find
+from ...mechanism import Mechanism
+from ..variant import Variant, variants
+from .bench import Bench, Progress
+from .comparison import Comparison
+from .course import Course, Task
+
+METHODS = ("pherk5", "pherk6", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:DOP853")
+TOLERANCES = tuple(10.0**-k for k in range(3, 11))
+REFERENCE = ("pherk6", "radau9")
+Array = np.ndarray
+
+
+def compare(
+    mech: Mechanism,
+    t_span: Sequence[float] | None = None,
+    q: Array | None = None,
+    v: Array | None = None,
+    *,
+    methods: str | Iterable[str | Variant] = METHODS,
+    formulations: str | Iterable[str] | None = None,
+    rtol: Sequence[float] | None = None,
+    steps: Sequence[int] | None = None,
+    reference: Sequence[str | Variant] = REFERENCE,
+    reference_rtol: float = 1e-12,
+    outputs: int = 20,
+    repeats: int = 3,
+    max_steps: int = 100_000,
+    workers: int = 1,
+    timed_together: bool = False,
+    progress: Progress | None = None,
+    resume: str | Path | None = None,
+    fresh: bool = False,
+    backend: str = "auto",
+) -> Comparison:
+    """Run many methods on one mechanism and measure errors, drift, work and time.
+
+    Errors are the largest differences to a reference over common times, of q in the tangent, v, and lam from the hidden
+    constraint. The reference is a tight run; a second one of another family says how far it can be trusted.
+
+    Stopped by Ctrl-C, it returns what was finished. With ``resume``, every finished run is kept in that file, and the
+    same call goes on from there.
+
+    Args:
+        mech: the mechanism.
+        t_span: start and end in s; from 0 to the model's duration when left out.
+        q: consistent start configuration (nq,); the model's when left out.
+        v: consistent start velocity (nv,); the model's when left out.
+        methods: names, alone or with a formulation in front: ``"pherk5"``, ``"project:pherk5"``, ``"ggl:radau5"``,
+            ``"index1:DOP853"``, ``"baumgarte=20,20:RK45"``, see `mbdae.studies.variant`.
+        formulations: for the names without one: each of these; ``"index2"`` when left out.
+        rtol: relative tolerances, 1e-3 to 1e-10 when left out; atol is 0.01 rtol.
+        steps: numbers of fixed steps over the span, instead of tolerances.
+        reference: two methods of different families; errors are differences to the first.
+        reference_rtol: their tolerance; the next power of ten that can be met.
+        outputs: number of common times, equidistant, the end among them.
+        repeats: how often a run is made for its time, all runs in turn; 0 for no times. Runs above 2 s count once.
+        max_steps: a run that takes more steps is given up.
+        workers: processes; needs ``if __name__ == "__main__":`` in scripts. Times are then taken afterwards, one run
+            at a time.
+        timed_together: take times in the processes, while others compute.
+        progress: called with the fraction of runs done and the name of the next.
+        resume: a .json or .csv file that is kept up to date, and read first if it is there.
+        fresh: do not read it; it is replaced when the first run is done.
+        backend: of all runs, so that their times compare: ``"auto"`` takes the compiled core if it has every method
+            of the comparison, and Python otherwise.
+
+    Raises:
+        InputError: for wrong arguments, a reference that cannot be computed, or a file with another comparison.
+        UnknownNameError: for a method or formulation that does not exist.
+    """
+    require(mech, Mechanism, "compare takes a Mechanism (see mbdae.load)")
+    course = _course(mech, t_span, q, v, outputs, max_steps)
+    tasks = _tasks(variants(methods, formulations), rtol, steps)
+    course = replace(course, backend=_backend(mech, tasks, backend))
+    pair = variants(reference)
+    if len(pair) != 2 or not 1e-14 < reference_rtol < 1e-5:
+        raise InputError(f"a reference is two methods and a tolerance below 1e-5, got {reference!r}, {reference_rtol}")
+    if workers < 1 or repeats < 0:
+        raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")
+    clock = repeats > 0 and (timed_together or workers == 1)
+    passes = max(1, repeats + (not clock))
+    bench = Bench(course, tasks, pair, reference_rtol, Path(resume) if resume else None, progress, passes, fresh)
+    complete = False
+    try:
+        bench.refer()
+        bench.measure(workers, clock=clock)
+        bench.time(repeats, workers if timed_together else 1)
+        complete = True
+    except KeyboardInterrupt:
+        if not bench.uncertainty:
+            raise
+    return bench.result(complete)
+
+
+def _backend(mech: Mechanism, tasks: list[Task], backend: str) -> str:
+    """One back end for all runs."""
+    kinds = {(t.variant.formulation, t.variant.method) for t in tasks}
+    without = {lacking(mech, find(*kind), kind[0]) for kind in kinds} - {""}
+    if backend == "native" and without:
+        raise InputError(f"backend='native' does not have {', '.join(sorted(without))}: take 'auto' or 'python'")
+    if backend == "auto" and without:
+        return "python"
+    return "native" if choose(backend) else "python"
+
+
+def _course(
+    mech: Mechanism, t_span: Sequence[float] | None, q: Array | None, v: Array | None, outputs: int, max_steps: int
+) -> Course:
+    t0, t1 = (0.0, mech.duration) if t_span is None else (float(t) for t in t_span)
+    if not (np.isfinite(t0) and np.isfinite(t1)) or t0 == t1 or outputs < 1 or max_steps < 1:
+        got = f"{t_span!r}, outputs = {outputs}, max_steps = {max_steps}"
+        raise InputError(f"expected a time span, and at least one output and one step, got {got}")
+    y = mech.point(q, v)
+    times = np.linspace(t0, t1, outputs + 1)[1:]
+    return Course(mech, y[: mech.nq], y[mech.nq : mech.nq + mech.nv], (t0, t1), times, max_steps)
+
+
+def _tasks(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequence[int] | None) -> list[Task]:
+    if rtol is not None and steps is not None:
+        raise InputError("a comparison takes tolerances or numbers of steps, not both")
+    if steps is not None:
+        require(steps, Sequence | np.ndarray, "steps is a list of whole numbers")
+        if not len(steps) or any(n < 1 or n != int(n) for n in steps):
+            raise InputError(f"steps are whole numbers of at least 1, got {steps!r}")
+        return [Task(m, None, n) for m in methods for n in sorted({int(n) for n in steps})]
+    chosen = TOLERANCES if rtol is None else rtol
+    require(chosen, Sequence | np.ndarray, "rtol is a list of numbers")
+    if not len(chosen) or not all(0 < r < 1 for r in chosen):
+        raise InputError(f"rtol holds numbers between 0 and 1, got {rtol!r}")
+    return [Task(m, r) for m in methods for r in sorted({float(r) for r in chosen}, reverse=True)]

@@ -1,0 +1,1 @@
+"""Drift of the closures and of the energy along a run."""

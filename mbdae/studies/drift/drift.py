@@ -1,0 +1,143 @@
+"""How far a run drifted: position and velocity residuals over all rows, and the energy balance."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import require
+from ...solution.columns import balance, residuals
+from ...solution.solution import Solution
+from ..variant import of as variant_of
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Result of `drift`.
+
+    Attributes:
+        title: of the mechanism.
+        method: that computed the run, as a `mbdae.studies.variant.Variant` is written.
+        label: method and tolerance or step.
+        t_end: last time in s.
+        g_max: max |g| over rows and times (m, or rad for directions).
+        g_end: max |g| over rows at the end.
+        g_closure: name of the closure that opened the most.
+        Gv_max: max |G v| over rows and times (m/s, rad/s).
+        Gv_end: max |G v| at the end.
+        energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated along.
+        energy_scale: max(|W|, kinetic energy, range of the potential energy) in J.
+        work_end: W at the end in J.
+    """
+
+    title: str
+    method: str
+    label: str
+    t_end: float
+    g_max: float
+    g_end: float
+    g_closure: str
+    Gv_max: float
+    Gv_end: float
+    energy_error: float
+    energy_scale: float
+    work_end: float
+
+    @property
+    def energy_relative(self) -> float:
+        """Relative error of the energy balance."""
+        return self.energy_error / self.energy_scale if self.energy_scale else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {**asdict(self), "energy_relative": self.energy_relative}
+
+    def __str__(self) -> str:
+        worst = f" ({self.g_closure})" if self.g_closure else ""
+        return "\n".join(
+            [
+                f"drift of {self.title}, {self.label}, t = {self.t_end:g} s",
+                f"  |g|    max {self.g_max:.2e}{worst}, at the end {self.g_end:.2e}",
+                f"  |G v|  max {self.Gv_max:.2e}, at the end {self.Gv_end:.2e}",
+                f"  energy balance {self.energy_error:.2e} J, relative {self.energy_relative:.2e}"
+                f" (work {self.work_end:.4g} J)",
+            ]
+        )
+
+
+@dataclass(frozen=True)
+class History:
+    """Drift over time, see `history`.
+
+    Attributes:
+        title: of the mechanism.
+        method: as a `mbdae.studies.variant.Variant` is written.
+        label: method and tolerance or step.
+        t: times in s, (n,).
+        g: max |g| over rows (m, rad), (n,).
+        Gv: max |G v| over rows (m/s, rad/s), (n,).
+        energy: |E - E_0 - W| over the energy scale of `Drift`, (n,).
+    """
+
+    title: str
+    method: str
+    label: str
+    t: np.ndarray
+    g: np.ndarray
+    Gv: np.ndarray
+    energy: np.ndarray
+
+
+def brief(x: float) -> str:
+    """A tolerance in all its digits: 1e-04, 2.5e-04."""
+    return np.format_float_scientific(x, trim="-", exp_digits=2)
+
+
+def history(sol: Solution) -> History:
+    """The drift of a solution at its times.
+
+    Raises:
+        InputError: for a solution of a textbook problem.
+    """
+    r = residuals(sol)
+    error, scale = balance(sol.v, r.kinetic, r.potential, sol.work)
+    g, Gv = (np.abs(x).max(axis=1, initial=0.0) for x in (r.g, r.Gv))
+    return History(sol.mechanism.title, *_names(sol), sol.t, g, Gv, error / (scale or 1.0))
+
+
+def _names(sol: Solution) -> tuple[str, str]:
+    """The method of a run, and the same with its tolerance or step."""
+    method, settings = str(variant_of(sol.settings)), sol.settings
+    pace = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {brief(settings.get('rtol', np.nan))}"
+    return method, f"{method}, {pace}"
+
+
+def drift(sol: Solution) -> Drift:
+    """Measure the drift of a solution at its times.
+
+    Position level: g(t, q) over all rows, watched and not enforced. Velocity level: G v + g_t. Energy: the kinetic and
+    potential energy less their start and the integrated work, E(t) - E(0) - W(t).
+
+    Raises:
+        InputError: for a solution of a textbook problem or one without times, or something else.
+    """
+    require(sol, Solution, "drift takes a Solution (see mbdae.solve)")
+    mech, r = sol.mechanism, residuals(sol)
+    gaps, rates = np.abs(r.g), np.abs(r.Gv)
+    error, scale = balance(sol.v, r.kinetic, r.potential, sol.work)
+    method, label = _names(sol)
+    where = mech.row_closure(int(np.unravel_index(gaps.argmax(), gaps.shape)[1])) if mech.ng else ""
+    return Drift(
+        title=mech.title,
+        method=method,
+        label=label,
+        t_end=float(sol.t[-1]),
+        g_max=float(gaps.max(initial=0)),
+        g_end=float(gaps[-1].max(initial=0)),
+        g_closure=where,
+        Gv_max=float(rates.max(initial=0)),
+        Gv_end=float(rates[-1].max(initial=0)),
+        energy_error=float(error.max()),
+        energy_scale=scale,
+        work_end=float(sol.work[-1] - sol.work[0]),
+    )

@@ -1,0 +1,1 @@
+"""Observed orders of methods against their claims."""

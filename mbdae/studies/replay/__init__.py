@@ -1,0 +1,1 @@
+"""Motions as HTML pages and videos."""

@@ -1,0 +1,171 @@
+"""Panes: the signals that are plotted beside a replay, grouped by unit, thinned to what a screen can show."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ...errors import InputError, UnknownNameError, several
+from ...solution.columns import row_names, signals, units
+from ..figures_run import NAMES
+
+if TYPE_CHECKING:
+    from ...mechanism import Mechanism
+    from ...solution.solution import Solution
+
+Array = np.ndarray
+Signal = Callable[[float, Array, Array], float] | Sequence[float] | Array
+Plot = str | Sequence[str]
+POINTS = 1500  # more than a curve has pixels
+MOST = 7  # curves of one pane that can be told apart
+STEPPED = ("kinetic", "potential", "energy", "work", "g", "Gv")  # shown at the steps: between them is interpolation
+UNITS = {"g": "m, rad", "Gv": "m/s, rad/s", **dict.fromkeys(("kinetic", "potential", "energy", "work"), "J")}
+WORDS = {**NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|", "J": "energies", "N, N m": "multipliers"}
+
+
+class Curve(NamedTuple):
+    """A signal over time: t and y (n,); ``ghost`` counts the other solutions from 0, -1 is the one that is shown."""
+
+    name: str
+    t: Array
+    y: Array
+    ghost: int = -1
+
+
+@dataclass(frozen=True)
+class Pane:
+    """Curves over one pair of axes.
+
+    Attributes:
+        title: what is plotted, with its unit.
+        curves: of the solution and of its ghosts.
+        logarithmic: whether the ordinate is.
+    """
+
+    title: str
+    curves: tuple[Curve, ...]
+    logarithmic: bool = False
+
+
+def panes(
+    sol: "Solution", plots: str | Sequence[Plot] | None, own: Mapping[str, Signal], ghosts: Iterable["Solution"] = ()
+) -> list[Pane]:
+    """Return the panes of a solution, one for each entry and unit.
+
+    Args:
+        sol: the solution.
+        plots: entries, each a name of `Solution.signals`, the beginning of several (``"q"``, ``"lam.pin"``), or
+            several of both; joint coordinates, energies and |g| when left out.
+        own: signals by name: functions of (t, q, v), or arrays over ``sol.t``. Those not in ``plots`` follow.
+        ghosts: other solutions, for the same curves.
+
+    Raises:
+        UnknownNameError: for a name that does not exist.
+        InputError: for an own signal of another length, or one that hides a column.
+    """
+    if plots is not None and not plots and not own:
+        return []
+    mech, entries = sol.mechanism, _entries(plots)
+    lam = any(name.split(".")[0] == "lam" for entry in entries for name in entry)
+    table = _table(sol, own, lam)
+    groups = _defaults(table, mech) if plots is None else [_group(entry, table, mech) for entry in entries]
+    asked = {name for group in groups for name in group.names}
+    groups += [_Group((name,)) for name in own if name not in asked]
+    tables = [table, *(_table(ghost, {k: f for k, f in own.items() if callable(f)}, lam) for ghost in ghosts)]
+    return [pane for group in groups for pane in _by_unit(group, tables, mech)]
+
+
+class _Group(NamedTuple):
+    names: tuple[str, ...]
+    note: str = ""
+
+
+def _entries(plots: str | Sequence[Plot] | None) -> list[tuple[str, ...]]:
+    what = "plots is a list of signals, or of lists of them"
+    return [tuple(several(entry, what)) for entry in several(plots or (), what)]
+
+
+def _defaults(table: Mapping[str, Curve], mech: "Mechanism") -> list[_Group]:
+    """Coordinates by unit, energies, and the largest |g|."""
+    unit = {name: _unit(name, mech) for name in table if name.startswith("q.")}
+    by_unit = [_liveliest(table, [n for n in unit if unit[n] == u]) for u in dict.fromkeys(unit.values())]
+    return [*by_unit, _Group(("kinetic", "potential", "energy")), *([_Group(("g",))] if mech.ng else [])]
+
+
+def _group(entry: Sequence[str], table: Mapping[str, Curve], mech: "Mechanism") -> _Group:
+    """The curves that names and beginnings of names stand for."""
+    names = list(dict.fromkeys([*table, *row_names(mech)]))
+    heads = {n[:i]: None for n in names for i in range(len(n)) if n[i] == "."}
+    found: list[str] = []
+    for name in entry:
+        if name not in names and name not in heads:
+            raise UnknownNameError("signal", name, [*heads, *names])
+        found += [name] if name in names else [n for n in names if n.startswith(f"{name}.")]
+    return _Group(tuple(dict.fromkeys(found)))
+
+
+def _liveliest(table: Mapping[str, Curve], names: list[str]) -> _Group:
+    """At most `MOST` names, those whose values spread the most."""
+    if len(names) <= MOST:
+        return _Group(tuple(names))
+    spread = {name: float(np.ptp(table[name].y)) for name in names}
+    best = sorted(names, key=lambda name: -spread[name])[:MOST]
+    return _Group(tuple(n for n in names if n in best), f", {MOST} of {len(names)} that move the most")
+
+
+def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechanism") -> list[Pane]:
+    unit = {name: _unit(name, mech) for name in group.names}
+    out = []
+    for kind in dict.fromkeys(unit.values()):
+        names = [name for name in group.names if unit[name] == kind]
+        curves = [t[n]._replace(ghost=k - 1) for k, t in enumerate(tables) for n in names if n in t]
+        word = names[0] if len(names) == 1 and names[0] not in ("g", "Gv") else WORDS.get(kind, kind)
+        title = f"{word} ({kind}){group.note}" if kind not in ("", "1", word) else word + group.note
+        out.append(Pane(title, tuple(curves), logarithmic=set(names) <= {"g", "Gv"}))
+    return out
+
+
+def _unit(name: str, mech: "Mechanism") -> str:
+    known, (head, *rest) = {**units(mech), **UNITS}, name.split(".")
+    if name in known or not rest:
+        return known.get(name, name)  # an own signal has a pane of its own
+    return "N, N m" if head == "lam" else ""
+
+
+def _table(sol: "Solution", own: Mapping[str, Signal], lam: bool) -> dict[str, Curve]:
+    """Curves of a solution by name, smooth ones at uniform times, the others at its steps; multipliers when needed."""
+    few = np.unique(np.linspace(0, len(sol.t) - 1, min(len(sol.t), POINTS)).astype(int))
+    steps = replace(sol, t=sol.t[few], y=sol.y[few], z_own=sol.z_own[few], steps=sol.nodes)
+    smooth = resampled(sol, np.linspace(sol.t[0], sol.t[-1], POINTS)) if len(sol.t) > 1 else steps
+    table = {name: Curve(name, smooth.t, values) for name, values in signals(smooth, lam=lam).items() if name != "t"}
+    table |= {
+        name: Curve(name, steps.t, values) for name, values in signals(steps, lam=False).items() if name in STEPPED
+    }
+    for name, signal in own.items():
+        if name in table:
+            raise InputError(f"an own signal needs a name of its own, {name!r} is a column of the solution")
+        table[name] = _own(name, signal, sol, smooth)
+    return table
+
+
+def _own(name: str, signal: Any, sol: "Solution", smooth: "Solution") -> Curve:
+    if callable(signal):
+        t, values = smooth.t, [signal(*point) for point in zip(smooth.t, smooth.q, smooth.v, strict=True)]
+    else:
+        t, values = sol.t, signal
+    try:
+        y = np.asarray(values, float)
+    except (TypeError, ValueError):
+        raise InputError(f"signal {name!r} must give numbers") from None
+    if y.shape != (len(t),):
+        raise InputError(f"signal {name!r} has shape {y.shape}, expected ({len(t)},), one number for each time")
+    return Curve(name, t, y)
+
+
+def resampled(sol: "Solution", times: Array) -> "Solution":
+    """The solution at other times (m,) within its span, interpolated between the steps."""
+    ts, _, zs = sol.nodes
+    rising = slice(None) if ts[-1] >= ts[0] else slice(None, None, -1)
+    near = np.arange(len(ts))[rising][np.searchsorted(ts[rising], times).clip(max=len(ts) - 1)]
+    return replace(sol, t=times, y=np.array([sol.point(t) for t in times]), z_own=zs[near], steps=sol.nodes)

@@ -1,0 +1,221 @@
+"""The replay: one HTML file that shows a solution moving beside its signals, offline and without a server.
+
+The page is ``replay.htm`` with ``replay.css`` and the scripts ``replay*.js``, and two gzipped blocks that the browser
+unpacks: meshcat's viewer, and the scene, the motion and the signals as numbers.
+"""
+
+import base64
+import gzip
+import html
+import re
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import umsgpack
+
+from ...errors import InputError, require
+from ...files import write_whole
+from ..figures_run import COLOURS
+from . import tracks
+from .panes import Pane, Plot, Signal, panes
+from .threejs import mesh_data, node, scene_object, typed
+
+with warnings.catch_warnings():  # meshcat imports its server, unused here, and that a deprecated module
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import meshcat
+
+if TYPE_CHECKING:
+    from ...mechanism.scene.scene import Scene, Shape
+    from ...solution.solution import Solution
+
+MIN_FRAMES = 101  # what is short is often looked at slowly
+MAX_FRAMES = 6001  # unless asked for: 100 s of viewing; between frames the page interpolates
+VIDEO = {".mp4": 30.0, ".gif": 20.0}  # frames per second
+SCRIPTS = ("replay_scene.js", "replay_plots.js", "replay.js")
+NOTEBOOK = 20e6  # characters: more makes a notebook slow to open and to save
+
+
+def animate(
+    sol: "Solution",
+    path: str | Path,
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+    plots: str | Sequence[Plot] | None = None,
+    signals: Mapping[str, Signal] | None = None,
+    traces: str | Sequence[str] = (),
+    ghosts: Mapping[str, "Solution"] | None = None,
+    arrows: bool | str | Sequence[str] = False,
+    progress: Callable[[float], None] | None = None,
+) -> Path:
+    """Writes a solution as a self-contained HTML page that plays in any browser, or as a video.
+
+    The page starts playing, and repeats; space, arrows, Home, End, L, < and > are its keys. Its script offers
+    ``window.mbdae`` with ``seek(t)``, ``play()``, ``pause()``, ``t``, ``start``, ``duration``, ``speed``, ``loop`` and
+    ``viewer``; ``page.html#t=1.5`` opens it at that time, standing still.
+
+    Args:
+        sol: the solution; shown from its first to its last time.
+        path: where it goes; ``.html``, or ``.mp4`` or ``.gif`` for a video, which takes Chromium. An existing file is
+            replaced, whole or not at all.
+        fps: frames stored per second of viewing; 60, fewer beyond 100 s, in videos 30 (.mp4) and 20 (.gif), when
+            left out.
+        speed: seconds of motion per second of viewing; below 1 is slow motion.
+        plots: what is plotted beside the scene, each a name of `Solution.signals` (``"q.crank"``), the beginning of
+            several (``"q"``, ``"lam.wrist pin"``), or a sequence of both for common axes. Joint coordinates, energies
+            and |g| when left out; () for none.
+        signals: more signals by name: functions of (t, q, v), or arrays over ``sol.t``.
+        traces: names of frames whose paths are drawn.
+        ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots.
+        arrows: names of closures, or True for all between frames, whose forces on the body of their second frame are
+            drawn as arrows; where rows depend on each other, those of minimum norm.
+        progress: called with the fraction of a video that is done.
+
+    Returns:
+        The path written.
+
+    Raises:
+        UnknownNameError: for a signal, frame or closure that does not exist; lists those that do.
+        InputError: the solution is empty or not finite, ``fps`` or ``speed`` is not a positive number, a ghost is of
+            another mechanism, the file cannot be written, or what makes a video is missing.
+    """
+    suffix = Path(path).suffix
+    shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
+    if suffix in VIDEO:
+        from .video import film
+
+        rate = VIDEO[suffix] if fps is None else fps
+        film(page(sol, fps=rate, speed=speed, **shown), Path(path), rate, abs(sol.t[-1] - sol.t[0]) / speed, progress)
+        return Path(path)
+    if suffix != ".html":
+        raise InputError(f"a replay is written as .html, .mp4 or .gif, got {str(path)!r}")
+    text = page(sol, fps=fps, speed=speed, **shown)
+    with write_whole(path) as draft:
+        draft.write_text(text, "utf-8")
+    return Path(path)
+
+
+def page(
+    sol: "Solution",
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+    plots: str | Sequence[Plot] | None = None,
+    signals: Mapping[str, Signal] | None = None,
+    traces: str | Sequence[str] = (),
+    ghosts: Mapping[str, "Solution"] | None = None,
+    arrows: bool | str | Sequence[str] = False,
+) -> str:
+    """Returns the page that `animate` writes.
+
+    Raises:
+        InputError: as `animate`.
+    """
+    if not hasattr(sol, "mechanism"):
+        raise InputError(f"animate takes a Solution (see mbdae.solve), got {sol!r:.60}")
+    for name, value in (("fps", fps), ("speed", speed)):
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name} must be a positive number, not {value!r}")
+    require(ghosts or {}, Mapping, "ghosts are solutions by name")
+    for name, ghost in (ghosts or {}).items():
+        if not hasattr(ghost, "mechanism"):
+            raise InputError(f"ghost {name!r} is a Solution (see mbdae.solve), got {ghost!r:.60}")
+    mechanism, ghosts = sol.mechanism, ghosts or {}
+    times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
+    scene = mechanism.scene
+    placements = scene.placements(q)
+    meshes = list(dict.fromkeys(shape.mesh for shape in scene.shapes if shape.mesh is not None))
+    payload = {
+        "meshes": [mesh_data(mesh) for mesh in meshes],
+        "objects": [
+            {"type": "set_object", "path": node(shape), "object": scene_object(shape, meshes, layer)}
+            for shape, layer in _layers(scene)
+        ],
+        "poses": list(tracks.poses(scene, placements)),
+        "frames": len(times),
+        "start": float(times[0]),
+        "end": float(times[-1]),
+        "speed": float(speed),
+        "bounds": tracks.bounds(scene, placements),
+        "ghosts": tracks.ghosts(sol, ghosts, times),
+        "traces": tracks.traces(mechanism, traces, q),
+        "arrows": tracks.arrows(sol, arrows, times),
+        "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],
+    }
+    filling = {
+        "title": html.escape(mechanism.title),
+        "style": _asset("replay.css"),
+        "script": "\n".join(map(_asset, SCRIPTS)),
+        "viewer": _viewer(),
+        "scene": _compressed(umsgpack.packb(payload)),
+    }
+    return re.sub(r"{{(\w+)}}", lambda key: filling[key[1]], _asset("replay.htm"))
+
+
+def frame(text: str, height: int = 520) -> str:
+    """Returns a page as an inline frame for a notebook or for another page."""
+    style = f"width: 100%; height: {height}px; border: 0"
+    return f'<iframe srcdoc="{html.escape(text)}" title="replay" style="{style}"></iframe>'
+
+
+def notebook(sol: "Solution") -> str:
+    """Returns the replay of a solution as a notebook shows it; a line in its place where it would be too large."""
+    text = page(sol, fps=30.0)
+    if len(text) > NOTEBOOK:
+        size = f"{len(text) / 1e6:.0f} MB"
+        return f"<p>{html.escape(repr(sol))}<br>The replay has {size}: mbdae.animate(sol, 'run.html') writes it.</p>"
+    return frame(text)
+
+
+def _frames(sol: "Solution", rate: float, most: int | None) -> tuple[np.ndarray, np.ndarray]:
+    """Uniform times (m,), at most so many, and the configurations (m, nq) there."""
+    if len(sol.t) == 0:
+        raise InputError("the solution is empty: there is no motion to show")
+    if len(sol.t) == 1:
+        times, q = np.asarray(sol.t, dtype=float), np.asarray(sol.q, dtype=float)
+    else:
+        start, end = float(sol.t[0]), float(sol.t[-1])
+        count = max(MIN_FRAMES, int(np.ceil(abs(end - start) * rate)) + 1)
+        times = np.linspace(start, end, min(count, most or count))
+        q = np.array([sol(t)[0] for t in times])
+    bad = ~np.isfinite(q).all(axis=1)
+    if bad.any():
+        raise InputError(f"the solution is not finite at t = {times[bad.argmax()]:g}")
+    return times, q
+
+
+def _layers(scene: "Scene") -> Iterator[tuple["Shape", int]]:
+    """Shapes, and which of those that are seen through everything else cover which."""
+    for k, shape in enumerate(scene.shapes):
+        yield shape, len(scene.shapes) - k if shape.role == "closure" else 0
+
+
+def _pane(pane: Pane) -> dict[str, Any]:
+    curves = [
+        {
+            "name": {"g": "|g|", "Gv": "|G v|"}.get(c.name, c.name),
+            "ghost": c.ghost,
+            "t": typed(c.t, "float64"),
+            "y": typed(c.y, "float32"),
+        }
+        for c in pane.curves
+    ]
+    return {"title": pane.title, "logarithmic": pane.logarithmic, "colours": COLOURS, "curves": curves}
+
+
+@cache
+def _viewer() -> str:
+    return _compressed(Path(meshcat.viewer_assets_path(), "dist", "main.min.js").read_bytes())
+
+
+def _compressed(data: bytes) -> str:
+    return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
+
+
+def _asset(name: str) -> str:
+    return files(__package__).joinpath(name).read_text("utf-8")

@@ -1,0 +1,110 @@
+"""Shapes as the objects of three.js that meshcat's viewer reads."""
+
+import base64
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import umsgpack
+
+if TYPE_CHECKING:
+    from ...mechanism.scene.scene import Mesh, Shape
+
+Y_TO_Z = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # three.js turns about y
+MIME = {".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".gif": "image/gif"}  # all others: png
+WHITE = "data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs="  # for missing textures
+EXTENSION = {"uint8": 0x12, "uint32": 0x16, "float32": 0x17, "float64": 0x18}  # msgpack types of JavaScript's arrays
+
+
+def typed(values: Any, dtype: str) -> umsgpack.Ext:
+    """A numpy array, flattened, as a typed array of JavaScript; dtype is a key of ``EXTENSION``."""
+    return umsgpack.Ext(EXTENSION[dtype], np.ascontiguousarray(values, dtype=dtype).tobytes())
+
+
+def node(shape: "Shape") -> str:
+    """The path of a shape in the viewer's tree."""
+    return f"/mechanism/{shape.role}/{shape.name.replace('/', '|')}"
+
+
+def mesh_data(mesh: "Mesh") -> dict[str, Any]:
+    """What the viewer needs of a mesh: its ``data``, and what the data refer to by name."""
+    if mesh.format == "triangles":
+        array = {"itemSize": 3, "normalized": False}
+        position = {**array, "type": "Float32Array", "array": typed(mesh.vertices, "float32")}
+        index = {**array, "itemSize": 1, "type": "Uint32Array", "array": typed(mesh.faces, "uint32")}
+        return {"data": {"attributes": {"position": position}, "index": index}}
+    if mesh.format == "stl":
+        return {"data": typed(np.frombuffer(mesh.data, dtype="uint8"), "uint8")}
+    images, more = {}, {}
+    for name, data in mesh.companions.items():
+        suffix = PurePath(name).suffix.lower()
+        if suffix == ".mtl":
+            more["mtl_library"] = _text(data)
+        else:
+            image = base64.b64encode(data).decode("ascii")
+            images[name] = f"data:{MIME.get(suffix, 'image/png')};base64,{image}" if data else WHITE
+    return {"data": _text(mesh.data), "resources": images, **more}
+
+
+def scene_object(shape: "Shape", meshes: list["Mesh"], layer: int = 0) -> dict[str, Any]:
+    """One shape in three.js' JSON; ``mesh`` is a number in ``meshes``, for `mesh_data`.
+
+    Args:
+        shape: what to draw.
+        meshes: the meshes of the scene.
+        layer: closures, seen through everything else, cover those of lower layers.
+
+    Returns:
+        The object with its geometry and material, all strings, numbers and lists.
+    """
+    matrix = np.diag([*shape.scale, 1.0])
+    body: dict[str, Any] = {"uuid": shape.name, "type": "Mesh"}
+    parts: dict[str, Any] = {"metadata": {"version": 4.5, "type": "Object"}, "object": body}
+    if shape.mesh is not None and shape.rgba is None:
+        body |= {"type": "_meshfile_object", "format": shape.mesh.format, "mesh": meshes.index(shape.mesh)}
+    else:
+        geometry, turned = _geometry(shape, meshes)
+        matrix = turned @ matrix
+        body |= {"geometry": "geometry", "material": "material", "renderOrder": layer}
+        parts["geometries"] = [{"uuid": "geometry", **geometry}]
+        parts["materials"] = [{"uuid": "material", **_material(shape)}]
+    body["matrix"] = matrix.T.ravel().tolist()
+    return parts
+
+
+def _geometry(shape: "Shape", meshes: list["Mesh"]) -> tuple[dict[str, Any], np.ndarray]:
+    """The geometry, and the (4, 4) matrix that brings it into the shape's frame."""
+    size = [float(s) for s in shape.size]
+    if shape.mesh is not None:
+        kind = {"type": "_meshfile_geometry", "format": shape.mesh.format}
+        if shape.mesh.format == "triangles":
+            kind = {"type": "BufferGeometry"}
+        return {**kind, "mesh": meshes.index(shape.mesh)}, np.eye(4)
+    if shape.kind == "box":
+        return {"type": "BoxGeometry", "width": size[0], "height": size[1], "depth": size[2]}, np.eye(4)
+    if shape.kind in ("sphere", "ellipsoid"):
+        ball = {"type": "SphereGeometry", "radius": 1.0, "widthSegments": 32, "heightSegments": 24}
+        return ball, np.diag([*(size * 3 if shape.kind == "sphere" else size), 1.0])
+    radius, length = size
+    if shape.kind == "capsule":
+        angle = np.linspace(-np.pi / 2, np.pi / 2, 24)
+        x, y = radius * np.cos(angle), radius * np.sin(angle) + np.sign(angle) * length / 2
+        profile = [{"x": float(a), "y": float(b)} for a, b in zip(x, y, strict=True)]
+        return {"type": "LatheGeometry", "points": profile, "segments": 32}, Y_TO_Z
+    top = 0.0 if shape.kind == "cone" else radius
+    round_ = {"type": "CylinderGeometry", "radiusTop": top, "radiusBottom": radius, "height": length}
+    return {**round_, "radialSegments": 32}, Y_TO_Z
+
+
+def _material(shape: "Shape") -> dict[str, Any]:
+    red, green, blue, alpha = shape.rgba or (0.7, 0.7, 0.7, 1.0)
+    colour = int.from_bytes(bytes(round(255 * c) for c in (red, green, blue)), "big")
+    material = {"type": "MeshPhongMaterial", "color": colour, "opacity": alpha, "transparent": alpha < 1}
+    if shape.role == "closure":  # seen through the bodies that hide it
+        return {**material, "depthTest": False, "transparent": True}
+    faceted = shape.mesh is not None and shape.mesh.format == "triangles"
+    return {**material, "side": 2, "flatShading": faceted}
+
+
+def _text(data: bytes) -> str:
+    return data.decode("utf-8", errors="replace")

@@ -1,0 +1,126 @@
+"""What moves in a replay, as numbers for the page: bodies, ghosts, paths of points, and forces."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import InputError, several
+from ...mechanism.frames import paths
+from ..figures_run import COLOURS
+from .panes import resampled
+from .threejs import node, typed
+
+if TYPE_CHECKING:
+    from ...mechanism import Mechanism
+    from ...mechanism.scene.scene import Scene
+    from ...solution.solution import Solution
+
+Array = np.ndarray
+GHOSTS = ("#e8590c", "#0c8599", "#9c36b5", "#5c940d", "#c2255c")
+ARROW = "#c2185b"
+
+
+def poses(scene: "Scene", placements: Array) -> Iterator[dict[str, Any]]:
+    """Yields where each shape is: x, y, z and a quaternion for each frame, or once for what rests."""
+    for shape, track in zip(scene.shapes, placements.swapaxes(0, 1), strict=True):
+        moves = np.ptp(track, axis=0).any()  # NaN does, too
+        values = np.hstack([track[:, :3], _continuous(track[:, 3:])]) if moves else track[:1]
+        yield {"path": node(shape), "values": typed(values, "float32")}
+
+
+def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> list[dict[str, Any]]:
+    """Other solutions at the same times (m,), each in a colour of its own.
+
+    Raises:
+        InputError: for a solution of another mechanism.
+    """
+    return [
+        {"name": name, "colour": GHOSTS[i % len(GHOSTS)], "poses": _ghost(sol, name, other, times)}
+        for i, (name, other) in enumerate(others.items())
+    ]
+
+
+def _ghost(sol: "Solution", name: str, ghost: "Solution", times: Array) -> list[dict[str, Any]]:
+    """Poses of the moving bodies of another solution, NaN at times that it does not reach."""
+    mech, other = sol.mechanism, ghost.mechanism
+    if not _alike(mech, other):
+        raise InputError(f"ghost {name!r} is of {other.title!r}, whose joints are not those of {mech.title!r}")
+    low, high = sorted((ghost.t[0], ghost.t[-1])) if len(ghost.t) else (np.inf, -np.inf)
+    slack = 1e-9 * (high - low)
+    inside = (times >= low - slack) & (times <= high + slack)
+    if not inside.any():
+        raise InputError(f"ghost {name!r} has no time in common with {times[0]:g} to {times[-1]:g} s")
+    placements = np.full((len(times), len(mech.scene.shapes), 7), np.nan)
+    placements[inside] = mech.scene.placements(np.array([ghost(t)[0] for t in np.clip(times[inside], low, high)]))
+    moving = np.ptp(placements[inside], axis=0).any(axis=1)
+    bodies = [shape.role != "closure" or shape.kind == "cylinder" for shape in mech.scene.shapes]
+    return [pose for pose, m, b in zip(poses(mech.scene, placements), moving, bodies, strict=True) if m and b]
+
+
+def _alike(a: "Mechanism", b: "Mechanism") -> bool:
+    """Whether two mechanisms have the same joints at the same places of their links."""
+    p, r = (np.array([x.homogeneous for x in m.model.jointPlacements]) for m in (a, b))
+    return a.joint_names == b.joint_names and a.nq == b.nq and np.allclose(p, r)
+
+
+def traces(mechanism: "Mechanism", names: str | Sequence[str], q: Array) -> list[dict[str, Any]]:
+    """Paths of the origins of frames at configurations q (m, nq).
+
+    Raises:
+        UnknownNameError: for a frame that does not exist.
+    """
+    listed = several(names, "traces is a list of frames")
+    return [
+        {"name": name, "colour": COLOURS[i % len(COLOURS)], "points": typed(track, "float32")}
+        for i, (name, track) in enumerate(zip(listed, paths(mechanism.model, listed, q), strict=True))
+    ]
+
+
+def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> dict[str, Any]:
+    """Forces of closures on the bodies of their second frames, in N and where they act, (m, 3) each; and the largest.
+
+    Raises:
+        UnknownNameError: for a name that does not exist.
+        InputError: for a coupling, or where there is no closure between frames.
+    """
+    if names is False or (names is not True and not names):
+        return {"largest": 0.0, "forces": []}
+    joined = {c.name: c.frames for c in sol.mechanism.constraints if c.frames}
+    if names is True and not joined:
+        raise InputError(f"{sol.mechanism.title!r} has no closures between frames: there are no forces to draw")
+    sample = resampled(sol, times)
+    chosen = joined if names is True else several(names, "arrows is True, or a list of closures")
+    found = [sample.reaction(name) for name in chosen]
+    at = paths(sol.mechanism.model, [joined[r.name][1] for r in found], sample.q)
+    forces = [
+        {
+            "name": r.name + ("" if all(r.unique[:3]) else " (minimum norm)"),
+            "colour": ARROW,
+            "points": typed(points, "float32"),
+            "values": typed(r.force_world, "float32"),
+        }
+        for r, points in zip(found, at, strict=True)
+    ]
+    lengths = [np.linalg.norm(r.force_world, axis=1) for r in found]
+    return {"largest": float(np.nanmax(lengths, initial=0.0)), "forces": forces}
+
+
+def _continuous(quaternions: Array) -> Array:
+    """Unit quaternions (m, 4) with signs such that neighbours are near each other."""
+    dots = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1])
+    signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0, -1.0, 1.0)]))
+    return quaternions * signs[:, None]
+
+
+def bounds(scene: "Scene", placements: Array) -> list[list[float]]:
+    """Lower and upper corner [m] of the box that holds the whole motion."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for shape, track in zip(scene.shapes, placements.swapaxes(0, 1), strict=True):
+        corners = np.array(list(product(*shape.bounds.T)))
+        axis, w = track[:, None, 3:6], track[:, None, 6:]
+        twist = 2 * np.cross(axis, corners[None])
+        world = track[:, None, :3] + corners + w * twist + np.cross(axis, twist)
+        low, high = np.minimum(low, world.min((0, 1))), np.maximum(high, world.max((0, 1)))
+    return [low.tolist(), high.tolist()] if scene.shapes else [[-0.5] * 3, [0.5] * 3]

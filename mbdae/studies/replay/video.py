@@ -1,0 +1,111 @@
+"""Videos of a replay: a browser without a window draws the page's frames, and a library packs them."""
+
+import base64
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...errors import InputError, MbdaeError
+from ...files import write_whole
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
+FLAGS = "--headless --use-gl=swiftshader --enable-unsafe-swiftshader --disable-background-networking --dump-dom"
+SIZES = {".mp4": (1280, 720), ".gif": (960, 540)}
+BATCH = 40  # frames of one start of the browser, which holds them
+PATIENCE = 300.0  # s for a batch
+
+
+def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[float], None] | None = None) -> None:
+    """Writes a video of a page of `mbdae.studies.replay.replay`, from the start of the motion to its end.
+
+    Args:
+        page: the page.
+        path: the ``.mp4`` (H.264) or ``.gif`` to write, whole or not at all.
+        fps: frames per second.
+        seconds: how long the video lasts.
+        progress: called with the fraction of the frames that are drawn.
+
+    Raises:
+        InputError: no browser is found, the library for the format is missing, or the path cannot be written.
+        MbdaeError: the browser draws nothing.
+    """
+    browser = _browser()
+    pack = {".mp4": _mp4, ".gif": _gif}[path.suffix]
+    count = round(seconds * fps) + 1
+
+    def drawn() -> Iterator["Image"]:
+        for first in range(0, count, BATCH):
+            last = min(count, first + BATCH)
+            for k, frame in enumerate(_frames(browser, page, first, last, count, SIZES[path.suffix]), first + 1):
+                yield frame
+                if progress:
+                    progress(k / count)
+
+    with write_whole(path) as draft:
+        pack(draft, drawn(), fps)
+
+
+def still(page: str, share: float, size: tuple[int, int]) -> "Image":
+    """Returns a picture of a page, (width, height) pixels, after a share of the motion from 0 to 1.
+
+    Raises:
+        InputError: no browser is found.
+        MbdaeError: the browser draws nothing.
+    """
+    k = round(1000 * share)
+    return _frames(_browser(), page, k, k + 1, 1001, size)[0]
+
+
+def _browser() -> str:
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        raise InputError(f"a video takes a browser that draws it, one of {', '.join(BROWSERS)}: none is found")
+    return found
+
+
+def _frames(browser: str, page: str, first: int, last: int, count: int, size: tuple[int, int]) -> list["Image"]:
+    """Frames first to last - 1 of count: the browser leaves them in the page's text."""
+    from PIL import Image
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "page.html")
+        file.write_text(page, "utf-8")
+        address = f"{file.as_uri()}#film={first},{last},{count},{size[0]}x{size[1]}"
+        command = [browser, *FLAGS.split(), f"--user-data-dir={folder}/profile"]
+        if hasattr(os, "geteuid") and os.geteuid() == 0:
+            command.append("--no-sandbox")  # root cannot have one
+        done = subprocess.run([*command, address], capture_output=True, timeout=PATIENCE, check=False)
+    pictures = re.findall(rb"data:image/png;base64,([\w+/=]+)\n", done.stdout)
+    if len(pictures) != last - first:
+        raise MbdaeError(f"{browser} drew {len(pictures)} of {last - first} frames")
+    return [Image.open(BytesIO(base64.b64decode(data))).convert("RGB") for data in pictures]
+
+
+def _mp4(path: Path, frames: Iterator["Image"], fps: float) -> None:
+    try:
+        import imageio_ffmpeg
+    except ImportError:
+        raise InputError('a .mp4 takes imageio-ffmpeg: pip install "mbdae[video]"; a .gif needs nothing more') from None
+    first = next(frames)
+    writer = imageio_ffmpeg.write_frames(str(path), first.size, fps=fps, macro_block_size=2, quality=7)
+    writer.send(None)
+    writer.send(first.tobytes())
+    for frame in frames:
+        writer.send(frame.tobytes())
+    writer.close()
+
+
+def _gif(path: Path, frames: Iterator["Image"], fps: float) -> None:
+    """One palette for all frames, of the first: colours do not flicker."""
+    first = next(frames).quantize(255, kmeans=2)
+    rest = [frame.quantize(palette=first) for frame in frames]
+    first.save(path, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0, optimize=True)

@@ -1,0 +1,149 @@
+"""A report as one HTML page: text, tables, figures and the replay, nothing from outside."""
+
+import base64
+import json
+import re
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from .. import figures
+from ..comparison.tables import comparison_rows
+from ..figures_run import drifts, motion
+from ..figures_study import convergence, work_precision
+from ..replay.replay import frame
+from ..replay.replay import page as replay_page
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .report import Report
+
+VIEWING = 4.0  # s: a shorter motion is shown in slow motion
+SECTIONS = ("Model", "Run", "Drift", "Orders", "Comparison", "Repeat")
+
+
+def page(report: "Report") -> str:
+    """The page as text."""
+    writers = (_model, _run, _drift, _orders, _comparison, _repeat)
+    bodies = {name: write(report) for name, write in zip(SECTIONS, writers, strict=True)}
+    shown = {name: body for name, body in bodies.items() if body}
+    c, meta = report.card, report.meta
+    filling = {
+        "version": meta["versions"]["mbdae"],
+        "title": escape(c.title),
+        "summary": f"Degrees of freedom: {c.freedom}. mbdae {meta['versions']['mbdae']}, {meta['date']}.",
+        "contents": "".join(f'<a href="#{name}">{name}</a>' for name in shown),
+        "sections": "\n".join(f'<h2 id="{name}">{name}</h2>\n{body}' for name, body in shown.items()),
+    }
+    template = files(__package__).joinpath("report.htm").read_text("utf-8")
+    return re.sub(r"{{(\w+)}}", lambda key: filling[key[1]], template)
+
+
+def _model(report: "Report") -> str:
+    c = report.card
+    closures = [
+        f"{x['name']}: {x['kind']} {' - '.join(x['joins'])}, {x['rows']} rows"
+        + (f" ({x['dependent']} depend on others)" if x["dependent"] else "")
+        for x in c.closures
+    ]
+    facts = {
+        "sizes": f"nq = {c.nq}, nv = {c.nv}, {c.ng} closure rows of rank {c.rank}; degrees of freedom: {c.freedom}",
+        "joints": ", ".join(f"{name} ({kind})" for name, kind in c.joints),
+        "closures": "\n".join(closures) or "none",
+        "forces": ", ".join(c.forces) or "none",
+        "gravity": f"{list(c.gravity)} m/s^2",
+        "start": f"|g| = {c.g:.1e}, |G v| = {c.Gv:.1e}\nq = {_vector(c.q)}\nv = {_vector(c.v)}",
+        "not modelled": ", ".join(c.not_modelled),
+    }
+    note = "<p>Reactions of dependent rows are not unique: lam is the one of minimum norm.</p>" if c.ng > c.rank else ""
+    return _facts(facts) + note
+
+
+def _run(report: "Report") -> str:
+    sol = report.sol
+    s, settings = sol.stats, sol.settings
+    end = abs(sol.t[-1] - sol.t[0])
+    speed = min(1.0, end / VIEWING)
+    slow = f" The replay runs at {speed:.2g} of real time." if speed < 1 else ""
+    text = (
+        f"<p>{escape(report.histories[0].label if report.histories else settings['method'])}, "
+        f"{sol.t[0]:g} to {sol.t[-1]:g} s: {escape(sol.message)}. {s['steps']} steps, {s['rejected'] or 0} rejected, "
+        f"{s['solves']} linear solves, {s['seconds']:.2f} s.{slow}</p>"
+    )
+    return text + frame(replay_page(sol, fps=30.0, speed=speed), 660) + _image(motion(sol), "motion over time")
+
+
+def _drift(report: "Report") -> str:
+    if not report.drifts:
+        return ""
+    heads = ["method", "max |g|", "|g| at the end", "max |G v|", "energy error (J)", "relative", "work (J)"]
+    rows = [
+        [h.label, f"{d.g_max:.1e}", f"{d.g_end:.1e}", f"{d.Gv_max:.1e}", f"{d.energy_error:.1e}"]
+        + [f"{d.energy_relative:.1e}", f"{d.work_end:.4g}"]
+        for h, d in zip(report.histories, report.drifts, strict=True)
+    ]
+    return _table(heads, rows) + _image(drifts(report.histories), "drift of the closures and of the energy over time")
+
+
+def _orders(report: "Report") -> str:
+    study = report.orders
+    if study is None:
+        return ""
+    quantities = [s.quantity for s in next(iter(study.slopes.values()))]
+    rows, notes = [], []
+    for name, slopes in study.slopes.items():
+        cells = [(f"{s.observed:.2f}" if s.observed is not None else "-") + f" ({s.claimed})" for s in slopes]
+        marks = ["holds" if s.verdict == "holds" else "fails" if s.verdict == "misses" else "" for s in slopes]
+        rows.append([name, *(f'<span class="{m}">{c}</span>' for c, m in zip(cells, marks, strict=True))])
+        notes += [f"{name}, {s.quantity}: {s.verdict}" for s in slopes if s.verdict != "holds"]
+    text = f"<p>Observed (claimed) orders with fixed steps, T = {study.T:g} s; a slope holds at the claim less 0.2.</p>"
+    excuse = f'<p class="note">{escape("; ".join(notes))}</p>' if notes else ""
+    return text + _table(["method", *quantities], rows, safe=True) + excuse + _image(convergence(study), "convergence")
+
+
+def _comparison(report: "Report") -> str:
+    result, u = report.comparison, report.comparison.uncertainty
+    heads, rows = comparison_rows(result)
+    text = (
+        f"<p>Errors are the largest differences to {escape(result.reference)} over common times. "
+        f"{escape(result.witness)} differs from it by {u['q']:.1e} in q, {u['v']:.1e} in v, {u['lam']:.1e} in lam; "
+        "what is below five times that is marked &lt; and not known.</p>"
+    )
+    ranking = "".join(f"<li>{escape(s)}</li>" for s in result.sentences())
+    picture = _image(work_precision(result), "work-precision diagram")
+    return text + picture + f'<ul class="note">{ranking}</ul>' + _table(heads, rows)
+
+
+def _repeat(report: "Report") -> str:
+    meta = report.meta
+    facts = {
+        "command": meta["command"],
+        "parameters": json.dumps(meta["parameters"]),
+        "versions": ", ".join(f"{name} {number}" for name, number in meta["versions"].items()),
+        "machine": meta["machine"],
+        "date": meta["date"],
+    }
+    whole = escape(json.dumps(report.mechanism, indent=1))
+    return _facts(facts) + f"<details><summary>The mechanism as it was read</summary><pre>{whole}</pre></details>"
+
+
+def _facts(facts: dict[str, str]) -> str:
+    rows = (f"<tr><td>{escape(k)}</td><td>{escape(v).replace(chr(10), '<br>')}</td></tr>" for k, v in facts.items())
+    return f'<table class="facts">{"".join(rows)}</table>'
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
+    head = "".join(f"<th>{escape(h)}</th>" for h in heads)
+    body = "".join("<tr>" + "".join(f"<td>{c if safe else escape(c)}</td>" for c in row) + "</tr>" for row in rows)
+    return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
+
+
+def _image(figure: "Figure", words: str) -> str:
+    data = base64.b64encode(figures.svg(figure)).decode()
+    return f'<div class="wide"><img alt="{escape(words)}" src="data:image/svg+xml;base64,{data}"></div>'
+
+
+def _vector(values: Sequence[float]) -> str:
+    return f"[{', '.join(f'{x:.6g}' for x in values)}]"

@@ -1,0 +1,1 @@
+"""Thousands of runs over values of parameters."""

@@ -1,0 +1,158 @@
+"""What is kept of each run of a sweep: signals at given times, and single numbers.
+
+"q.slider"                     a signal, kept at the times of the sweep
+"final q.slider"               its value at the end; max, min, mean over time, and peak, the largest magnitude
+"peak force.wrist pin"         of a reaction: force.(closure) in N and torque.(closure) in N m are magnitudes
+"max effort.motor"             of a coupling or a driver
+a function of the Solution     returns a table of numbers: {"period": 1.2}
+
+Where the sweep has times, signals are taken there; else at the ends of steps, between which a maximum may hide.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...errors import InputError, MbdaeError, UnknownNameError
+from ...mechanism import Driver, Mechanism
+from ...mechanism.callbacks import function_name
+from ...mechanism.closures.rows import Axes
+from ...solution.columns import coordinates, row_names, signals
+from ...solution.solution import Solution
+
+Array = np.ndarray
+Function = Callable[[Solution], Mapping[str, float]]
+Output = str | Function
+REDUCTIONS: dict[str, Callable[[Array, Array], float]] = {
+    "final": lambda t, x: x[-1],
+    "max": lambda t, x: x.max(),
+    "min": lambda t, x: x.min(),
+    "peak": lambda t, x: np.abs(x).max(),
+    "mean": lambda t, x: np.trapezoid(x, t) / (t[-1] - t[0]) if len(t) > 1 else x[0],
+}
+REACTION, EFFORT = ("force", "torque"), "effort"
+
+
+class Wanted(NamedTuple):
+    """An output that a text asks for: a signal, and what is made of it; None keeps it at the times of the sweep."""
+
+    text: str
+    reduction: str | None
+    signal: str
+
+
+def parse(text: str) -> Wanted:
+    """Read an output: a signal, or a reduction and a signal."""
+    first, _, rest = text.strip().partition(" ")
+    return Wanted(text, first, rest.strip()) if first in REDUCTIONS and rest else Wanted(text, None, text.strip())
+
+
+def check(mech: Mechanism, outputs: Sequence[Output], timed: bool) -> None:
+    """Refuse outputs that no run can have.
+
+    Raises:
+        UnknownNameError: for a signal or a reduction that does not exist.
+        InputError: for a signal to be kept at times when there are none, or what is neither text nor function.
+    """
+    known = signal_names(mech) if any(isinstance(x, str) for x in outputs) else []
+    for output in outputs:
+        if not isinstance(output, str):
+            if not callable(output):
+                raise InputError(f"an output is a text or a function of the solution, got {output!r:.60}")
+            continue
+        wanted = parse(output)
+        first, _, rest = wanted.signal.partition(" ")
+        if wanted.signal not in known and rest in known:
+            raise UnknownNameError("reduction", first, REDUCTIONS)
+        if wanted.signal not in known:
+            raise UnknownNameError("signal", wanted.signal, known)
+        if wanted.reduction is None and not timed:
+            raise InputError(f"output {output!r} is kept at times: say which, or what of it, as in 'max {output}'")
+    if len(set(outputs)) < len(outputs):
+        raise InputError(f"an output stands twice: {', '.join(map(label, outputs))}")
+
+
+def label(output: Output) -> str:
+    """An output as text."""
+    return output if isinstance(output, str) else function_name(output)
+
+
+def signal_names(mech: Mechanism) -> list[str]:
+    """Names of all signals that an output may name."""
+    y = np.concatenate([mech.coordinates({})[0], np.zeros(mech.nv), list(mech.states.values()), [0.0]])
+    nowhere = Solution(mech, np.zeros(1), y[None], np.full((1, mech.ng), np.nan), "finished", "", {}, {})
+    plain = signals(nowhere, lam=False)
+    forces = [f"{kind}.{c.name}" for c in mech.constraints if c.frames for kind in REACTION]
+    efforts = [f"{EFFORT}.{c.name}" for c in mech.constraints if isinstance(c, Driver) or not c.frames]
+    return [*plain, *row_names(mech), *forces, *efforts]
+
+
+def evaluate(
+    sol: Solution, outputs: Sequence[Output], n: int | None
+) -> tuple[dict[str, float], dict[str, Array], dict[str, float]]:
+    """The outputs of a run: numbers, signals at ``n`` times (nan where the run ended before), results of functions.
+
+    Raises:
+        InputError: for a function that fails, or returns what is no table of numbers.
+    """
+    wanted = [parse(x) for x in outputs if isinstance(x, str)]
+    found = columns(sol, {w.signal for w in wanted})
+    numbers = {w.text: float(REDUCTIONS[w.reduction](sol.t, found[w.signal])) for w in wanted if w.reduction}
+    samples = {}
+    for w in wanted:
+        if w.reduction is None and n is not None:
+            samples[w.text] = np.full(n, np.nan)
+            samples[w.text][: len(sol.t)] = found[w.signal]
+    more: dict[str, float] = {}
+    for function in outputs:
+        if not isinstance(function, str):
+            result = _called(function, sol)
+            if twice := sorted(result.keys() & more.keys()):
+                raise InputError(f"two output functions return {twice[0]!r}")
+            more |= result
+    return numbers, samples, more
+
+
+def columns(sol: Solution, wanted: set[str]) -> dict[str, Array]:
+    """The signals ``wanted`` (and others), (n,) each; nothing costly is computed that is not among them."""
+    if not wanted:
+        return {}
+    mech = sol.mechanism
+    out = {"t": np.asarray(sol.t), "work": sol.work, **coordinates(sol)}
+    if any(name.startswith("lam.") for name in wanted):
+        out |= {name: sol.lam[:, i] for i, name in enumerate(row_names(mech))}
+    for name in sorted(wanted - out.keys()):
+        kind, _, which = name.partition(".")
+        if kind == "force":
+            out[name] = np.linalg.norm(sol.lam[:, force_rows(sol, which)], axis=1)
+        elif kind in REACTION:
+            out[name] = np.linalg.norm(getattr(sol.reaction(which), kind), axis=1)
+        elif kind == EFFORT:
+            out[name] = sol.effort(which).effort
+        elif name not in out:
+            out |= signals(sol, lam=False)
+    return out
+
+
+def force_rows(sol: Solution, name: str) -> Array:
+    """The rows of a closure between frames that are forces along directions at right angles, (ng,).
+
+    Those of gaps and distances; the length of their multipliers is that of the force.
+    """
+    mech = sol.mechanism
+    out, at = np.zeros(mech.ng, bool), mech.row_names.index(name)
+    for rows in next(c for c in mech.constraints if c.name == name).rows():
+        out[at : at + rows.m] = not isinstance(rows, Axes)
+        at += rows.m
+    return out
+
+
+def _called(function: Function, sol: Solution) -> dict[str, float]:
+    name = function_name(function)
+    try:
+        result = function(sol)
+        return {str(key): float(value) for key, value in result.items()}
+    except Exception as e:
+        why = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
+        raise InputError(f"output {name!r}, a function of the solution that returns a table of numbers: {why}") from e

@@ -1,0 +1,168 @@
+"""The runs of a sweep: parameter values from a grid, a list or a random sample, and a seed for each run."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...errors import InputError, UnknownNameError
+
+DISTRIBUTIONS = (  # methods of numpy.random.Generator
+    "uniform", "normal", "lognormal", "triangular", "choice", "integers", "exponential", "gamma", "beta", "weibull",
+)  # fmt: skip
+RANGE = {"from", "to", "n"}
+LARGEST = 1_000_000  # runs of a sweep: their table is made before the first of them
+VALUES, OWN = 0, 1  # the streams of random numbers of a run: its parameters, and what its seed is for
+
+
+@dataclass(frozen=True)
+class Random:
+    """A random sample of parameters.
+
+    Run i draws from numpy's ``SeedSequence(seed, spawn_key=(i, 0))``, parameter by parameter in their order: the values
+    depend on the seed and on i, not on who computes the run, and not on n.
+
+    Attributes:
+        n: number of runs.
+        parameters: name = distribution. A distribution is a table with the name of a method of numpy.random.Generator
+            and its arguments, ``{"distribution": "normal", "loc": 0.35, "scale": 1e-3}``, or, in Python, a frozen
+            distribution of scipy.stats; a plain value is shared by all runs.
+    """
+
+    n: int
+    parameters: Mapping[str, Any]
+
+
+Parameters = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Any]] | Random
+
+
+class Task(NamedTuple):
+    """One run: its number, a seed of its own, and the values of its parameters."""
+
+    run: int
+    seed: int
+    values: dict[str, Any]
+
+
+def tasks(parameters: Parameters, seed: int) -> list[Task]:
+    """The runs in their order: of a grid the last parameter changes first.
+
+    Raises:
+        InputError: for parameters that are none of the three, or values that no table holds.
+        UnknownNameError: for a distribution that does not exist.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"seed is a whole number, not negative, got {seed!r}")
+    if not all(isinstance(name, str) for name in _named(parameters)):
+        raise InputError(f"parameters are named by texts, got {parameters!r:.60}")
+    if isinstance(parameters, Random):
+        _refuse_many(parameters.n)
+        runs: Iterable[Mapping[str, Any]] = _sample(parameters, int(seed))
+    elif isinstance(parameters, Mapping):
+        lists = [_listed(name, values) for name, values in parameters.items()]
+        _refuse_many(prod(map(len, lists)))
+        runs = (dict(zip(parameters, values, strict=True)) for values in product(*lists))
+    elif isinstance(parameters, Sequence) and all(isinstance(p, Mapping) for p in parameters):
+        runs = parameters
+    else:
+        raise InputError(
+            "parameters are a grid (name = list of values), a list of tables (name = value), "
+            f"or a mbdae.Random, got {parameters!r:.60}"
+        )
+    out = [Task(i, own_seed(int(seed), i), {n: plain(n, x) for n, x in run.items()}) for i, run in enumerate(runs)]
+    if not out:
+        raise InputError("a sweep needs at least one run: the list of parameters is empty")
+    return out
+
+
+def _refuse_many(runs: Any) -> None:
+    if isinstance(runs, int | np.integer) and runs > LARGEST:
+        raise InputError(f"a sweep has at most {LARGEST} runs, got {runs}")
+
+
+def _named(parameters: Any) -> Iterable[Any]:
+    """What stands where names should."""
+    if isinstance(parameters, Random):
+        return parameters.parameters if isinstance(parameters.parameters, Mapping) else [None]
+    runs = [parameters] if isinstance(parameters, Mapping) else parameters
+    runs = runs if isinstance(runs, Sequence) and not isinstance(runs, str) else []
+    return (name for run in runs if isinstance(run, Mapping) for name in run)
+
+
+def swept(parameters: Parameters) -> set[str]:
+    """Names of the parameters, before their values are drawn."""
+    if isinstance(parameters, Random):
+        return set(parameters.parameters)
+    return set(parameters) if isinstance(parameters, Mapping) else {name for run in parameters for name in run}
+
+
+def own_seed(seed: int, run: int) -> int:
+    """The seed of a run, 63 bits: from the seed of the sweep and the number of the run alone."""
+    return int(np.random.SeedSequence(seed, spawn_key=(run, OWN)).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+
+def names(runs: Iterable[Task]) -> list[str]:
+    """Names of all parameters, in their order."""
+    return list(dict.fromkeys(name for task in runs for name in task.values))
+
+
+def plain(name: str, value: Any) -> Any:
+    """A value as a number, a text, a truth value or a list of numbers.
+
+    Raises:
+        InputError: for another one.
+    """
+    value = value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, list | tuple | np.ndarray) and len(value):
+        inner = [plain(name, x) for x in value]
+        if all(isinstance(x, int | float) and not isinstance(x, bool) for x in inner):
+            return [float(x) for x in inner]
+    raise InputError(f"parameter {name!r} takes numbers, texts or lists of numbers, got {value!r:.60}")
+
+
+def _listed(name: str, values: Any) -> Sequence[Any]:
+    """The values of one axis of a grid."""
+    if isinstance(values, Mapping) and set(values) == RANGE:
+        _refuse_many(values["n"])
+        try:
+            return np.linspace(values["from"], values["to"], values["n"]).tolist()
+        except (TypeError, ValueError, OverflowError) as e:
+            raise InputError(f"{name}: from and to are numbers, and n says how many, got {dict(values)}: {e}") from None
+    if isinstance(values, str | Mapping) or not isinstance(values, Sequence | np.ndarray) or not len(values):
+        raise InputError(f"{name}: a grid takes a list of values, or from, to and n, got {values!r:.60}")
+    return list(values)
+
+
+def _sample(random: Random, seed: int) -> Iterable[dict[str, Any]]:
+    if isinstance(random.n, bool) or not isinstance(random.n, int | np.integer) or random.n < 1:
+        raise InputError(f"n, the number of runs of a random sample, is a positive number, got {random.n!r}")
+    draws = {name: _drawer(name, value) for name, value in random.parameters.items()}
+    for i in range(random.n):
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(i, VALUES)))
+        yield {name: draw(rng) for name, draw in draws.items()}
+
+
+def _drawer(name: str, value: Any) -> Callable[[np.random.Generator], Any]:
+    """A function that draws a value of one parameter."""
+    if hasattr(value, "rvs"):
+        return lambda rng: value.rvs(random_state=rng)
+    if not isinstance(value, Mapping):
+        return lambda rng: value
+    arguments = dict(value)
+    kind = arguments.pop("distribution", None)
+    if kind not in DISTRIBUTIONS:
+        raise UnknownNameError(f"distribution of {name}", str(kind), DISTRIBUTIONS)
+
+    def draw(rng: np.random.Generator) -> Any:
+        return getattr(rng, kind)(**arguments)
+
+    try:
+        draw(np.random.default_rng(0))
+    except (TypeError, ValueError, OverflowError) as e:
+        raise InputError(f"{name}: numpy's {kind} does not take {arguments}: {e}") from None
+    return draw

@@ -1,0 +1,178 @@
+"""One run of a sweep: from parameter values to a row, here, in another thread, in another process or machine."""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from time import perf_counter
+from typing import Any, Protocol
+
+import numpy as np
+
+from ...errors import AssemblyError, InputError, MbdaeError, UnknownNameError, require
+from ...integrate.solve import solve
+from ...mechanism import Mechanism
+from ...mechanism.callbacks import function_name
+from ...mechanism.formats.template import START, Template, check_start, with_start
+from ...system import Counts
+from .outputs import Output, evaluate
+from .plan import Task
+
+SOLVE = "solve."
+NOT_SETTINGS = ("problem", "t_span", "q", "v", "s", "t_eval", "progress")
+SETTINGS = tuple(name for name in inspect.signature(solve).parameters if name not in NOT_SETTINGS)
+COUNTS = ("steps", "rejected", *Counts().to_dict())
+FAILURES = {  # statuses of runs that did not come to a solution
+    "input": "a value does not fit",
+    "assembly": "no consistent start was found",
+    "output": "an output could not be computed",
+    "error": "an unexpected error",
+}
+Stop = Callable[[], bool]
+
+
+class Maker(Protocol):
+    """What makes the mechanisms of a sweep."""
+
+    parameters: tuple[str, ...]
+
+    def check(self, values: Mapping[str, Any]) -> None:
+        """Refuse names that lead nowhere."""
+
+    def make(self, values: Mapping[str, Any]) -> Mechanism:
+        """The mechanism with these values."""
+
+
+class Made:
+    """Mechanisms that a function of the user makes: its arguments are the parameters, besides start values."""
+
+    def __init__(self, function: Callable[..., Mechanism]) -> None:
+        self.function, self.name = function, function_name(function)
+        found = inspect.signature(function).parameters.values()
+        self.parameters = tuple(p.name for p in found if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
+        self.any = any(p.kind == p.VAR_KEYWORD for p in found)
+
+    def check(self, values: Mapping[str, Any]) -> None:
+        """See `Maker`."""
+        start = [name for name in values if name.startswith(START)]
+        for name in values:
+            if not (name in self.parameters or name in start or (self.any and name.isidentifier())):
+                raise UnknownNameError(
+                    f"parameter of {self.name}", name, (*self.parameters, "start. ...", "solve. ...")
+                )
+        if start:
+            mech = self.make({name: x for name, x in values.items() if name not in start})
+            for name in start:
+                check_start(mech, name)
+
+    def make(self, values: Mapping[str, Any]) -> Mechanism:
+        """See `Maker`."""
+        start = {name: x for name, x in values.items() if name.startswith(START)}
+        mech = self.function(**{name: x for name, x in values.items() if name not in start})
+        require(mech, Mechanism, f"{self.name} must return a Mechanism")
+        return with_start(mech, start)
+
+
+@dataclass(frozen=True)
+class Job:
+    """What all runs of a sweep share; it travels to other processes.
+
+    Attributes:
+        model: what `mbdae.load` takes, or a function that returns a Mechanism.
+        t_span: start and end in s; from 0 to the model's duration when None.
+        times: number of equidistant times or the times at which signals are taken; the steps when None.
+        outputs: what is kept of each run.
+        settings: arguments of `mbdae.solve`.
+        key: tells sweeps apart whose files differ.
+    """
+
+    model: str | Callable[..., Mechanism]
+    t_span: tuple[float, float] | None = None
+    times: int | tuple[float, ...] | None = None
+    outputs: tuple[Output, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+    key: str = ""
+
+    def maker(self) -> Maker:
+        """What makes the mechanisms, with files read afresh."""
+        return Template(self.model) if isinstance(self.model, str) else Made(self.model)
+
+    def span(self, mech: Mechanism) -> tuple[float, float]:
+        """Start and end in s."""
+        return (0.0, mech.duration) if self.t_span is None else self.t_span
+
+    def sample_times(self, mech: Mechanism) -> np.ndarray | None:
+        """The times at which signals are taken; None for the steps."""
+        if isinstance(self.times, int):
+            return np.linspace(*self.span(mech), self.times)
+        return None if self.times is None else np.array(self.times)
+
+
+def split(values: Mapping[str, Any], maker: Maker, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Values for the mechanism, with the run's seed where it takes one, and settings of `mbdae.solve`."""
+    settings = {n.removeprefix(SOLVE): x for n, x in values.items() if n.startswith(SOLVE)}
+    made = {n: x for n, x in values.items() if not n.startswith(SOLVE)}
+    return ({"seed": seed, **made} if "seed" in maker.parameters else made), settings
+
+
+@lru_cache(4)
+def _maker(model: Any, key: str) -> Maker:
+    return Job(model).maker()
+
+
+def run(job: Job, task: Task, stop: Stop | None = None) -> dict[str, Any]:
+    """Make one run and return its row; whatever goes wrong is a status and a message in it.
+
+    Returns:
+        ``run``, ``status``, ``message``, the end time ``t``, counts of work, ``numbers``, ``samples`` and ``more`` (see
+        `mbdae.studies.sweep.outputs.evaluate`), and ``seconds``, which belong to no table.
+    """
+    started = perf_counter()
+    row: dict[str, Any] = {"run": task.run, "numbers": {}, "samples": {}, "more": {}}
+    try:
+        row |= _solved(job, task, stop)
+    except AssemblyError as e:
+        row |= {"status": "assembly", "message": str(e)}
+    except InputError as e:
+        row |= {"status": "input", "message": str(e)}
+    except Exception as e:
+        why = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
+        row |= {"status": "error", "message": " ".join(why.split())}
+    return {**row, "seconds": perf_counter() - started}
+
+
+def _solved(job: Job, task: Task, stop: Stop | None) -> dict[str, Any]:
+    maker = _maker(job.model, job.key)
+    values, settings = split(task.values, maker, task.seed)
+    mech = maker.make(values)
+    times = job.sample_times(mech)
+    tell = _teller(stop) if stop else None
+    sol = solve(mech, job.span(mech), t_eval=times, progress=tell, **{**job.settings, **settings})
+    row = {"status": sol.status, "message": sol.message, "t": float(sol.nodes[0][-1])}
+    row |= {name: sol.stats.get(name) for name in (*COUNTS, "backend")}
+    if not sol.success:
+        return row
+    try:
+        numbers, samples, more = evaluate(sol, job.outputs, None if times is None else len(times))
+    except InputError as e:
+        return {**row, "status": "output", "message": str(e)}
+    return {**row, "numbers": numbers, "samples": samples, "more": more}
+
+
+def _teller(stop: Stop) -> Callable[[float], None]:
+    def tell(done: float) -> None:
+        if stop():
+            raise KeyboardInterrupt
+
+    return tell
+
+
+def check_settings(settings: Sequence[str]) -> None:
+    """Refuse names that are no settings of a run.
+
+    Raises:
+        UnknownNameError: lists those that are.
+    """
+    for name in settings:
+        if name not in SETTINGS:
+            raise UnknownNameError("setting of solve", name, SETTINGS)

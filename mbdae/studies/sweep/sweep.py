@@ -1,0 +1,292 @@
+"""Thousands of runs: one model, many values of its parameters, one table."""
+
+import hashlib
+import inspect
+import json
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import CancelledError, Executor, Future
+from itertools import islice
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+import numpy as np
+
+from ...backend import known
+from ...errors import InputError, MbdaeError, UnknownNameError
+from ...integrate.solve import solve
+from ...integrate.steppers.scipy_ivp import find
+from ...mechanism import Mechanism, describe
+from ...mechanism.callbacks import function_name
+from ...mechanism.formats.library import model_names
+from ...mechanism.formats.parametric import split as split_name
+from ...mechanism.formats.part import shortened
+from ...solution.archive import versions
+from .executors import Pool, pool
+from .file import SweepFile
+from .fingerprint import fingerprint
+from .outputs import Output, check, label, parse
+from .plan import Parameters, Random, Task, names, tasks
+from .run import SOLVE, Job, Maker, check_settings, split
+from .table import Sweep, column_kinds, completed
+
+__all__ = ["Random", "Sweep", "sweep"]
+Model = str | Path | Callable[..., Mechanism]
+Progress = Callable[[float, str], None]
+METHOD = inspect.signature(solve).parameters["method"].default
+TRIED = 50  # of the first runs, and as many of the others, until one can be made
+MOST = 1_000_000  # times of a run
+
+
+def sweep(
+    model: Model,
+    parameters: Parameters,
+    t_span: float | Sequence[float] | None = None,
+    *,
+    outputs: Sequence[Output] = (),
+    times: int | Sequence[float] | np.ndarray | None = None,
+    path: str | Path | None = None,
+    seed: int = 0,
+    executor: str | Executor | None = None,
+    workers: int | None = None,
+    fresh: bool = False,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Sweep:
+    """Run a model for many values of its parameters.
+
+    A parameter is named by
+
+    * its own name, for a ``mechanism.py`` or a function that takes it;
+    * a dotted path into the mechanism file: ``"force.spring.stiffness"``, ``"frame.rod_tip.xyz.0"``,
+      ``"body.rod.mass"``, ``"gravity.2"``, ``"start.v.crank"``;
+    * ``"joint.crank_pin.xyz.0"`` for what a URDF or MJCF file says of a joint: ``xyz`` and ``rpy`` of its place in the
+      body before it, ``mass``, ``com``, ``inertia`` of the body behind it;
+    * ``"solve.rtol"`` for an argument of `mbdae.solve`.
+
+    Names that do not exist are refused before anything runs. A run that fails (a value that does not fit, no consistent
+    start, a status of `mbdae.solve`) is a row with that status and its message. The table is the same bit for bit
+    from threads, processes and clusters.
+
+    With ``path`` each run is on the disk when it is finished, in ``runs.parquet.part``; when all are, the table is
+    ``runs.parquet``. Stopped or killed, the same call goes on where it was. Stopped by Ctrl-C, it returns what was
+    finished.
+
+    Args:
+        model: what `mbdae.load` takes, or a function of the parameters that returns a Mechanism. For processes it must
+            be one that can be imported, and scripts need ``if __name__ == "__main__":``.
+        parameters: a grid, name = list of values (all combinations); a list of runs, name = value each; or a
+            `mbdae.Random` sample.
+        t_span: end, or start and end in s; from 0 to the model's duration when left out.
+        outputs: what is kept of each run, see `mbdae.studies.sweep.outputs`: ``"q.slider"`` a signal at the times,
+            ``"final q.slider"``, ``"peak force.wrist pin"``, or functions of the Solution that return a table.
+        times: number of equidistant times, or the times, at which signals are taken; ends of steps when left out.
+        path: file of the table, ``.parquet``; takes pyarrow.
+        seed: each run has a seed of its own, from this one and its number; a model with a parameter ``seed`` gets it.
+        executor: ``"threads"``, ``"processes"`` or any executor of concurrent.futures: that of a Dask client
+            (``client.get_executor()``) or of ``mpi4py.futures``. Threads when left out, if the compiled core is there.
+        workers: number of threads or processes; one for each processor when left out.
+        fresh: do not go on from the file, replace it.
+        progress: called with the fraction done and a text.
+        settings: arguments of `mbdae.solve`.
+
+    Returns:
+        The table, a row for each run.
+
+    Raises:
+        UnknownNameError: for a model, parameter, signal or setting that does not exist.
+        InputError: for wrong arguments, a model that cannot be made with any of the values, or the file of another
+            sweep.
+        MbdaeError: when the executor loses a run; what is finished is kept.
+    """
+    if path is not None and not isinstance(path, str | Path):
+        raise InputError(f"path is the name of a file, got {path!r:.60}")
+    known(settings.get("backend", "auto"))
+    plan = tasks(parameters, seed)
+    job = _job(model, t_span, times, outputs, settings)
+    mech = _checked(job, plan)
+    wanted = [parse(x) for x in job.outputs if isinstance(x, str)]
+    numbers, samples = ([w.text for w in wanted if bool(w.reduction) is kept] for kept in (True, False))
+    kinds = column_kinds(plan, numbers, samples)
+    manifest = _manifest(job, plan, mech)
+    meta = {"manifest": manifest, "kinds": kinds, "parameters": names(plan), "outputs": numbers, "samples": samples}
+    job = Job(job.model, job.t_span, job.times, job.outputs, job.settings, json.dumps(manifest))
+    file = SweepFile(Path(path), kinds, meta, fresh) if path is not None else None
+    result = Sweep([], meta, path=Path(path) if path is not None else None)
+    rows = dict(file.rows) if file else {}
+
+    def keep(found: dict[str, Any]) -> None:
+        if found["status"] == "interrupted":  # by a signal that reached the worker: the run is still to be made
+            return
+        row = completed(found, plan[found["run"]], kinds)
+        if file:
+            file.keep(row)
+        rows[row["run"]], result.seconds[row["run"]] = row, found["seconds"]
+        if progress:
+            progress(len(rows) / len(plan), f"{len(rows)} of {len(plan)} runs")
+
+    try:
+        open_tasks = [task for task in plan if task.run not in rows]
+        if open_tasks:
+            with pool(executor, workers, job) as workshop:
+                _work(workshop, open_tasks, keep)
+        result.rows = [rows[i] for i in sorted(rows)]
+        if file and result.complete:
+            file.finish(result.rows)
+    finally:
+        if file:
+            file.close()
+    return result
+
+
+def _work(workshop: Pool, plan: Iterable[Task], keep: Callable[[dict[str, Any]], None]) -> None:
+    """Compute runs, a bounded number under way, and keep them as they finish; Ctrl-C keeps those that are finished.
+
+    Raises:
+        MbdaeError: when a run does not come back.
+    """
+    waiting, under_way, finished = iter(plan), dict[Future, Task](), SimpleQueue[Future]()
+    try:
+        while True:
+            for task in islice(waiting, workshop.bound - len(under_way)):
+                future = workshop.submit(task)
+                under_way[future] = task
+                future.add_done_callback(finished.put)
+            if not under_way:
+                return
+            future = finished.get()
+            keep(_result(future, under_way.pop(future)))
+    except KeyboardInterrupt:
+        workshop.stop()
+        for future, task in under_way.items():
+            if not future.cancel() and future.done() and not future.cancelled():
+                keep(_result(future, task))
+
+
+def _result(future: Future, task: Task) -> dict[str, Any]:
+    try:
+        return future.result()
+    except (Exception, CancelledError) as e:
+        why = f"{type(e).__name__}: {e}" if str(e) else type(e).__name__
+        raise MbdaeError(f"run {task.run} was lost by its worker, runs that are finished are kept: {why}") from e
+
+
+def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], settings: dict[str, Any]) -> Job:
+    """Check the arguments that need no mechanism."""
+    if not isinstance(model, str | Path) and (not callable(model) or isinstance(model, type)):
+        raise InputError(f"a model is a name, a path or a function that returns a Mechanism, got {model!r:.60}")
+    if isinstance(outputs, str) or not isinstance(outputs, Sequence):
+        raise InputError(f"outputs is a list of texts and functions, got {outputs!r:.60}")
+    check_settings(list(settings))
+    return Job(_settled(model), _span(t_span), _times(times), tuple(outputs), settings)
+
+
+def _settled(model: Model) -> str | Callable[..., Mechanism]:
+    """A path as other processes, which may stand in other folders, find it."""
+    if not isinstance(model, str | Path):
+        return model
+    plain, _ = split_name(str(model))
+    if plain in model_names() or not Path(plain).exists():
+        return str(model)
+    return str(Path(plain).resolve()) + str(model)[len(plain) :]
+
+
+def _span(t_span: Any) -> tuple[float, float] | None:
+    if t_span is None:
+        return None
+    try:
+        t0, t1 = (0.0, float(t_span)) if np.ndim(t_span) == 0 else (float(t) for t in t_span)
+    except (TypeError, ValueError):
+        raise InputError(f"t_span is an end, or a start and an end in s, got {t_span!r}") from None
+    if not (np.isfinite([t0, t1]).all() and t0 != t1):
+        raise InputError(f"t_span must be finite and not empty, got {t_span!r}")
+    return t0, t1
+
+
+def _times(times: Any) -> int | tuple[float, ...] | None:
+    if times is None:
+        return None
+    if isinstance(times, int | np.integer) and not isinstance(times, bool):
+        if not 2 <= times <= MOST:
+            raise InputError(f"times is a number of times, at least 2 and at most {MOST}, or the times, got {times}")
+        return int(times)
+    try:
+        found = tuple(float(t) for t in times)
+    except (TypeError, ValueError):
+        found = ()
+    if not found or not np.isfinite(found).all() or len({*np.sign(np.diff(found)).tolist()} - {0.0}) > 1:
+        raise InputError(f"times is a number of times, or the times in the span's order, got {times!r:.60}")
+    return found
+
+
+def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
+    """Refuse names that do not exist; return the mechanism of the first run that can be made.
+
+    Raises:
+        UnknownNameError, InputError: as `sweep`.
+    """
+    check_settings(sorted({name.removeprefix(SOLVE) for name in names(plan) if name.startswith(SOLVE)}))
+    for formulation, method in dict.fromkeys(_method(job, task) for task in plan):
+        find(formulation, method)
+    maker, checked = job.maker(), set[tuple[str, ...]]()
+    mech, problem = None, ""
+    some = [*plan[:TRIED], *plan[TRIED :: max(1, len(plan) // TRIED)]]
+    for task in some if len({tuple(t.values) for t in plan}) == 1 else plan:
+        values, _ = split(task.values, maker, task.seed)
+        if mech is not None and tuple(values) in checked:
+            continue
+        try:
+            maker.check(values)
+            checked.add(tuple(values))
+            mech = mech or _made(maker, values)
+        except UnknownNameError:
+            raise
+        except Exception as e:
+            problem = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
+    if mech is None:
+        raise InputError(f"no mechanism can be made of these values ({len(some)} runs were tried): {problem}")
+    if mech.left_out:
+        warnings.warn(f"{mech.title}: not carried over: {'; '.join(map(shortened, mech.left_out))}", stacklevel=3)
+    check(mech, job.outputs, job.times is not None)
+    return mech
+
+
+def _made(maker: Maker, values: dict[str, Any]) -> Mechanism:
+    try:
+        return maker.make(values)
+    except UnknownNameError as e:  # a value is a name: that of a frame, for instance
+        raise InputError(str(e)) from e
+
+
+def _method(job: Job, task: Task) -> tuple[str, str]:
+    """Formulation and method of a run."""
+    given = {**job.settings, **{n.removeprefix(SOLVE): x for n, x in task.values.items() if n.startswith(SOLVE)}}
+    return given.get("formulation", "index2"), given.get("method", METHOD)
+
+
+def _manifest(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:
+    """What tells sweeps apart, as plain data; long parts as checksums."""
+    model = job.model if isinstance(job.model, str) else function_name(job.model)
+    made = describe(mech) if isinstance(job.model, str) else fingerprint(job.model)
+    functions = [fingerprint(x) for x in job.outputs if not isinstance(x, str)]
+    return {
+        "model": model,
+        "mechanism": _checksum(made),
+        "runs": len(plan),
+        "parameters": _checksum([(task.seed, task.values) for task in plan]),
+        "t_span": job.t_span and list(job.t_span),
+        "times": list(job.times) if isinstance(job.times, tuple) else job.times,
+        "outputs": [label(x) for x in job.outputs],
+        "settings": json.loads(json.dumps(job.settings, default=_as_data)),
+        "functions": _checksum([functions, fingerprint(job.settings)]),
+        "version": versions()["mbdae"],
+    }
+
+
+def _as_data(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else label(value)
+
+
+def _checksum(data: Any) -> str:
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,217 @@
+"""The table of a sweep: a row for each run, as columns, as text, and in a file."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import STATUS, InputError, UnknownNameError
+from ..comparison.tables import columns
+from .file import MORE, Row, read, write
+from .plan import Task, names
+from .run import COUNTS, FAILURES
+
+STATE = {"status": "text", "message": "text", "t": "float", **dict.fromkeys(COUNTS, "int"), "backend": "text"}
+SUCCESS = ("finished", "event")
+SHOWN = 12  # rows as text
+
+
+@dataclass
+class Sweep:
+    """The runs of a sweep, in the order of their numbers.
+
+    Attributes:
+        rows: for each run its number ``run``, parameters, ``seed``, ``status``, ``message``, end time ``t`` in s,
+            counts of work, ``backend``, and outputs; those of a run that did not come to its end are None. Results of
+            functions are a table ``more``.
+        meta: what was computed: manifest, names of parameters, numbers and signals.
+        seconds: wall time of each run that was computed now, by its number. No column of the table, which is the same
+            bit for bit whoever computes it.
+        path: the file, if any.
+    """
+
+    rows: list[Row]
+    meta: dict[str, Any] = field(repr=False)
+    seconds: dict[int, float] = field(default_factory=dict, repr=False)
+    path: Path | None = None
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        """Names and kinds of the columns, without results of functions."""
+        return self.meta["kinds"]
+
+    @property
+    def parameters(self) -> list[str]:
+        """Names of the parameters."""
+        return self.meta["parameters"]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Names of the numbers kept of each run, results of functions last."""
+        return [*self.meta["outputs"], *sorted({name for row in self.rows for name in row[MORE]})]
+
+    @property
+    def samples(self) -> list[str]:
+        """Names of the signals kept of each run."""
+        return self.meta["samples"]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all columns."""
+        return list(dict.fromkeys([*self.kinds, *self.outputs]))
+
+    @property
+    def total(self) -> int:
+        """Number of runs asked for."""
+        return self.meta["manifest"]["runs"]
+
+    @property
+    def complete(self) -> bool:
+        """True when every run has its row."""
+        return len(self.rows) == self.total
+
+    @property
+    def failed(self) -> list[Row]:
+        """The rows of runs that did not come to their end."""
+        return [row for row in self.rows if row["status"] not in SUCCESS]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A column as an array, (n,), or (n, times) for a signal; nan where a run has no number.
+
+        Raises:
+            UnknownNameError: for a column that does not exist.
+        """
+        if name not in self.names:
+            raise UnknownNameError("column", name, self.names)
+        values = [row[name] if name in row else row[MORE].get(name) for row in self.rows]
+        kind = self.kinds.get(name, "float")
+        if name in self.samples:
+            width = max((len(x) for x in values if x is not None), default=0)
+            return np.array([np.full(width, np.nan) if x is None else x for x in values]).reshape(len(values), width)
+        if kind == "float" or (kind == "int" and None in values):
+            return np.array([np.nan if x is None else x for x in values], float)
+        return np.array(values, object if kind in ("text", "floats") else None)
+
+    @property
+    def table(self) -> dict[str, np.ndarray | list[np.ndarray]]:
+        """All columns by name, for ``pandas.DataFrame(sweep.table)``; of signals an array for each run."""
+        return {name: list(self[name]) if name in self.samples else self[name] for name in self.names}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, for JSON."""
+        names = self.names
+        rows = [{name: _plain(row[name] if name in row else row[MORE].get(name)) for name in names}
+                for row in self.rows]  # fmt: skip
+        about = {key: self.meta[key] for key in ("manifest", "parameters", "samples")}
+        return {"complete": self.complete, **about, "outputs": self.outputs, "rows": rows}
+
+    def save(self, path: str | Path) -> None:
+        """Write the table as Parquet, whole or not at all; the same table gives the same bytes.
+
+        Raises:
+            InputError: without pyarrow, or for an unwritable path.
+        """
+        write(Path(path), self.rows, self.kinds, self.meta)
+
+    def plot(self, path: str | Path, output: str | None = None) -> None:
+        """Draw a result of all runs over each parameter, see `mbdae.studies.figures_sweep.spread`, as .png, .svg, .pdf.
+
+        Raises:
+            UnknownNameError: for a column that does not exist.
+            InputError: for another format, an unwritable path, or nothing to draw.
+        """
+        from .. import figures
+        from ..figures_sweep import spread
+
+        figures.check(path)
+        figures.save(spread(self, output), path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Sweep":
+        """Read the file of a sweep, also of one that is not complete.
+
+        Raises:
+            InputError: for a file that is missing, damaged, or of no sweep.
+        """
+        rows, meta = read(Path(path))
+        return cls(sorted(rows, key=lambda row: row["run"]), meta, path=Path(path))
+
+    def __str__(self) -> str:
+        counts = Counter(row["status"] for row in self.rows)
+        said = ", ".join(f"{n} {status}" for status, n in counts.most_common())
+        left = "" if self.complete else f"; stopped, {self.total - len(self)} are left"
+        heads = ["run", *self.parameters, "status", *self.outputs]
+        body = [[_brief(row[n] if n in row else row[MORE].get(n)) for n in heads] for row in self.rows[:SHOWN]]
+        lines = [f"sweep of {self.meta['manifest']['model']}: {len(self)} runs, {said or 'none'}{left}", ""]
+        lines += columns([heads, *body])
+        if len(self) > SHOWN:
+            lines.append(f"... and {len(self) - SHOWN} more")
+        if len(self) > 1 and self.outputs:
+            lines += ["", *columns([["", "mean", "std", "min", "max"], *(self._summary(n) for n in self.outputs)])]
+        for status in dict.fromkeys(row["status"] for row in self.failed):
+            row = next(r for r in self.rows if r["status"] == status)
+            words = FAILURES.get(status) or STATUS.get(status, "")
+            lines.append(f"{status}: {words}, for instance run {row['run']}: {row['message']}")
+        return "\n".join(lines)
+
+    def _summary(self, name: str) -> list[str]:
+        x = self[name]
+        x = x[np.isfinite(x)]
+        if not len(x):
+            return [name, "-", "-", "-", "-"]
+        spread = x.std(ddof=1) if len(x) > 1 else 0.0
+        return [name, *(f"{v:.6g}" for v in (x.mean(), spread, x.min(), x.max()))]
+
+
+def column_kinds(tasks: Sequence[Task], numbers: Sequence[str], samples: Sequence[str]) -> dict[str, str]:
+    """Names and kinds of the columns of a sweep.
+
+    Raises:
+        InputError: for a parameter with the name of another column, or with values of several kinds.
+    """
+    fixed = {"run": "int", "seed": "int", **STATE}
+    swept = {name: _kind(name, [t.values[name] for t in tasks if name in t.values]) for name in names(tasks)}
+    for name in swept:
+        if name in fixed or name == MORE:
+            raise InputError(f"parameter {name!r} has the name of another column of the table: rename it")
+    outputs = {**dict.fromkeys(numbers, "float"), **dict.fromkeys(samples, "floats")}
+    return {"run": "int", **swept, "seed": "int", **STATE, **outputs}
+
+
+def completed(row: Mapping[str, Any], task: Task, kinds: Mapping[str, str]) -> Row:
+    """A row of the table, from what a run returned."""
+    found = {**task.values, "seed": task.seed, **row, **row["numbers"], **row["samples"]}
+    taken = sorted(name for name in row[MORE] if name in kinds)
+    if taken:
+        text = f"an output function returns {taken[0]!r}, which is a column of the table already"
+        return {**{name: found.get(name) for name in kinds}, "status": "output", "message": text, MORE: {}}
+    return {**{name: found.get(name) for name in kinds}, MORE: row[MORE]}
+
+
+def _kind(name: str, values: Sequence[Any]) -> str:
+    kinds = {type(x) for x in values}
+    if int in kinds and max(abs(x) for x in values if isinstance(x, int)) >= 2**63:
+        raise InputError(f"parameter {name!r} takes whole numbers of 64 bits")
+    if kinds <= {int, float}:
+        return "int" if kinds == {int} else "float"
+    if len(kinds) > 1:
+        raise InputError(f"parameter {name!r} takes values of one kind, got {', '.join(map(repr, values[:4]))}")
+    return {bool: "bool", str: "text", list: "floats"}[kinds.pop()]
+
+
+def _brief(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | list):
+        return [_plain(x) for x in np.asarray(value).tolist()]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

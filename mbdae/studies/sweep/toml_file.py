@@ -1,0 +1,137 @@
+"""A sweep as it stands in a TOML file.
+
+    model = "slider_crank"                # a name, or a path beside this file
+    end = 5.0
+    times = 501
+    outputs = ["peak force.wrist pin", "final q.crank"]
+
+    [random]
+    n = 1000
+    [random.parameters]
+    frame.rod_tip.xyz.0 = { distribution = "normal", loc = 0.35, scale = 1e-3 }
+
+Dotted names may be written as they are, or in quotes where they hold blanks or dots of their own.
+"""
+
+import tomllib
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError
+
+from ...errors import InputError
+from ...files import text_of
+from ...mechanism.formats.library import PARAMETRIC, find, model_names
+from ...mechanism.formats.parametric import split
+from ...mechanism.tables import Table, one_line
+from .plan import RANGE, Parameters, Random
+from .run import check_settings
+
+
+class RandomTable(Table):
+    """``[random]``: number of runs, and a distribution for each parameter, see `mbdae.Random`."""
+
+    n: int = Field(ge=1)
+    parameters: dict[str, Any]
+
+
+class SweepTable(Table):
+    """Everything that may stand in the file of a sweep; see `mbdae.sweep`.
+
+    Attributes:
+        model: a name, or a path beside the file.
+        end: end time in s; the model's own when left out.
+        start: start time in s.
+        times: number of times, or the times, at which signals are taken.
+        outputs: what is kept of each run.
+        seed: of the sweep.
+        executor: where it runs.
+        workers: how many.
+        settings: arguments of `mbdae.solve`.
+        grid: name = list of values, or { from, to, n }: all combinations.
+        run: ``[[run]]`` tables, name = value each.
+        random: a random sample.
+    """
+
+    model: str
+    end: float | None = None
+    start: float = 0.0
+    times: int | tuple[float, ...] | None = None
+    outputs: tuple[str, ...] = ()
+    seed: int = Field(default=0, ge=0)
+    executor: Literal["threads", "processes"] | None = None
+    workers: int | None = Field(default=None, ge=1)
+    settings: dict[str, Any] = Field(default_factory=dict)
+    grid: dict[str, Any] | None = None
+    run: tuple[dict[str, Any], ...] | None = None
+    random: RandomTable | None = None
+
+
+def read_sweep(path: str | Path) -> dict[str, Any]:
+    """Read a file and return the arguments of `mbdae.sweep` that it stands for.
+
+    Raises:
+        InputError: one line with the key, what is wrong with it, and the known keys.
+    """
+    path = Path(path)
+    try:
+        table = SweepTable.model_validate(tomllib.loads(text_of(path)))
+    except ValidationError as e:
+        raise InputError(f"{path}: {one_line(e, _known_keys)}") from None
+    except (ValueError, RecursionError) as e:
+        if isinstance(e, InputError):
+            raise
+        raise InputError(f"{path} is not TOML: {e}") from None
+    if table.start and table.end is None:
+        raise InputError(f"{path}: start goes with end")
+    check_settings(list(table.settings))
+    return {
+        "model": _model(table.model, path),
+        "parameters": _parameters(table, path),
+        "t_span": None if table.end is None else (table.start, table.end),
+        "times": table.times,
+        "outputs": table.outputs,
+        "seed": table.seed,
+        "executor": table.executor,
+        "workers": table.workers,
+        **table.settings,
+    }
+
+
+def _model(name: str, path: Path) -> str:
+    """The model that a file names, beside it if there is one; a Python file among them is named before it is run."""
+    plain, _ = split(name)
+    if plain in model_names() or not (path.parent / plain).exists():
+        return name
+    found = find(str(path.parent / plain))
+    if found.suffix == PARAMETRIC:
+        warnings.warn(f"{path}: the Python file {found} is run", stacklevel=3)
+    return str(found) + name[len(plain) :]
+
+
+def _known_keys(at: Sequence[Any]) -> list[str]:
+    return sorted((RandomTable if at and at[0] == "random" else SweepTable).model_fields)
+
+
+def _parameters(table: SweepTable, path: Path) -> Parameters:
+    given = [name for name in ("grid", "run", "random") if getattr(table, name) is not None]
+    if len(given) != 1:
+        got = " and ".join(given) or "none"
+        raise InputError(f"{path}: a sweep takes one of [grid], [[run]] or [random], got {got}")
+    if table.random is not None:
+        return Random(table.random.n, dotted(table.random.parameters))
+    return dotted(table.grid) if table.grid is not None else [dotted(run) for run in table.run or ()]
+
+
+def dotted(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
+    """Tables in tables as one table of dotted names; a distribution and a range are values."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        name = f"{above}{key}"
+        if isinstance(value, Mapping) and "distribution" not in value and set(value) != RANGE:
+            out |= dotted(value, f"{name}.")
+        else:
+            out[name] = value
+    return out

@@ -1,0 +1,287 @@
+"""Textbook problems: index-2 equations in Hessenberg form given by two functions."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..dense import powers, refine
+from ..errors import InputError, StepError
+from ..system import Array, Counts, State
+from .implicit import ImplicitStages
+
+Function = Callable[..., Array]
+REMEMBERED = 8
+START = 1e-6  # of 1 + |y|: what 0 = g may leave open at the start
+
+
+@dataclass(frozen=True)
+class Hessenberg:
+    """The problem y' = f(t, y, z), 0 = g(t, y), with g_y f_z regular.
+
+    Args:
+        f: f(t, y, z) -> (ny,).
+        g: g(t, y) -> (nz,).
+        y0: consistent start, (ny,), g(t0, y0) = 0.
+        z0: approximate start of z, (nz,); the hidden constraint g_t + g_y f = 0 refines it.
+        g_y: g_y(t, y) -> (nz, ny); finite differences when left out.
+        f_z: f_z(t, y, z) -> (ny, nz); finite differences when left out.
+        g_t: g_t(t, y) -> (nz,); finite differences when left out.
+        f_y: f_y(t, y, z) -> (ny, ny), for implicit methods; finite differences when left out.
+        title: a name for tables.
+        exact: t -> (y, z), the solution where it is known; order studies compare with it.
+
+    Raises:
+        InputError: when the run starts, for f and g of wrong shapes or a y0 off 0 = g.
+    """
+
+    f: Function
+    g: Function
+    y0: Sequence[float]
+    z0: Sequence[float]
+    g_y: Function | None = None
+    f_z: Function | None = None
+    g_t: Function | None = None
+    title: str = "textbook problem"
+    exact: Callable[[float], tuple[Array, Array]] | None = None
+    f_y: Function | None = None
+
+    def system(self, formulation: str = "index2", baumgarte: tuple[float, float] | None = None) -> "HessenbergSystem":
+        """Bind the problem to a workspace of its own.
+
+        Raises:
+            InputError: for a formulation other than ``"index2"``: the others belong to mechanisms.
+        """
+        if formulation != "index2" or baumgarte is not None:
+            raise InputError(f"a textbook problem has the formulation 'index2' only, got {formulation!r}")
+        return HessenbergSystem(self)
+
+    def point(
+        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None
+    ) -> Array:
+        """Return the start y0 at time t, (ny,).
+
+        Raises:
+            InputError: if q, v or s is given, or 0 = g(t, y0) does not hold.
+        """
+        if not (q is v is s is None):
+            raise InputError("a textbook problem starts at its own y0: q, v and s belong to mechanisms")
+        y = np.array(self.y0, float)
+        gap = float(np.abs(self.g(t, y)).max(initial=0.0))
+        if not gap <= START * (1 + np.abs(y).max()):
+            raise InputError(f"y0 of {self.title!r} is not consistent: |g| = {gap:.3g} at t = {t:g}")
+        return y
+
+
+def hessenberg_a() -> Hessenberg:
+    """A problem that is nonlinear in z, with a known solution y = (e^t, e^-2t), z = e^2t.
+
+        y1' = y1 y2^2 z^2,  y2' = y1^2 y2^2 - 3 y2^2 z,  0 = y1^2 y2 - 1
+
+    Source: Murua, Appl. Numer. Math. 24 (1997), section 5.
+    """
+    return Hessenberg(
+        f=lambda t, y, z: np.array([y[0] * y[1] ** 2 * z[0] ** 2, y[0] ** 2 * y[1] ** 2 - 3 * y[1] ** 2 * z[0]]),
+        g=lambda t, y: np.array([y[0] ** 2 * y[1] - 1]),
+        g_y=lambda t, y: np.array([[2 * y[0] * y[1], y[0] ** 2]]),
+        f_z=lambda t, y, z: np.array([[2 * y[0] * y[1] ** 2 * z[0]], [-3 * y[1] ** 2]]),
+        g_t=lambda t, y: np.zeros(1),
+        y0=(1.0, 1.0),
+        z0=(1.0,),
+        title="Hessenberg problem (a)",
+        exact=lambda t: (np.array([np.exp(t), np.exp(-2 * t)]), np.array([np.exp(2 * t)])),
+    )
+
+
+TEXTBOOK: dict[str, Callable[[], Hessenberg]] = {"hessenberg_a": hessenberg_a}
+
+
+class HessenbergSystem:
+    """`mbdae.system.System` of a textbook problem; stages are solved by Newton's method for z."""
+
+    def __init__(self, problem: Hessenberg) -> None:
+        self.problem = problem
+        self.ny, self.nz = len(problem.y0), len(problem.z0)
+        self.counts = Counts()
+        self.measured = slice(None)
+        y, z = np.array(problem.y0, float), np.array(problem.z0, float)
+        self._roots: dict[bytes, Array] = {y.tobytes(): z}  # z at the last points, where Newton's method starts
+        F, g = problem.f(0.0, y, z), problem.g(0.0, y)
+        if np.shape(F) != (self.ny,) or np.shape(g) != (self.nz,):
+            raise InputError(
+                f"f and g of {problem.title!r} return shapes {np.shape(F)} and {np.shape(g)}, "
+                f"expected ({self.ny},) and ({self.nz},)"
+            )
+
+    def chart(self, t: float, y: Array) -> "HessenbergChart":  # noqa: D102
+        return HessenbergChart(self, t, y, self.near(y))
+
+    def near(self, y: Array) -> Array:
+        """Return z found before at y, or else the last one found: a rejected step must not choose the root."""
+        return self._roots.get(y.tobytes(), next(reversed(self._roots.values())))
+
+    def remember(self, y: Array, z: Array) -> None:
+        """Keep z at y, and at a few points before it."""
+        self._roots.pop(y.tobytes(), None)
+        self._roots[y.tobytes()] = z
+        if len(self._roots) > REMEMBERED:
+            del self._roots[next(iter(self._roots))]
+
+    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:  # noqa: D102
+        known = near is not None and np.isfinite(near).all()
+        g_y = self.g_y(t, y)
+        g_t = (
+            self.problem.g_t(t, y)
+            if self.problem.g_t
+            else _jacobian(lambda s: self.problem.g(s[0], y), np.array([t]))[:, 0]
+        )
+        start = np.array(near, float) if known else self.near(y)
+        z = self.solve(t, y, lambda F: g_t + g_y @ F, lambda F: g_y, 1.0, start)
+        self.remember(y, z)
+        return self.f(t, y, z), z
+
+    def carry(self, F: Array, z: Array) -> tuple[Array, Array]:  # noqa: D102
+        return F, z
+
+    def add(self, y: Array, x: Array) -> Array:  # noqa: D102
+        return y + x
+
+    def lost(self, y0: Array, x: Array, y1: Array) -> Array:  # noqa: D102
+        return x - (y1 - y0)
+
+    def difference(self, y0: Array, y1: Array) -> Array:  # noqa: D102
+        return y1 - y0
+
+    def restore(self, t: float, y: Array, tight: bool = False) -> Array:
+        """Refuse: 0 = g is kept by every method.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError("project=True belongs to mechanisms: 0 = g of a textbook problem is kept by the method")
+
+    def breakpoint(self, t: float, sign: float) -> float:
+        """A textbook problem has no jumps of its own: see ``jumps`` of `mbdae.solve`."""
+        return sign * np.inf
+
+    def jump(self, t: float, y: Array) -> Array:  # noqa: D102
+        return y
+
+    @property
+    def in_use(self) -> tuple[int, ...]:  # noqa: D102
+        return ()
+
+    def hold(self, rows: tuple[int, ...]) -> None:
+        """All constraints are solved for."""
+
+    def settle(self, t: float, state: State) -> State:  # noqa: D102
+        return state
+
+    def size(self, y: Array) -> Array:  # noqa: D102
+        return np.abs(y)
+
+    def noise(self, y: Array, share: float) -> Array:  # noqa: D102
+        return np.zeros(len(y))
+
+    def interpolant(
+        self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int
+    ) -> Callable[[float], Array]:
+        """Cubic Hermite interpolation, order 3, refined by collocation of y' for higher orders."""
+
+        def rate(theta: float, c: Array) -> Array:
+            return h * self.derivative(t + theta * h, powers(theta, len(c) - 1) @ c)[0]
+
+        c = refine([ends, (h * rates[0], h * rates[1])], rate, max(0, order - 3))
+        return lambda theta: powers(theta, len(c) - 1) @ c
+
+    def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
+        """Norm of (g_y f_z)^-1: the change of z per unit residual of g_y y'."""
+        return float(np.linalg.norm(np.linalg.inv(self.g_y(t, y) @ self.f_z(t, y, z)), 2))
+
+    def f(self, t: float, y: Array, z: Array) -> Array:
+        """Evaluate and count f."""
+        self.counts.f += 1
+        F = np.asarray(self.problem.f(t, y, z), float)
+        if not np.isfinite(F).all():
+            raise StepError("nonfinite", f"f of {self.problem.title!r} is not finite at t = {t:.17g}")
+        return F
+
+    def solve(self, t: float, y: Array, residual: Function, slope: Function, factor: float, start: Array) -> Array:
+        """Newton's method for z in 0 = residual(f(t, y, z)), d residual/dF = slope, from a start to rounding."""
+        z, last = start.copy(), np.inf
+        for _ in range(30):
+            F = self.f(t, y, z)
+            r, rate = residual(F), slope(F)
+            self.counts.solves += 1
+            self.counts.factorizations += 1
+            try:
+                dz = -np.linalg.solve(factor * rate @ self.f_z(t, y, z), r)
+            except np.linalg.LinAlgError:
+                break
+            z, size = z + dz, float(np.abs(dz).max())
+            rounding = 1e-13 * (1 + np.abs(rate).max() * np.abs(y).max())
+            if size <= 4e-16 * np.abs(z).max() or (size >= 0.5 * last and np.abs(r).max() <= rounding):
+                return z
+            last = size
+        raise StepError("newton", f"Newton's method for z does not converge at t = {t:.17g} in {self.problem.title!r}")
+
+    def g_y(self, t: float, y: Array) -> Array:
+        """Evaluate and count g_y, (nz, ny)."""
+        self.counts.G += 1
+        return self.problem.g_y(t, y) if self.problem.g_y else _jacobian(lambda u: self.problem.g(t, u), y)
+
+    def f_y(self, t: float, y: Array, z: Array) -> Array:
+        """Evaluate f_y, (ny, ny)."""
+        return self.problem.f_y(t, y, z) if self.problem.f_y else _jacobian(lambda u: self.problem.f(t, u, z), y)
+
+    def f_z(self, t: float, y: Array, z: Array) -> Array:
+        """Evaluate f_z, (ny, nz)."""
+        return self.problem.f_z(t, y, z) if self.problem.f_z else _jacobian(lambda u: self.problem.f(t, y, u), z)
+
+
+class HessenbergChart(ImplicitStages):
+    """A step of a textbook problem; coordinates are x = y - y_n."""
+
+    def __init__(self, system: HessenbergSystem, t: float, y: Array, z: Array) -> None:
+        self.system, self.t, self.y, self.z = system, t, y, z
+
+    def first(self, carry: tuple[Array, Array]) -> tuple[Array, Array]:  # noqa: D102
+        self.z = carry[1]
+        return carry
+
+    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:  # noqa: D102
+        s, y, base = self.system, self.y + x, self.y + xhat
+        z = s.solve(
+            t,
+            y,
+            lambda F: s.problem.g(that, base + factor * F),
+            lambda F: s.g_y(that, base + factor * F),
+            factor,
+            self.z,
+        )
+        self.z, self.last = z, (t, y, z)
+        return s.f(t, y, z), z
+
+    def point(self, x: Array) -> Array:  # noqa: D102
+        y = self.y + x
+        self.system.remember(y, self.z)
+        return y
+
+    def own(self, z: Array) -> Array:  # noqa: D102
+        return z
+
+    def project(self, e: Array) -> Array:  # noqa: D102
+        t, y, z = self.last
+        g_y, f_z = self.system.g_y(t, y), self.system.f_z(t, y, z)
+        return e - f_z @ np.linalg.solve(g_y @ f_z, g_y @ e)
+
+
+def _jacobian(function: Function, u: Array) -> Array:
+    """Central differences of order four, (m, n)."""
+    columns = []
+    for i in range(len(u)):
+        d = np.zeros(len(u))
+        d[i] = 1e-3 * (1 + abs(u[i]))
+        near = function(u + d) - function(u - d)
+        columns.append((8 * near - (function(u + 2 * d) - function(u - 2 * d))) / (12 * d[i]))
+    return np.array(columns).T

@@ -1,0 +1,65 @@
+"""What implicit methods need of a textbook problem."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..linear import factorized
+from ..system import Array, Counts, Solver
+
+if TYPE_CHECKING:
+    from .hessenberg import HessenbergSystem
+
+
+class ImplicitStages:
+    """The part of a textbook problem's chart that serves implicit methods; E is the identity."""
+
+    system: "HessenbergSystem"
+    t: float
+    y: Array
+    unknowns = ()
+
+    def start(self) -> tuple[Array, Array]:  # noqa: D102
+        return self.system.derivative(self.t, self.y)
+
+    def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:  # noqa: D102
+        y = self.y + x
+        return self.system.f(t, y, z) - dx, -np.asarray(self.system.problem.g(t, y), float)
+
+    def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":  # noqa: D102
+        s, y = self.system, self.y + x
+        return Linearized(s.f_y(self.t, y, z), s.f_z(self.t, y, z), s.g_y(self.t, y), s.counts, self.t)
+
+    def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
+        """Return y, and z after one iteration more, of x' = f(t, y, z) alone with f_z of the end."""
+        s, y = self.system, self.y + x
+        z = z + np.linalg.lstsq(s.f_z(t, y, z), dx - s.f(t, y, z))[0]
+        self.system.remember(y, z)
+        return y, z
+
+
+class Linearized(NamedTuple):
+    """Slopes f_y (ny, ny), f_z (ny, nz) and g_y (nz, ny) at a point: `mbdae.system.Linearization`."""
+
+    f_y: Array
+    f_z: Array
+    g_y: Array
+    counts: Counts
+    t: float
+
+    def weigh(self, e: Array) -> Array:  # noqa: D102
+        return e
+
+    def factorize(self, mu: complex) -> Solver:
+        """Factorize [[1 - mu f_y, -f_z], [g_y, 0]], real or complex."""
+        ny, nz = self.f_z.shape
+        matrix = np.block([[np.eye(ny) - mu * self.f_y, -self.f_z], [self.g_y, np.zeros((nz, nz))]])
+        back = factorized(matrix, f"the linear system of an implicit step is singular at t = {self.t:.17g}")
+        self.counts.factorizations += 1
+
+        def solve(r: Array, c: Array) -> tuple[Array, Array]:
+            self.counts.solves += 1
+            u = back(np.concatenate([r, c / mu]))
+            return u[:ny], u[ny:]
+
+        return solve

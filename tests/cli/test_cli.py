@@ -1,0 +1,192 @@
+"""The command line: exit codes, one-line errors, JSON, and files written in spite of a failure."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import warnings
+
+import pytest
+
+import mbdae
+from mbdae import __main__ as command_line
+from mbdae.cli import options as console
+
+PIN = 'title = "t"\n[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ncom = [0, 0, -1]\naxis = [0, 1, 0]\n'
+
+
+def call(*arguments, cwd=None):
+    process = subprocess.run(
+        [sys.executable, "-m", "mbdae", *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=300
+    )
+    return process.returncode, process.stdout, process.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["run", "nosuch"], 2, ["unknown model 'nosuch'", "four_bar", "slider_crank"]),
+        (["run", "four_bar", "-m", "herk9"], 2, ["unknown method 'herk9'", "pherk5"]),
+        (["run", "four_bar", "--step", "-1"], 2, ["step must be a positive number, got -1.0"]),
+        (["run", "four_bar", "--rtol", "0"], 2, ["rtol = 0.0 cannot be met"]),
+        (["run", "four_bar", "--rtol", "nan"], 2, ["rtol = nan"]),
+        (["run", "four_bar", "-t", "-1"], 2, ["end time must be positive"]),
+        (["run", "four_bar", "-o", "run.txt"], 2, ["run.txt", ".npz"]),
+        (["run", "four_bar", "-o", "nowhere/run.npz"], 2, ["nowhere", "no such folder"]),
+        (["order", "four_bar", "-m", "rk5"], 2, ["unknown method 'rk5'"]),
+        (["order", "four_bar", "--steps", "7"], 2, ["at least 10", "steps = 7"]),
+        (["drift", "missing.npz"], 2, ["no such file: missing.npz"]),
+        (["animate", "missing.npz", "-o", "a.html"], 2, ["no such file: missing.npz"]),
+        (["run", "--nosuch"], 2, ["--nosuch"]),
+        (["nosuch"], 2, ["nosuch"]),
+    ],
+)
+def test_usage_errors_are_one_line(arguments, code, words, tmp_path):
+    returned, out, err = call(*arguments, cwd=tmp_path)
+    assert returned == code, (out, err)
+    assert err.count("\n") == 1, err
+    assert "Traceback" not in err
+    for word in words:
+        assert word in err
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "words"),
+    [
+        (PIN + "[[closure]]\nkind = 'point'\nframes = ['a', 'b']\n", 2, ["unknown frame 'b'", "world, a"]),
+        (PIN + "[start]\nq = { elbow = 1.0 }\n", 2, ["unknown joint 'elbow'", "valid: a"]),
+        (PIN + "[[force]]\nkind = 'joint_damping'\njoint = 'x'\ndamping = 1.0\n", 2, ["unknown joint 'x'"]),
+        (PIN + "[[closure]]\nkind = 'hinge'\nframes = ['a', 'world']\n", 2, ["kind", "revolute"]),
+        (PIN + "gravty = [0, 0, 0]\n", 2, ["gravty"]),
+        ("gravity = [0, 0]\n" + PIN, 2, ["gravity"]),
+        (PIN + "[[closure]]\nname = 'far'\nkind = 'distance'\nlength = 5.0\nframes = ['tip', 'world']\n"
+         "[[frame]]\nname = 'tip'\nparent = 'a'\nxyz = [0, 0, -1]\n", 1, ["'far' stays open by 4"]),
+        ("title = [", 2, ["not TOML"]),
+        ("title = 't'\n", 2, ["source", "body"]),
+        ("source = 'gone.urdf'\n", 2, ["gone.urdf"]),
+        ("[[body]]\nname = 'a'\n", 2, ["missing key body.0.parent"]),
+    ],
+)  # fmt: skip
+def test_wrong_files_are_one_line(text, code, words, tmp_path):
+    (tmp_path / "m.toml").write_text(text)
+    returned, out, err = call("run", "m.toml", "-t", "0.1", cwd=tmp_path)
+    assert returned == code, (out, err)
+    assert err.count("\n") == 1, err
+    for word in words:
+        assert word in err
+
+
+EVERY = (
+    "models",
+    "methods",
+    "methods --check herk3",
+    "info four_bar",
+    "run four_bar -t 0.5 -o run.npz",
+    "drift run.npz",
+    "drift run.npz run.npz",
+    "order hessenberg_a -m herk1",
+    "compare pendulum -t 0.1 -m pherk5,herk3 --rtol 1e-3 --repeats 1",
+    "report pendulum -t 0.2 -m ggl:herk3 --rtol 1e-4 --repeats 1 -o report.html",
+    "animate run.npz -o run.html",
+    "sweep sweep.toml",
+)
+
+
+def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeypatch, capsys):
+    assert {arguments.split()[0] for arguments in EVERY} == set(command_line.cli.commands)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sweep.toml").write_text('model = "pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as machines that run tests set it
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # main() sets its own
+    for arguments in EVERY:
+        for more in ([], ["--json"]):
+            monkeypatch.setattr(sys, "argv", ["mbdae", *arguments.split(), *more])
+            with pytest.raises(SystemExit) as stop:
+                command_line.main()
+            out, err = capsys.readouterr()
+            assert (stop.value.code, err) == (0, ""), arguments
+            if more:
+                assert json.loads(out, parse_constant=pytest.fail), arguments
+            else:
+                assert not set(out) & set("\x1b\r\b"), arguments
+
+
+def test_folders_of_files_that_are_not_asked_for_do_not_matter(monkeypatch, tmp_path):
+    monkeypatch.setattr(console.os, "access", lambda folder, mode: folder == tmp_path.resolve())
+    page = str(tmp_path / "run.html")
+    assert console.writable((None, (".npz",)), (page, (".html",))) == [page]
+    with pytest.raises(mbdae.errors.InputError, match=r"cannot write run\.npz: the folder is read-only"):
+        console.writable(("run.npz", (".npz",)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("drift run.npz -m herk3", "options of a run go with a model"),
+        ("drift run.npz --rtol 1e-3", "options of a run go with a model"),
+        ("drift four_bar --project --formulation ggl", "not both"),
+    ],
+)
+def test_no_option_of_drift_is_passed_over(arguments, words, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["mbdae", *arguments.split()])
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    with pytest.raises(SystemExit) as stop:
+        command_line.main()
+    assert stop.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+def test_drift_limit(tmp_path):
+    assert call("drift", "four_bar", "-t", "1", "--max", "1e-3")[0] == 0
+    assert call("drift", "four_bar", "-t", "1", "--max", "1e-20")[0] == 1
+
+
+def test_info_says_what_is_not_modelled():
+    code, out, _ = call("info", "slider_crank")
+    assert code == 0
+    for word in ("contact", "joint limits", "degrees of freedom 1", "wrist pin", "3 dependent"):
+        assert word in out
+
+
+def test_a_stopped_run_is_written(tmp_path):
+    arguments = ["run", "four_bar", "-t", "100000", "-o", "run.npz", "--html", "run.html"]
+    program = "import mbdae.__main__ as m; print('imported', flush=True); m.main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, *arguments], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdout.readline() == b"imported\n"
+    time.sleep(4)
+    os.kill(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 1
+    assert b"interrupted" in err
+    sol = mbdae.Solution.load(tmp_path / "run.npz")
+    assert sol.status == "interrupted"
+    assert len(sol.t) > 10
+    assert (tmp_path / "run.html").exists()
+
+
+@pytest.mark.parametrize("module", ["pinocchio", "scipy", "click"])
+def test_ctrl_c_during_the_imports_is_one_line(module, tmp_path):
+    (tmp_path / f"{module}.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    command = [sys.executable, "-m", "mbdae", "models"]
+    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": paths}, capture_output=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"mbdae: stopped by the user\n")
+
+
+def test_a_damaged_tableau_is_refuted(monkeypatch, capsys):
+    from dataclasses import replace
+
+    from mbdae import METHODS
+
+    rows = [list(r) for r in METHODS["herk3"].A]
+    rows[2][0], rows[2][1] = "-9/10", "19/10"  # the nodes stay, the order does not
+    monkeypatch.setitem(METHODS, "herk3", replace(METHODS["herk3"], A=tuple(tuple(r) for r in rows)))
+    monkeypatch.setattr(sys, "argv", ["mbdae", "order", "four_bar", "-m", "herk3"])
+    with pytest.raises(SystemExit) as stop:
+        command_line.main()
+    assert stop.value.code == 1
+    assert "misses" in capsys.readouterr().out

@@ -1,0 +1,69 @@
+"""MJCF files: what stands still is no equality to keep, and what is left out is named, all of it."""
+
+import pytest
+
+import mbdae
+from mbdae.studies.card.card import card
+
+mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
+
+GEOM = '<geom size="0.1" contype="0" conaffinity="0"/>'
+PENDULUM = f'<body name="rod"><joint name="j" axis="0 1 0"/>{GEOM}</body>'
+
+
+def load(folder, inside, behind="", before=""):
+    """The mechanism of bodies and of what stands behind the world body, without the warning."""
+    text = f"<mujoco>{before}<worldbody>{PENDULUM}{inside}</worldbody>{behind}</mujoco>"
+    (folder / "x.xml").write_text(text)
+    with pytest.warns(UserWarning, match="not carried over") as caught:
+        mech = mbdae.load(folder / "x.xml")
+    return mech, str(caught[0].message)
+
+
+@pytest.mark.parametrize(
+    "equality",
+    ['weld name="w" body1="a" body2="b"', 'connect name="w" body1="a" body2="b" anchor="0 0 0"',
+     'weld name="w" body1="a"', 'weld name="w" site1="s" site2="t"', 'weld name="w" body1="rod" body2="hand"'],
+)  # fmt: skip
+def test_equalities_between_bodies_that_do_not_move_are_left_out_by_name(tmp_path, equality):
+    bodies = '<body name="a"><site name="s"/></body><body name="b" pos="1 0 0"><site name="t"/></body>'
+    hand = PENDULUM.replace("</body>", '<body name="hand" pos="0 0 -1"/></body>')
+    text = f"<mujoco><worldbody>{hand}{bodies}</worldbody><equality><{equality}/></equality></mujoco>"
+    (tmp_path / "x.xml").write_text(text)
+    with pytest.warns(UserWarning, match=r"equalities w \(its bodies do not move against each other\)"):
+        mech = mbdae.load(tmp_path / "x.xml")
+    assert (mech.nv, mech.ng) == (1, 0)
+    assert mbdae.solve(mech, (0, 0.01), step=1e-3).status == "finished"
+
+
+def test_all_names_of_what_is_left_out_stand_in_info(tmp_path):
+    links = "".join(f'<body><joint name="hinge_{i}" range="-1 1" limited="true"/>{GEOM}</body>' for i in range(9))
+    mech, said = load(tmp_path, links)
+    names = [f"hinge_{i}" for i in range(9)]
+    first = "limits of joints hinge_0, hinge_1, hinge_2, hinge_3 and 5 more (see mbdae info)"
+    assert said == f"x: not carried over: {first}"
+    assert mech.left_out == (f"limits of joints {', '.join(names)}",)
+    assert f"limits of joints {', '.join(names)}" in str(card(mech))
+
+
+@pytest.mark.skipif(not hasattr(mujoco, "mjtSleepPolicy"), reason="this MuJoCo has no sleep")
+def test_adhesion_and_sleep_are_named(tmp_path):
+    inside = (
+        '<body name="box" sleep="never" pos="3 0 0"><joint name="k"/>'
+        '<geom name="pad" size="0.1" adhesion="3" contype="0" conaffinity="0"/></body>'
+    )
+    mech, _ = load(tmp_path, inside)
+    assert mech.left_out == ("adhesion of geoms pad", "sleep of bodies box")
+    mech, _ = load(tmp_path, "", before='<option><flag sleep="enable"/></option>')
+    assert mech.left_out == ("sleep of bodies",)
+
+
+def test_an_actuator_with_a_plugin_is_no_motor(tmp_path):
+    extension = (
+        '<extension><plugin plugin="mujoco.pid"><instance name="pid"><config key="kp" value="40"/></instance></plugin>'
+        "</extension>"
+    )
+    actuator = '<actuator><plugin name="p" joint="j" plugin="mujoco.pid" instance="pid"/></actuator>'
+    mech, _ = load(tmp_path, "", actuator, extension)
+    assert not mech.motors
+    assert mech.left_out == ("actuators that are not motors on a hinge or slide p (plugin)", "plugins pid")

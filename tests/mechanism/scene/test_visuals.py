@@ -1,0 +1,172 @@
+"""What is drawn is where Pinocchio says, and looks as its file says."""
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+import scenes
+
+import mbdae
+from mbdae.errors import InputError
+from mbdae.mechanism.scene.scene import Mark, make_scene
+
+
+def is_rotation(quaternion):
+    return np.isclose(np.linalg.norm(quaternion), 1)
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return mbdae.load("panda_handle")
+
+
+@pytest.fixture
+def fourbar():
+    return scenes.fourbar()
+
+
+def test_visuals_are_where_pinocchio_puts_them(panda):
+    pin.seed(0)
+    many = np.array([pin.randomConfiguration(panda.model, -np.ones(panda.nq), np.ones(panda.nq)) for _ in "abc"])
+    data, geometry = panda.model.createData(), panda.visuals.createData()
+    together = panda.scene.placements(many)
+    assert together.shape == (3, len(panda.scene.shapes), 7)
+    for q, placements in zip(many, together, strict=True):
+        pin.updateGeometryPlacements(panda.model, data, panda.visuals, geometry, q)
+        np.testing.assert_array_equal(panda.scene.placements(q), placements)
+        for k, expected in enumerate(geometry.oMg):
+            assert pin.XYZQUATToSE3(placements[k]).isApprox(expected, 1e-12)
+        assert all(is_rotation(p[3:]) for p in placements)
+
+
+def test_marks_sit_on_the_anchors(fourbar):
+    names = [s.name for s in fourbar.scene.shapes]
+    first, second = (names.index(f"loop {k}") for k in "ab")
+    closed = fourbar.scene.placements(fourbar.q(0.7))
+    np.testing.assert_allclose(closed[first, :3], closed[second, :3], atol=1e-12)
+    opened = fourbar.scene.placements(fourbar.q(0.7) + [0, 0, 0.1])
+    np.testing.assert_allclose(opened[first], closed[first])
+    gap = np.linalg.norm(opened[first, :3] - opened[second, :3])
+    assert gap == pytest.approx(2 * 1.5 * np.sin(0.05))
+
+
+def test_generated_bodies_reach_from_joint_to_joint(fourbar):
+    shapes = {s.name: s for s in fourbar.scene.shapes}
+    length = {n: shapes[f"{n} link"].size[1] for n in ("crank", "coupler", "rocker")}
+    assert length == pytest.approx({"crank": 1.0, "coupler": 2.0, "rocker": 1.5})
+    for name in length:
+        assert (shapes[name].role, shapes[name].kind) == ("joint", "cylinder")
+    placements = dict(zip(shapes, fourbar.scene.placements(fourbar.q(0.3)), strict=True))
+    axis = pin.XYZQUATToSE3(placements["rocker"]).rotation[:, 2]
+    np.testing.assert_allclose(np.abs(axis), [0, 1, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("joint", "kinds"),
+    [
+        (pin.JointModelPX(), {"box", "cylinder", "sphere"}),  # slider, rail, mass
+        (pin.JointModelSpherical(), {"sphere", "capsule", "box"}),
+        (pin.JointModelFreeFlyer(), {"capsule", "sphere"}),
+        (pin.JointModelTranslation(), {"sphere", "capsule"}),
+    ],
+)
+def test_every_joint_has_a_figure(joint, kinds):
+    model = pin.Model()
+    j = model.addJoint(0, joint, pin.SE3.Identity(), "j")
+    model.appendBodyToJoint(j, pin.Inertia(1.0, np.array([0, 0, -1.0]), np.eye(3)), pin.SE3.Identity())
+    shapes = make_scene(model).shapes
+    assert kinds <= {s.kind for s in shapes} | {"capsule"}
+    assert len({s.name for s in shapes}) == len(shapes)
+
+
+def test_a_body_around_its_joint_is_a_box_of_its_inertia():
+    model = pin.Model()
+    j = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "brick")
+    model.appendBodyToJoint(j, pin.Inertia.FromBox(2.0, 0.3, 0.2, 0.1), pin.SE3.Identity())
+    (brick,) = make_scene(model).shapes
+    assert sorted(brick.size) == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_a_rod_keeps_its_length_between_its_anchors():
+    model, identity = pin.Model(), pin.SE3.Identity()
+    model.addJoint(0, pin.JointModelTranslation(), identity, "ball")
+    scene = make_scene(model, None, [Mark("string", (0, identity), (1, identity), rod=2.0)])
+    k = [s.name for s in scene.shapes].index("string rod")
+    assert scene.shapes[k].size[1] == 2.0
+    place = pin.XYZQUATToSE3(scene.placements(np.array([0.0, 1.2, -1.6]))[k])
+    np.testing.assert_allclose(place.translation, [0, 0.6, -0.8])
+    np.testing.assert_allclose(place.rotation[:, 2], [0, 0.6, -0.8], atol=1e-12)
+    assert is_rotation(scene.placements(np.zeros(3))[k, 3:])
+
+
+def test_a_spring_is_two_tubes_from_point_to_point():
+    model, identity = pin.Model(), pin.SE3.Identity()
+    model.addJoint(0, pin.JointModelTranslation(), identity, "ball")
+    scene = make_scene(model, springs=[Mark("coil", (0, identity), (1, identity), rod=2.0)])
+    assert [(s.role, s.size[1]) for s in scene.shapes[-2:]] == [("force", 1.1)] * 2
+    places = scene.placements(np.array([0.0, 1.2, -1.6]))[-2:]
+    for place, start, way in zip(places, ([0, 0, 0], [0, 1.2, -1.6]), (1, -1), strict=True):
+        axis = pin.XYZQUATToSE3(place).rotation[:, 2]
+        np.testing.assert_allclose(axis, way * np.array([0, 0.6, -0.8]), atol=1e-12)
+        np.testing.assert_allclose(place[:3] - 0.55 * axis, start, atol=1e-12)
+    assert not [s for s in mbdae.load("slider_crank").scene.shapes if s.role == "force"]
+    assert len([s for s in mbdae.load("andrews_squeezer").scene.shapes if s.role == "force"]) == 2
+
+
+def test_an_unlimited_slide_on_a_body_has_a_rail_as_long_as_the_body():
+    scene = mbdae.load("flyball_governor").scene
+    (rail,) = [s for s in scene.shapes if s.name == "slider rail"]
+    assert rail.size[1] == pytest.approx(1.0)
+    (rail,) = [s for s in mbdae.load("stewart_platform").scene.shapes if s.name == "piston_1 rail"]
+    assert rail.size[1] == pytest.approx(0.5)
+
+
+def test_bodies_without_visuals_join_those_that_have_them(panda):
+    roles = [s.role for s in panda.scene.shapes]
+    assert {"visual", "link", "joint", "closure"} <= set(roles)
+    assert roles.count("visual") == len(panda.visuals.geometryObjects)
+
+
+def test_wrong_length_of_q_is_refused(fourbar):
+    with pytest.raises(InputError, match=r"\(3,\)"):
+        fourbar.scene.placements(np.zeros(4))
+
+
+def test_a_mesh_has_the_scale_and_the_colours_that_pinocchio_gives_it(tmp_path):
+    (shape,) = scenes.flag(tmp_path).shapes
+    assert shape.scale == (0.1, 0.1, -0.1)
+    np.testing.assert_allclose(shape.bounds, [[0, 0, -0.1], [0.3, 0, 0]], atol=1e-6)
+    assert shape.rgba is None, "the file's own colours"
+
+
+def test_bodies_share_a_mesh(panda):
+    fingers = [s.mesh for s in panda.scene.shapes if "finger" in s.name and s.role == "visual"]
+    assert len(fingers) == 2
+    assert fingers[0] is fingers[1]
+
+
+def test_missing_texture_is_warned_of(tmp_path):
+    path = scenes.collada(tmp_path / "flag.dae")
+    path.write_text(path.read_text().replace("</asset>", "</asset><init_from>paint.png</init_from>"))
+    visuals = pin.GeometryModel()
+    triangles = coal.MeshLoader().load(str(path), np.ones(3))
+    g = pin.GeometryObject("flag", 0, pin.SE3.Identity(), triangles, str(path), np.ones(3))
+    visuals.addGeometryObject(g)
+    with pytest.warns(UserWarning, match=r"flag.*paint\.png"):
+        make_scene(pin.Model(), visuals)
+
+
+def test_missing_mesh_is_refused_by_name(tmp_path):
+    visuals = pin.GeometryModel()
+    g = pin.GeometryObject("lost", 0, pin.SE3.Identity(), coal.BVHModelOBBRSS(), str(tmp_path / "lost.stl"))
+    visuals.addGeometryObject(g)
+    with pytest.raises(InputError, match=r"lost.*lost\.stl"):
+        make_scene(pin.Model(), visuals)
+
+
+def test_unknown_geometry_is_named():
+    visuals = pin.GeometryModel()
+    plane = coal.Halfspace(np.array([0, 0, 1.0]), 0.0)
+    visuals.addGeometryObject(pin.GeometryObject("floor", 0, pin.SE3.Identity(), plane))
+    with pytest.raises(InputError, match=r"floor.*Halfspace.*capsule"):
+        make_scene(pin.Model(), visuals)

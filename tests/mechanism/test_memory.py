@@ -1,0 +1,87 @@
+"""What a mechanism's workspaces take: they grow with nv^2, not with the nv^3 of Pinocchio's second derivatives."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import JOINTS, random_q, tree
+
+from mbdae import backend
+from mbdae.mechanism.formulations import derivatives as slopes
+from mbdae.mechanism.workspace import make_data
+
+resource = pytest.importorskip("resource")  # Unix
+
+GIGABYTE = 1_000_000_000
+RUN = """
+import resource, sys
+import mbdae
+resource.setrlimit(resource.RLIMIT_AS, (4 * 10**9,) * 2)
+sol = mbdae.solve(mbdae.load("n_four_bar", N=300), (0, 0.02), step=0.01, method="herk3", backend=sys.argv[1])
+if sys.platform == "linux":  # where ru_maxrss begins with that of the process that started this one
+    peak = next(1024 * int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM"))
+else:
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+print(sol.t[-1], peak)
+"""
+TIGHT = """
+import resource, sys
+from mbdae.__main__ import main
+taken = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (taken + 5 * 10**7,) * 2)
+sys.argv = ["mbdae", "run", "n_four_bar?N=1000", "-t", "0.01"]
+main()
+"""
+PARENTS = [0, 1, 1, 3, 3, 0, 6, 6, 8, 9, 6, 0, 12, 12]  # of a tree with every kind of joint, depth first
+
+
+def child(program, *arguments):
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    return subprocess.run([sys.executable, "-c", program, *arguments], capture_output=True, text=True, env=environment)
+
+
+@pytest.mark.parametrize("name", ["native", "python"])
+def test_three_hundred_loops_take_little_memory(name):
+    if name == "native" and backend.load() is None:
+        pytest.skip(backend.status())
+    done = child(RUN, name)
+    assert not done.returncode, done.stderr
+    end, peak = map(float, done.stdout.split())
+    assert end == 0.02
+    assert peak < 0.5 * GIGABYTE
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_too_little_memory_is_one_line():
+    done = child(TIGHT)
+    assert done.returncode == 1
+    assert done.stderr.startswith("mbdae: there is not enough memory: ")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("kinds", [JOINTS, ["revolute"], ["free"]], ids=len)
+def test_workspace_serves_the_algorithms(kinds):
+    model, rng, found = tree(kinds, PARENTS[: len(kinds)]), np.random.default_rng(3), []
+    q, (v, a) = random_q(model, rng), rng.uniform(-1, 1, (2, model.nv))
+    for data in (make_data(model), model.createData()):
+        one = [pin.crba(model, data, q, pin.Convention.WORLD).copy(), data.J.copy()]
+        one += [pin.rnea(model, data, q, v, a).copy(), pin.nonLinearEffects(model, data, q, v).copy()]
+        one += [pin.computeJointJacobians(model, data, q).copy(), pin.computePotentialEnergy(model, data, q)]
+        pin.forwardKinematics(model, data, q, v, a)
+        one += [x.vector for k in range(1, model.njoints) for x in (data.v[k], data.a[k])]
+        found.append([*one, *(place.homogeneous for place in data.oMi)])
+    for ours, theirs in zip(*found, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_slopes_of_large_models_are_those_of_small_ones(monkeypatch):
+    kinds = ["revolute", "spherical", "prismatic", "free", "planar", "translation"]
+    model, rng = tree(kinds, PARENTS[: len(kinds)]), np.random.default_rng(3)
+    point = random_q(model, rng), *rng.uniform(-1, 1, (2, model.nv))
+    exact = slopes.inertial_slopes(model, make_data(model), *point)
+    monkeypatch.setattr(slopes, "LARGEST", 0)
+    for ours, theirs in zip(slopes.inertial_slopes(model, make_data(model), *point), exact, strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-5 * np.abs(theirs).max())

@@ -1,0 +1,131 @@
+"""What passes between Python and the compiled core: functions called back, threads, what is missing."""
+
+import gc
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from test_native import assert_same, both
+
+import mbdae
+from mbdae import backend
+from mbdae.errors import InputError
+from mbdae.textbook.hessenberg import hessenberg_a
+
+pytestmark = pytest.mark.native
+
+# -- Python within the core ------------------------------------------------------------------------------------------
+
+
+def failing(error, after=40):
+    calls = []
+
+    def law(t, q, v):
+        calls.append((t, q, v))
+        if t > after / 100:
+            raise error
+        return np.array([np.cos(t), 0.1 * v[0], -q[0]])
+
+    return mbdae.load("four_bar", forces=[law]), calls
+
+
+def test_functions_that_raise_end_the_run_as_in_python():
+    mech, calls = failing(ZeroDivisionError("here"))
+    native, python = both(mech, (0, 1), step=0.01)
+    assert native.status == "force"
+    assert "ZeroDivisionError: here" in native.message
+    assert_same(native, python)
+    kept = [q.copy() for _, q, _ in calls]
+    del native, python
+    gc.collect()
+    np.testing.assert_array_equal([q for _, q, _ in calls], kept)  # arguments may be kept
+
+
+@pytest.mark.parametrize("name", ["native", "python"])
+def test_what_is_no_error_goes_through(name):
+    stopped = mbdae.solve(failing(KeyboardInterrupt())[0], (0, 1), step=0.01, backend=name)
+    assert stopped.status == "interrupted"
+    assert stopped.t[-1] == pytest.approx(0.4)
+    with pytest.raises(SystemExit, match="7"):
+        mbdae.solve(failing(SystemExit(7))[0], (0, 1), step=0.01, backend=name)
+
+
+def test_functions_cannot_change_their_arguments():
+    def law(t, q, v):
+        v[:] = 0.0
+        return v
+
+    for name in ("native", "python"):
+        with pytest.raises(InputError, match="read-only"):
+            mbdae.solve(mbdae.load("four_bar", forces=[law]), (0, 1), step=0.01, backend=name)
+
+
+def test_a_core_does_one_thing_at_a_time():
+    def law(t, q, v):
+        return np.zeros(3) if inside else np.array([system.core.derivative(t, system.mechanism.point())[1]] * 3)
+
+    inside = False
+    system = mbdae.load("four_bar", forces=[law]).system(native=backend.load())
+    system.hold((0, 2))
+    assert system.core.derivative(0.0, system.mechanism.point()) is None
+    inside = True
+    assert system.core.derivative(0.0, system.mechanism.point())
+
+
+def test_a_function_that_knows_its_run_is_collected():
+    code = """if True:
+        import mbdae, numpy as np
+        def law(t, q, v): return np.zeros(3)
+        mech = mbdae.load("four_bar", forces=[law])
+        sol = mbdae.solve(mech, (0, 0.1), step=0.01)
+        law.sol = sol"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_threads_share_a_mechanism():
+    mech = mbdae.load("stewart_platform")
+    run = lambda step: mbdae.solve(mech, (0, 0.5), step=step, backend="native").y  # noqa: E731
+    steps = [0.01, 0.007, 0.005, 0.003]
+    with ThreadPoolExecutor(2) as pool:
+        for a, b in zip(pool.map(run, steps), map(run, steps), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_a_mechanism_is_pickled_after_a_run():
+    mech = mbdae.load("pendulum")
+    sol = mbdae.solve(mech, (0, 0.1), step=0.01, backend="native")
+    again = mbdae.solve(pickle.loads(pickle.dumps(mech)), (0, 0.1), step=0.01, backend="native")
+    np.testing.assert_array_equal(again.y, sol.y)
+
+
+# -- what the core does not have -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("problem", "options", "words"),
+    [
+        ("four_bar", {"method": "radau5"}, "method 'radau5'"),
+        ("four_bar", {"formulation": "ggl"}, "formulation 'ggl'"),
+        ("four_bar", {"formulation": "index1", "method": "DOP853"}, "formulation 'index1'"),
+        ("hessenberg", {}, "textbook problems"),
+    ],
+)
+def test_what_is_missing_is_named(problem, options, words):
+    problem = hessenberg_a() if problem == "hessenberg" else mbdae.load(problem)
+    with pytest.raises(InputError, match=f"backend='native' does not have {words}"):
+        mbdae.solve(problem, (0, 0.1), **options, backend="native")
+    sol = mbdae.solve(problem, (0, 0.1), **options)
+    assert (sol.stats["backend"], sol.stats["fallback"]) == ("python", words)
+    assert "fallback" not in mbdae.solve(problem, (0, 0.1), **options, backend="python").stats
+
+
+def test_one_solution_read_in_several_threads():
+    """They take turns in its workspace, though its force law lets other threads run."""
+    sol = mbdae.solve(mbdae.load("four_bar", forces=[lambda t, q, v: -0.1 * v]), (0, 1), step=2e-3, backend="native")
+    with ThreadPoolExecutor(3) as threads:
+        found = list(threads.map(lambda k: sol(np.linspace(0, 1, 1001)).q, range(3)))
+    assert all(np.array_equal(q, found[0]) for q in found)

@@ -1,0 +1,222 @@
+"""Wrong input to the compiled core itself: exceptions, or runs that end; never a crash."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import mbdae
+from mbdae import backend
+from mbdae.mechanism.formulations.compiled_parts import constraints_of, laws_of
+from mbdae.methods import METHODS
+
+pytestmark = pytest.mark.native
+REFUSED = (ValueError, TypeError, RuntimeError, OverflowError, IndexError, KeyError)
+
+
+def arguments(name="four_bar", **options):
+    """What `Compiled` hands to the core."""
+    mech = mbdae.load(name, **options)
+    system = mech.system()
+    pairs, rows, drivers = constraints_of(mech.model, mech.constraints, system.constraints)
+    law_pairs, laws = laws_of(system.laws)
+    flat, turning = system.manifold.flat, system.manifold.turning.astype(int).tolist()
+    return [mech.model, flat, pairs, rows, drivers, law_pairs, laws, system.ns, [], turning]
+
+
+def tableau_arrays(name="pherk5"):
+    a = METHODS[name].arrays
+    return [a.A, a.Ahat, a.b, a.c, a.chat, a.e, True, False, 0, METHODS[name].noise]
+
+
+@pytest.fixture
+def system():
+    bound = mbdae.load("four_bar").system(native=backend.load())
+    bound.derivative(0.0, bound.mechanism.point())
+    return bound
+
+
+def changed(x, index, value):
+    x = x.copy()
+    x[index] = value
+    return x
+
+
+def test_wrong_tableaus_are_refused():
+    make, right = backend.load().Tableau, tableau_arrays()
+    make(*right)
+    A, Ahat, b, c, chat, e, *_ = right
+    wrong = {
+        0: [changed(A, (1, 1), 1.0), changed(A, (0, 3), 1.0), A[:-1], A.ravel()[:-1], changed(A, (2, 0), np.nan), None],
+        1: [changed(Ahat, (2, 2), 0.0), changed(Ahat, (1, 4), 1.0), Ahat[:, :-1], changed(Ahat, (1, 1), np.inf), "A"],
+        2: [b[:-1], b[:0], changed(b, 0, np.nan), np.append(b, 0.0)],
+        3: [c[1:], changed(c, 0, -np.inf)],
+        4: [chat[1:], changed(chat, 0, np.nan), 1.0],
+        5: [e.ravel()[:-1], np.ones((3, len(b))), changed(e, (0, 0), np.nan)],
+        8: [-1, 10**30, "x", 1.5],
+        9: [-1.0, np.nan, np.inf, "x"],
+    }
+    for i, values in wrong.items():
+        for value in values:
+            with pytest.raises(REFUSED):
+                make(*[value if k == i else x for k, x in enumerate(right)])
+
+
+def test_arrays_of_other_kinds_are_read_or_refused(system):
+    right = tableau_arrays()
+    expected = system.core.derivative(0.0, system.mechanism.point())[0]
+    y = system.mechanism.point()
+    for other in (np.repeat(y, 2)[::2], y[::-1].copy()[::-1], y.tolist(), np.array(y, object)):
+        try:
+            found = system.core.derivative(0.0, other)
+        except REFUSED:
+            continue
+        np.testing.assert_array_equal(found[0], expected)
+    transposed = backend.load().Tableau(np.asfortranarray(right[0]), *right[1:])
+    carry = expected[3:]
+    step = lambda tableau: system.core.step(tableau, 0.0, 0.01, y, carry, None)[0]  # noqa: E731
+    np.testing.assert_array_equal(step(transposed), step(backend.load().Tableau(*right)))
+
+
+def test_wrong_states_are_refused(system):
+    core, tableau, y = system.core, system.tableau(METHODS["pherk5"]), system.mechanism.point()
+    carry = core.derivative(0.0, y)[0][3:]
+    step = lambda y=y, carry=carry, low=None, t=0.0, h=0.01: core.step(tableau, t, h, y, carry, low)  # noqa: E731
+    assert step() is not None
+    for name, values in {
+        "y": [y[:-1], np.append(y, 0.0), y[:0], None, "y"],
+        "carry": [carry[:-1], np.append(carry, 0.0), None, "carry"],
+        "low": [y[:-1], np.append(y, 0.0), 3.0, "low"],
+        "t": [None, "0"],
+        "h": [None, "1"],
+    }.items():
+        for value in values:
+            with pytest.raises(REFUSED):
+                step(**{name: value})
+    for name, value in {"y": y * np.nan, "t": np.nan, "h": np.nan, "carry": carry + np.inf}.items():
+        found = step(**{name: value})
+        assert found is None or name == "t" or not np.isfinite(found[0]).all()
+    for wrong in (y[:-1], None, np.zeros((2, len(y)))):
+        with pytest.raises(REFUSED):
+            core.derivative(0.0, wrong)
+    with pytest.raises(REFUSED):
+        core.derivatives(np.zeros(3), np.zeros((2, len(y))))
+    for rows in ([0, 1, 2], [5], [-1, 0], [1, 0], [0, 0], None):
+        with pytest.raises(REFUSED):
+            core.use(rows, 2)
+    np.testing.assert_array_equal(core.derivative(0.0, y)[0][3:], carry)
+
+
+def test_wrong_courses_are_refused_or_end(system):
+    course, tableau = backend.load().Course(), system.tableau(METHODS["pherk5"])
+    y = system.mechanism.point()
+    carry = system.core.derivative(0.0, y)[0][3:]
+
+    def march(**fields):
+        base = {"t": 0.0, "t1": 1.0, "sign": 1.0, "stop": 1.0, "end": 1.0, "adaptive": True, "rtol": 1e-6, "h": 1e-3}
+        base |= {"largest": np.inf, "power": 5.0, "safety": 0.9, "smallest_factor": 0.2, "largest_factor": 5.0}
+        base |= {"beta": 0.08, "budget": 20, "atol": [1e-8], "step": 0.01, "n": 100, "near": 1e-9, "i": 0}
+        for key, value in (base | fields).items():
+            setattr(course, key, value)
+        course.begin(y, carry, None)
+        system.core.march(tableau, course)
+        ts, ys, zs, weakest = course.steps()
+        assert len(ts) == len(ys) == len(zs) == len(weakest) == course.taken
+        return course.taken + course.rejected
+
+    assert march() == 20
+    assert march(adaptive=False) == 20
+    for fields in ({"atol": [1e-8] * 5}, {"atol": []}, {"atol": None}, {"budget": 10**40}, {"i": "x"}, {"h": None}):
+        with pytest.raises(REFUSED):
+            march(**fields)
+    with pytest.raises(REFUSED):
+        system.core.march(tableau, None)
+    fresh = backend.load().Course()
+    with pytest.raises(REFUSED):
+        system.core.march(tableau, fresh)
+    wild = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e300, 5e-324)
+    for key in ("t", "t1", "sign", "stop", "end", "rtol", "h", "largest", "power", "safety", "step", "near", "seconds"):
+        for value in wild:
+            for adaptive in (True, False):
+                assert march(**{key: value, "adaptive": adaptive}) <= 20
+        setattr(course, key, 0.05)
+    for budget in (0, -1, -(2**62)):
+        assert march(budget=budget) == 0
+    assert march(budget=2**62, adaptive=False, seconds=np.nan) < 2000
+
+
+def wild(right):
+    """A table or list with one entry replaced or removed."""
+    junk = st.sampled_from([None, -1, 0, 1, 7, 2**31 - 1, -(2**31), 10**30, np.nan, "x", [], [1.0], [[1, 2]], {}, ()])
+
+    @st.composite
+    def draw_from(draw, value=right):
+        if isinstance(value, dict | list | tuple) and len(value) and draw(st.integers(0, 4)):
+            keys = list(value) if isinstance(value, dict) else list(range(len(value)))
+            key = draw(st.sampled_from(keys))
+            inner = dict(value) if isinstance(value, dict) else list(value)
+            if draw(st.integers(0, 6)):
+                inner[key] = draw(draw_from(value[key]))
+            else:
+                del inner[key]
+            return tuple(inner) if isinstance(value, tuple) else inner
+        return draw(junk)
+
+    return draw_from()
+
+
+FORCES = [
+    mbdae.JointSpring(joint="crank", stiffness=4.0, rest=0.3),
+    mbdae.JointFriction(joint="rocker", friction=0.5),
+    mbdae.JointTorque(joint="crank", torque={"kind": "table", "points": [(0.0, 1.0), (1.0, 2.0)]}),
+    mbdae.JointPID(joint="crank", kp=3.0, ki=2.0, kd=0.2),
+    mbdae.SpringDamper(frames=("world", "coupler_tip"), stiffness=20.0, damping=0.5, length=0.2),
+    mbdae.Bushing(frames=("crank", "rocker"), stiffness=(1.0,) * 6, damping=(0.1,) * 6),
+    mbdae.Wrench(frame="coupler_tip", force=(1.0, 0.0, 2.0)),
+    mbdae.DCMotor(joint="crank", voltage=6.0, resistance=1.0, inductance=0.05, constant=0.4),
+    lambda t, q, v: np.zeros(3),
+]
+DRIVERS = [
+    mbdae.Driver.harmonic("crank", 0.1, 1.0),
+    mbdae.Driver.polynomial(("rocker", "crank"), (0.1, 1.0, 0.2), coefficients=(0.0, 1.0)),
+]
+RIGHT = arguments(forces=FORCES, drivers=DRIVERS)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(wild(RIGHT))
+def test_wrong_mechanisms_are_refused_or_computed(given):
+    """Indices out of range, missing keys, wrong kinds, numbers of any size: an exception, or a core that computes."""
+    try:
+        core = backend.load().Core(*given)
+        y = np.concatenate([[1.2, -0.9, 1.4, 0.1, 0.2, 0.3], np.zeros(RIGHT[7] + 1)])
+        found = core.derivative(0.0, y)
+    except REFUSED:
+        return
+    assert found is None or found[0].shape == (len(y),)
+
+
+def test_indices_that_overflow_are_refused():
+    for index, change in ((6, {"state": 2**31 - 1, "states": 1}), (6, {"state": 1, "states": 2**31 - 1})):
+        wrong = [list(x) if isinstance(x, list) else x for x in RIGHT]
+        wrong[index] = [{**law, **change} for law in wrong[index]]
+        with pytest.raises(ValueError, match="out of range"):
+            backend.load().Core(*wrong)
+    for frame in ((), (0,), (0, [1.0] * 9)):
+        wrong = [*RIGHT[:2], [(frame, frame)], *RIGHT[3:]]
+        with pytest.raises(ValueError, match="a frame is"):
+            backend.load().Core(*wrong)
+    with pytest.raises(ValueError, match="sizes"):
+        backend.load().Core(*RIGHT[:7], 2**31 - 1, *RIGHT[8:])
+
+
+@pytest.mark.parametrize("model", [None, 3, "four_bar", object(), pin.Data(pin.Model()), pin.Model])
+def test_what_is_no_model_is_refused(model):
+    with pytest.raises(REFUSED):
+        backend.load().Core(model, *RIGHT[1:])
+
+
+def test_a_model_without_joints():
+    core = backend.load().Core(pin.Model(), True, [], [], [], [], [], 0, [], [])
+    assert core.derivative(0.0, np.zeros(1))[0].tolist() == [0.0]

@@ -1,0 +1,107 @@
+"""The compiled core on many rows: chosen when there is reason to, in an order of small bandwidth."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import random_inertia
+from mechanism.formulations.test_descriptor import bricard
+from test_native import assert_near, assert_same, both
+
+import mbdae
+from mbdae import Closure, Mechanism, backend
+
+pytestmark = pytest.mark.native
+
+
+def chain(n):
+    """Free bodies, each hung by a ball on the one before: 3 n rows of full rank, on a manifold with quaternions."""
+    rng, mech = np.random.default_rng(1), pin.Model()
+    up, down = pin.SE3(np.eye(3), np.array([0, 0, 0.5])), pin.SE3(np.eye(3), np.array([0, 0, -0.5]))
+    mech.addFrame(pin.Frame("down_-1", 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    q = []
+    for i in range(n):
+        joint = mech.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), f"body_{i}")
+        mech.appendBodyToJoint(joint, random_inertia(rng), pin.SE3.Identity())
+        mech.addFrame(pin.Frame(f"up_{i}", joint, up, pin.FrameType.OP_FRAME))
+        mech.addFrame(pin.Frame(f"down_{i}", joint, down, pin.FrameType.OP_FRAME))
+        q += [0, 0, -0.5 - i, 0, 0, 0, 1]
+    closures = [Closure.point(f"down_{i - 1}", f"up_{i}", name=f"ball {i}") for i in range(n)]
+    mechanism = Mechanism(mech, closures)
+    return mechanism, *mechanism.assemble(np.array(q, float), rng.uniform(-1, 1, mech.nv))
+
+
+@pytest.mark.parametrize("N", [20, 40])
+@pytest.mark.parametrize("method", ["herk3", "pherk5"])
+def test_many_dependent_rows(N, method):
+    native, python = both(mbdae.load("n_four_bar", N=N), (0, 0.3), method=method, step=0.03)
+    assert_same(native, python, 1e-11, own=1e-9)
+
+
+@pytest.mark.parametrize("options", [{"method": "herk4"}, {"method": "pherk5", "project": True}], ids=str)
+def test_many_rows_of_full_rank(options):
+    mech, q, v = chain(15)
+    assert_same(*both(mech, (0, 0.3), q, v, step=0.03, **options), 1e-11, own=1e-9)
+
+
+def several(mech, n):
+    """Copies of a mechanism with a revolute closure, side by side."""
+    model, closures = pin.Model(), []
+    model.gravity = mech.model.gravity
+    for k in range(n):
+        joints = [0]
+        for i in range(1, mech.model.njoints):
+            parent, name = joints[mech.model.parents[i]], f"{mech.model.names[i]} {k}"
+            joints.append(model.addJoint(parent, mech.model.joints[i], mech.model.jointPlacements[i], name))
+            model.appendBodyToJoint(joints[i], mech.model.inertias[i], pin.SE3.Identity())
+        for f in list(mech.model.frames)[1:]:
+            model.addFrame(pin.Frame(f"{f.name} {k}", joints[f.parentJoint], f.placement, f.type))
+        closures += [Closure.revolute(f"left {k}", f"right {k}", axis=c.axis, name=f"{k}") for c in mech.closures]
+    return Mechanism(model, closures)
+
+
+def test_rows_are_chosen_anew_on_the_way():
+    """Where those in use become bad, no more is lost than in a small system, which looks at all rows in each step."""
+    one = bricard(5, [9.81, 0, 0])
+    single, many = (
+        mbdae.solve(m, (0, 10), np.zeros(m.nv), np.zeros(m.nv), step=0.01, backend="native")
+        for m in (one, several(one, 7))
+    )
+    assert many.lam.shape[1] == 35
+    for k in range(7):
+        assert_near(many.q[:, 5 * k : 5 * k + 5], single.q, 1e-9)
+    few, all_rows = (mbdae.drift(sol) for sol in (single, many))
+    assert all_rows.Gv_max < 10 * few.Gv_max + 1e-9
+    assert all_rows.energy_relative < 10 * few.energy_relative + 1e-9
+
+
+@pytest.mark.parametrize("options", [{"step": 0.01}, {"rtol": 1e-6}], ids=str)
+def test_a_start_in_a_singular_configuration_is_found_out(options):
+    mech = mbdae.load("n_four_bar", N=12)  # flat
+    v = np.array([1.0 if name.startswith("crank") else -1.0 for name in mech.joint_names])
+    native, python = both(mech, (0, 1), np.zeros(mech.nq), v, **options)
+    assert native.status == python.status == "rank"
+    assert "rises above 12" in native.message
+    assert native.stats["steps"] == python.stats["steps"]
+
+
+def test_multipliers_of_many_dependent_rows_have_the_smallest_norm():
+    """Plates in a plane, each carried by five parallel rods where two would do, each in another way."""
+    rng, model, closures = np.random.default_rng(0), pin.Model(), []
+    model.gravity.linear = np.array([0.0, -9.81, 0.0])
+    for k in range(6):
+        joint = model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), f"plate {k}")
+        model.appendBodyToJoint(joint, random_inertia(rng), pin.SE3.Identity())
+        for i, place in enumerate(rng.uniform(-1, 1, (5, 3)) * [1.0, 0.3, 0.0]):
+            hook = pin.SE3(np.eye(3), place + [-0.6, 0.8, 0.0])
+            model.addFrame(pin.Frame(f"hook {k} {i}", 0, hook, pin.FrameType.OP_FRAME))
+            model.addFrame(pin.Frame(f"eye {k} {i}", joint, pin.SE3(np.eye(3), place), pin.FrameType.OP_FRAME))
+            closures.append(Closure.distance(f"hook {k} {i}", f"eye {k} {i}", 1.0))
+    plates = Mechanism(model, closures)
+    q, v = np.tile([0.0, 0.0, 1.0, 0.0], 6), np.outer(np.arange(6), [0.8, 0.6, 0.0]).ravel()
+    system, y = plates.system(native=backend.load()), np.concatenate([q, v, [0.0]])
+    expected = system.derivative(0.0, y)[1]  # the first one is computed in Python
+    lam = system.core.derivative(0.0, y)[1]
+    G = system.jacobian(q)
+    assert np.linalg.matrix_rank(G, tol=1e-9) == 12
+    assert_near(lam, np.linalg.lstsq(G.T, G.T @ lam, rcond=1e-9)[0], 1e-12)
+    assert_near(lam, expected, 1e-12)

@@ -1,0 +1,88 @@
+"""Observed orders of every method against its claims, by the rules of the order study."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.methods import Tableau
+from mbdae.studies.order.order import LEAST_OUTPUTS, _above, _done, _Measure
+from mbdae.textbook.hessenberg import hessenberg_a
+
+REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("half", [0, 1])
+@pytest.mark.parametrize("model", ["heavy_top", "four_bar", "pendulum"])
+def test_orders(model, half, back_end):
+    methods = [n for n, m in mbdae.METHODS.items() if back_end == "native" or isinstance(m, Tableau)][half::2]
+    study = mbdae.check_order(mbdae.load(model), methods)
+    assert study.holds, str(study)
+
+
+@pytest.mark.parametrize("method", REGULAR_ON_A)
+def test_orders_where_f_is_nonlinear_in_z(method):
+    study = mbdae.check_order(hessenberg_a(), [method])
+    assert study.holds, str(study)
+    if method in ("kutta3", "rk4", "rule38"):
+        assert study.slopes[method][0].observed < 2.3
+
+
+@pytest.mark.parametrize("method", ["kutta3", "rk4", "rule38"])
+def test_order_reduction_is_less_on_mechanisms(method):
+    q, v, own, _ = mbdae.check_order(mbdae.load("four_bar"), [method]).slopes[method]
+    assert 2.8 <= q.observed < 3.3
+    assert 2.8 <= v.observed < 3.3
+    assert own.observed < 1.3
+
+
+def test_what_cannot_be_judged_is_said_so():
+    mech = mbdae.load("pendulum")
+    study = mbdae.check_order(mech, ["pherk6"], T=1e-3, steps=LEAST_OUTPUTS)
+    assert not study.holds
+    assert not study.refuted
+    assert "cannot be judged" in str(study)
+    run = [sys.executable, "-m", "mbdae", "order", "pendulum", "-m", "pherk6", "-t", "1e-3", "--steps", "10", "--json"]
+    process = subprocess.run(run, capture_output=True, text=True, timeout=300)
+    assert process.returncode == 3
+    assert json.loads(process.stdout)["holds"] is False
+
+
+def test_rules():
+    assert _above([1.0, 0.1, 1e-9, 1.0], [1e-3] * 4) == 2  # an error that rose from the floor does not count
+    errors = 2.0 ** -np.arange(0, 10, 2)
+    assert _done(errors, np.zeros(5))
+    assert not _done(errors[:4], np.zeros(4))
+    assert _done([1.0, 1e-9], [1e-3, 1e-3])
+
+
+@pytest.mark.parametrize("claimed", [2, 5])
+def test_an_order_holds_down_to_a_fifth_below_its_claim(claimed):
+    steps = [10, 20, 40, 80, 160, 320]
+    for less, verdict in ((-0.5, "holds"), (0.0, "holds"), (0.15, "holds"), (0.25, "misses"), (0.9, "misses")):
+        errors = [n ** -(claimed - less) for n in steps]
+        measure, floors = _Measure(hessenberg_a(), 1.0, 10, None, print), [1e-30] * len(steps)
+        found = measure._fit("q", claimed, steps, errors, floors, 0.0)
+        assert found.observed == pytest.approx(claimed - less)
+        assert (found.verdict, found.fitted) == (verdict, (1, 6))
+
+
+@pytest.mark.parametrize(
+    ("errors", "uncertainty", "why"),
+    [
+        ([], 0.0, "no run came to its end"),
+        ([1e-9] * 6, 1e-10, "no error above 100 times the uncertainty of the reference, 1.0e-10"),
+        ([1e-15] * 6, 1e-17, "no error above 100 times rounding"),
+        ([1e-3, 1e-4, 1e-9], 1e-10, "only 1 halvings above 100 times the uncertainty of the reference, 1.0e-10"),
+        ([1e-3, 1e-4, 1e-5], 0.0, "only 2 halvings within 120000 solves"),
+    ],
+)
+def test_the_reason_why_an_order_cannot_be_judged(errors, uncertainty, why):
+    """Rounding is 1e-15."""
+    ns, floors = [10 * 2**i for i in range(len(errors))], [100 * (uncertainty + 1e-15)] * len(errors)
+    measure = _Measure(hessenberg_a(), 1.0, 10, None, print)
+    assert measure._fit("q", 5, ns, errors, floors, uncertainty).verdict == f"cannot be judged: {why}"

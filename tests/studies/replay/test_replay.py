@@ -1,0 +1,254 @@
+"""The replay is one offline file that holds the motion, the signals and what is drawn with them as numbers."""
+
+import base64
+import gzip
+import re
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import scenes
+import umsgpack
+from chains import tree
+from scenes import motion
+
+import mbdae
+from mbdae.errors import InputError
+from mbdae.studies.replay import replay
+from mbdae.studies.replay.replay import animate
+
+PLAIN = {"plots": ()}  # for motions that were not computed
+
+
+def unpacked(page, block):
+    data = re.search(rf'id="{block}-data">([^<]*)<', page.read_text("utf-8"))[1]
+    return gzip.decompress(base64.b64decode(data))
+
+
+def payload(page):
+    return umsgpack.unpackb(unpacked(page, "scene"))
+
+
+def floats(ext, width):
+    return np.frombuffer(ext.data, dtype="float32").reshape(-1, width)
+
+
+@pytest.fixture
+def fourbar():
+    return scenes.fourbar()
+
+
+def test_page_is_one_offline_file(fourbar, tmp_path):
+    page = animate(motion(fourbar.scene, fourbar.q, title="<b> & co"), tmp_path / "run.html", **PLAIN)
+    text = page.read_text("utf-8")
+    assert page == tmp_path / "run.html"
+    assert [p.name for p in tmp_path.iterdir()] == ["run.html"]
+    assert not re.search(r"https?:|wss?:|\ssrc=|\shref=|@import|{{", text)
+    assert "default-src 'none'" in text, "the browser is told to fetch nothing"
+    assert "<title>&lt;b&gt; &amp; co</title>" in text
+    assert b"three.js" in unpacked(page, "viewer").lower() or b"THREE" in unpacked(page, "viewer")
+    assert page.stat().st_size < 5e5
+    again = animate(motion(fourbar.scene, fourbar.q, title="<b> & co"), tmp_path / "again.html", **PLAIN)
+    assert again.read_bytes() == page.read_bytes(), "the same motion gives the same file"
+
+
+def test_motion_is_in_the_solution_s_own_time(fourbar, tmp_path):
+    sol = motion(fourbar.scene, fourbar.q, start=1.0, end=5.0)
+    data = payload(animate(sol, tmp_path / "run.html", fps=50, **PLAIN))
+    assert (data["start"], data["end"], data["speed"], data["frames"]) == (1.0, 5.0, 1.0, 201)
+    values = next(floats(p["values"], 7) for p in data["poses"] if p["path"].endswith("link/crank link"))
+    k = [s.name for s in fourbar.scene.shapes].index("crank link")
+    expected = np.array([fourbar.scene.placements(fourbar.q(1 + t))[k] for t in np.arange(201) / 50])
+    np.testing.assert_allclose(values[:, :3], expected[:, :3], atol=1e-6)
+    turns = values[:, 3:]
+    np.testing.assert_allclose(np.abs(np.sum(turns * expected[:, 3:], axis=1)), 1, atol=1e-6)
+    assert np.all(np.sum(turns[1:] * turns[:-1], axis=1) > 0.9), "signs without jumps"
+
+
+def test_slow_motion_stores_more_frames_and_what_rests_one(fourbar, tmp_path):
+    sol = motion(fourbar.scene, fourbar.q)
+    data = payload(animate(sol, tmp_path / "run.html", fps=30, speed=0.25, **PLAIN))
+    counts = {p["path"]: len(floats(p["values"], 7)) for p in data["poses"]}
+    assert set(counts.values()) == {1, data["frames"]} == {1, 2 * 30 * 4 + 1}
+    assert all(n == 1 for path, n in counts.items() if "ground" in path)
+    long = motion(fourbar.scene, fourbar.q, end=1000.0)
+    assert payload(animate(long, tmp_path / "run.html", **PLAIN))["frames"] == replay.MAX_FRAMES
+
+
+def test_a_mesh_is_stored_once(tmp_path):
+    panda = mbdae.load("panda_handle")
+    still = SimpleNamespace(t=np.zeros(1), q=np.array([pin.neutral(panda.model)]), mechanism=panda)
+    page = animate(still, tmp_path / "run.html", **PLAIN)
+    data = payload(page)
+    files = {s.mesh for s in panda.scene.shapes if s.mesh is not None}
+    assert len(data["meshes"]) == len(files) < sum(s.mesh is not None for s in panda.scene.shapes)
+    assert page.stat().st_size < 6e6
+    assert data["frames"] == 1
+
+
+def test_wrong_input_is_refused_by_name_and_leaves_the_file(fourbar, tmp_path):
+    path = tmp_path / "run.html"
+    path.write_text("precious")
+    good = motion(fourbar.scene, fourbar.q)
+    empty = motion(fourbar.scene, fourbar.q)
+    empty.t, empty.q = np.empty(0), np.empty((0, 3))
+    broken = motion(fourbar.scene, lambda t: fourbar.q(t) + (np.nan if t > 1 else 0.0))
+    for sol, options, text in (
+        (empty, {}, "empty"),
+        (broken, {}, "not finite at t = 1"),
+        (good, {"fps": 0}, "fps"),
+        (good, {"speed": -1.0}, "speed"),
+        (good, {"speed": float("nan")}, "speed"),
+    ):
+        with pytest.raises(InputError, match=text):
+            animate(sol, path, **PLAIN, **options)
+    with pytest.raises(InputError, match="missing"):
+        animate(good, tmp_path / "missing" / "run.html", **PLAIN)
+    (tmp_path / "folder.html").mkdir()
+    with pytest.raises(InputError, match="cannot write"):
+        animate(good, tmp_path / "folder.html", **PLAIN)
+    with pytest.raises(InputError, match=r"\.html, \.mp4 or \.gif, got"):
+        animate(good, tmp_path / "run.pdf", **PLAIN)
+    assert path.read_text() == "precious"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["folder.html", "run.html"]
+
+
+def test_nothing_is_printed_and_nothing_left_running(tmp_path):
+    code = (
+        "import mbdae; from mbdae.studies.replay.replay import animate; mech = mbdae.load('pendulum');"
+        f"animate(mbdae.solve(mech, (0, 1), method='herk3'), {str(tmp_path / 'run.html')!r})"
+    )
+    # run() waits until the last process that holds its pipes has ended: a server would keep it waiting
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60, check=True)
+    assert (done.stdout, done.stderr) == (b"", b"")
+    assert (tmp_path / "run.html").exists()
+
+
+@pytest.fixture(scope="module")
+def sol():
+    return mbdae.solve(mbdae.load("slider_crank"), (0, 2), rtol=1e-6)
+
+
+def shown(sol, tmp_path, **options):
+    return payload(animate(sol, tmp_path / "run.html", fps=20, **options))
+
+
+def curves(data, title):
+    pane = next(p for p in data["panes"] if p["title"] == title)
+    times = lambda c: np.frombuffer(c["t"].data)  # noqa: E731
+    return {(c["name"], c["ghost"]): (times(c), floats(c["y"], 1)[:, 0]) for c in pane["curves"]}
+
+
+def test_default_plots_are_coordinates_energies_and_drift(sol, tmp_path):
+    data = shown(sol, tmp_path)
+    assert [(p["title"], p["logarithmic"]) for p in data["panes"]] == [
+        ("angles (rad)", False), ("q.slider (m)", False), ("energies (J)", False), ("|g| (m, rad)", True),
+    ]  # fmt: skip
+    mech, at = sol.mechanism, mbdae.mechanism.frames.find_joint(sol.mechanism.model, "slider").idx_q
+    t, y = curves(data, "q.slider (m)")["q.slider", -1]
+    np.testing.assert_allclose(y[::100], [sol(x).q[at] for x in t[::100]], atol=1e-6)
+    t, g = curves(data, "|g| (m, rad)")["|g|", -1]
+    np.testing.assert_array_equal(t, sol.t)  # the drift of the steps, not of what lies between them
+    np.testing.assert_allclose(g, [np.abs(mech.residual(q, v)[0]).max() for q, v in zip(sol.q, sol.v, strict=True)])
+    t, y = curves(data, "energies (J)")["kinetic", -1]
+    np.testing.assert_allclose(y, [mech.energy(q, v)[0] for q, v in zip(sol.q, sol.v, strict=True)], rtol=1e-6)
+
+
+def test_plots_are_chosen_by_name_and_by_beginning(sol, tmp_path):
+    own = {"stroke": lambda t, q, v: 1000 * q[2], "count": np.arange(len(sol.t))}
+    plots = ["v", ("q.crank", "kinetic", "potential"), "lam.wrist pin.2", ("stroke",)]
+    data = shown(sol, tmp_path, plots=plots, signals=own)
+    assert [p["title"] for p in data["panes"]] == [
+        "turning rates (rad/s)", "v.slider (m/s)", "q.crank (rad)", "energies (J)", "lam.wrist pin.2 (N, N m)",
+        "stroke", "count",
+    ]  # fmt: skip
+    assert set(curves(data, "turning rates (rad/s)")) == {("v.crank", -1), ("v.crank_pin", -1)}
+    t, y = curves(data, "stroke")["stroke", -1]
+    np.testing.assert_allclose(y[::50], [1000 * sol(x).q[2] for x in t[::50]], rtol=1e-5)
+    t, y = curves(data, "count")["count", -1]
+    np.testing.assert_array_equal((t, y), (sol.t, np.arange(len(t))))
+
+
+def test_of_many_coordinates_those_that_move_the_most_are_plotted(tmp_path):
+    model = tree(["revolute"] * 9, range(9), seed=1)
+    data = shown(mbdae.solve(mbdae.Mechanism(model), (0, 0.2), rtol=1e-4), tmp_path)
+    title = data["panes"][0]["title"]
+    assert title == "angles (rad), 7 of 9 that move the most"
+    assert len(curves(data, title)) == 7
+    assert not [p for p in data["panes"] if "|g|" in p["title"]], "there are no closures"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"plots": ["crank.q"]}, "unknown signal 'crank.q'.*valid: q, v, lam, lam.wrist pin, .*q.crank, .*kinetic"),
+        ({"traces": ["tip"]}, "unknown frame 'tip'.*rod_tip"),
+        ({"arrows": ["pin"]}, "unknown closure or driver 'pin'.*wrist pin"),
+        ({"signals": {"a": [1.0, 2.0]}}, r"signal 'a' has shape \(2,\), expected \(\d+,\)"),
+        ({"signals": {"a": lambda t, q, v: "x"}}, "signal 'a' must give numbers"),
+        ({"signals": {"energy": lambda t, q, v: 0.0}}, "'energy' is a column"),
+    ],
+)
+def test_wrong_names_are_refused(sol, tmp_path, options, words):
+    with pytest.raises(InputError, match=words):
+        shown(sol, tmp_path, **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_ghosts_are_sampled_at_the_same_times_and_vanish_at_their_end(sol, tmp_path):
+    short = mbdae.solve(sol.mechanism, (0, 1), method="herk3", step=0.01)
+    data = shown(sol, tmp_path, ghosts={"herk3": short})
+    (ghost,) = data["ghosts"]
+    assert ghost["name"] == "herk3"
+    times = np.linspace(0, 2, data["frames"])
+    scene = sol.mechanism.scene
+    for pose in ghost["poses"]:
+        values = floats(pose["values"], 7)
+        assert np.isnan(values[times > 1]).all()
+        assert np.isfinite(values[times <= 1]).all()
+        k = next(i for i, s in enumerate(scene.shapes) if pose["path"].endswith(f"/{s.name}"))
+        np.testing.assert_allclose(values[40, :3], scene.placements(short(times[40]).q)[k, :3], atol=1e-6)
+    assert not [p for p in ghost["poses"] if "base" in p["path"] or "rail" in p["path"]], "what rests has no ghost"
+    assert ("q.slider", 0) in curves(data, "q.slider (m)")
+    for other, words in ((mbdae.load("four_bar"), "ghost 'x' is of"), (sol.mechanism, "no time in common")):
+        with pytest.raises(InputError, match=words):
+            shown(sol, tmp_path, ghosts={"x": mbdae.solve(other, (5, 5.1))})
+
+
+def test_traces_are_the_paths_of_frames(sol, tmp_path):
+    (trace,) = shown(sol, tmp_path, traces=["rod_tip"])["traces"]
+    points, model = floats(trace["points"], 3), sol.mechanism.model
+    data = model.createData()
+    for k in (0, 50, 100):
+        pin.framesForwardKinematics(model, data, sol(2 * k / (len(points) - 1)).q)
+        np.testing.assert_allclose(points[k], data.oMf[model.getFrameId("rod_tip")].translation, atol=1e-6)
+
+
+def test_arrows_are_forces_in_newton(tmp_path):
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelTranslation(), pin.SE3.Identity(), "mass")
+    model.appendBodyToJoint(joint, pin.Inertia.FromSphere(2.0, 0.1), pin.SE3.Identity())
+    top = pin.SE3(np.eye(3), np.array([0, 0, 0.1]))
+    model.addFrame(pin.Frame("hook", joint, top, pin.FrameType.OP_FRAME))
+    turned = pin.SE3(pin.utils.rotate("y", 0.7), top.translation)
+    model.addFrame(pin.Frame("ceiling", 0, turned, pin.FrameType.OP_FRAME))
+    mech = mbdae.Mechanism(model, closures=[mbdae.Closure.point("ceiling", "hook", name="rope")])
+    arrows = shown(mbdae.solve(mech, (0, 0.1), method="herk1", step=0.05), tmp_path, arrows=True)["arrows"]
+    (rope,) = arrows["forces"]
+    assert rope["name"] == "rope"
+    assert arrows["largest"] == pytest.approx(2 * 9.81)
+    np.testing.assert_allclose(floats(rope["values"], 3)[7], [0, 0, 2 * 9.81], atol=1e-5)
+    np.testing.assert_allclose(floats(rope["points"], 3)[7], [0, 0, 0.1], atol=1e-6)
+    with pytest.raises(InputError, match="no closures between frames"):
+        shown(mbdae.solve(mbdae.Mechanism(model), (0, 0.1)), tmp_path, arrows=True)
+
+
+def test_a_notebook_is_not_filled_beyond_measure(sol, monkeypatch):
+    assert sol._repr_html_().startswith("<iframe srcdoc=")
+    monkeypatch.setattr(replay, "NOTEBOOK", 1e5)
+    text = sol._repr_html_()
+    assert len(text) < 400
+    assert "mbdae.animate(sol, 'run.html') writes it" in text

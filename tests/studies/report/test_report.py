@@ -1,0 +1,155 @@
+"""The report: one page that opens offline, with every part, every figure, the replay, and what repeats it."""
+
+import base64
+import html
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import mbdae
+from mbdae.errors import InputError
+
+OPTIONS = {"methods": ("pherk5", "ggl:herk3"), "tolerances": (1e-3, 1e-5), "rtol": 1e-6, "repeats": 1}
+BLUE, RED = np.array([33, 97, 171]), np.array([200, 50, 45])
+
+
+@pytest.fixture(scope="module")
+def told():
+    return []
+
+
+@pytest.fixture(scope="module")
+def result(told):
+    tell = lambda done, name: told.append(done)  # noqa: E731
+    return mbdae.report(mbdae.load("slider_crank"), 1.0, **OPTIONS, progress=tell)
+
+
+@pytest.fixture(scope="module")
+def page(result, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    result.save(path)
+    return path
+
+
+def outside(text):
+    """The page without the replay's frame and without data."""
+    text = re.sub(r'srcdoc="[^"]*"', "", text)
+    return re.sub(r"data:image/svg\+xml;base64,[^\"]*", "", text)
+
+
+def test_every_part_is_there(result, page):
+    text = outside(page.read_text("utf-8"))
+    assert re.findall(r'<h2 id="(\w+)">', text) == ["Model", "Run", "Drift", "Orders", "Comparison", "Repeat"]
+    for words in (
+        "Planar slider-crank", "wrist pin: revolute", "3 depend on others", "joint limits", "linear solves",
+        "ggl:herk3, rtol 1e-06", "Observed (claimed) orders", "radau9, rtol 1e-12 differs", "fewest solves",
+        f"mbdae {result.meta['versions']['mbdae']}", "&quot;tolerances&quot;: [0.001, 1e-05]",
+    ):  # fmt: skip
+        assert words in text, words
+    assert "{{" not in text
+
+
+def test_the_page_needs_nothing_from_outside(page):
+    text = page.read_text("utf-8")
+    assert not re.search(r"https?:|wss?:|\shref=\"[^#]|@import", outside(text))
+    frame = html.unescape(re.search(r'<iframe srcdoc="([^"]*)"', text)[1])
+    assert not re.search(r"https?:|wss?:|\ssrc=|\shref=|@import", frame)
+    assert [p.name for p in page.parent.iterdir()] == ["report.html"]
+    assert page.stat().st_size < 4e6
+
+
+def test_figures_are_whole_pictures(page):
+    pictures = re.findall(r'<img alt="([^"]+)" src="data:image/svg\+xml;base64,([^"]+)"', page.read_text("utf-8"))
+    assert [alt for alt, _ in pictures] == [
+        "motion over time",
+        "drift of the closures and of the energy over time",
+        "convergence",
+        "work-precision diagram",
+    ]
+    for _, data in pictures:
+        svg = base64.b64decode(data).decode()
+        assert svg.rstrip().endswith("</svg>")
+        assert svg.count("<path") > 20
+
+
+def test_what_repeats_it_is_in_it(result, page):
+    text = page.read_text("utf-8")
+    described = json.loads(html.unescape(re.search(r"<pre>(.*?)</pre>", text, re.S)[1]))
+    again = mbdae.mechanism.restore(described)
+    np.testing.assert_array_equal(np.concatenate(again.start), np.concatenate(result.sol.mechanism.start))
+    assert result.meta["parameters"]["methods"] == list(OPTIONS["methods"])
+    assert {"mbdae", "pin", "numpy", "scipy", "python"} == set(result.meta["versions"])
+
+
+def test_results_are_data_and_text(result, told):
+    data = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert set(data) == {"card", "run", "drift", "orders", "comparison", "meta"}
+    assert [d["method"] for d in data["drift"]] == list(OPTIONS["methods"])
+    assert list(data["orders"]["methods"]) == ["pherk5"]
+    assert len(data["comparison"]["points"]) == 4
+    assert str(result.orders) in str(result)
+    assert told == sorted(told)
+    assert told[-1] <= 1
+
+
+def test_an_order_that_is_missed_is_said_in_words(result):
+    from dataclasses import replace
+
+    from mbdae.studies.report import page
+
+    slopes = result.orders.slopes["pherk5"]
+    missed = replace(result.orders, slopes={"pherk5": (replace(slopes[0], verdict="misses"), *slopes[1:])})
+    assert "pherk5, q: misses" in page._orders(replace(result, orders=missed))
+
+
+def test_names_are_escaped(result, tmp_path):
+    from dataclasses import replace
+
+    title = "<b>a & b</b>"
+    replace(result, card=replace(result.card, title=title)).save(tmp_path / "r.html")
+    text = (tmp_path / "r.html").read_text("utf-8")
+    assert f"<title>{html.escape(title)}</title>" in text
+    assert title not in outside(text)
+
+
+def test_wrong_input_is_refused(result, tmp_path):
+    with pytest.raises(InputError, match=r"\.html, got"):
+        result.save(tmp_path / "report.pdf")
+    with pytest.raises(InputError, match="unknown method"):
+        mbdae.report(mbdae.load("slider_crank"), 1.0, methods=["herk9"])
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_it(tmp_path):
+    arguments = shlex.split("report pendulum -t 0.5 -m herk3 --rtol 1e-5 --repeats 1 -o r.html --json")
+    done = subprocess.run([sys.executable, "-m", "mbdae", *arguments], capture_output=True, cwd=tmp_path, timeout=300)
+    assert (done.returncode, done.stderr) == (0, b"")
+    data = json.loads(done.stdout, parse_constant=pytest.fail)
+    assert data["written"] == ["r.html"]
+    assert data["meta"]["command"] == "mbdae " + " ".join(arguments)
+    assert data["meta"]["command"] in (tmp_path / "r.html").read_text("utf-8")
+
+
+def test_a_browser_shows_text_figures_and_replay(page, tmp_path):
+    found = [shutil.which(n) for n in ("chromium", "chromium-browser", "google-chrome", "chrome")]
+    if not any(found):
+        pytest.skip("no chromium found")
+    picture = tmp_path / "shot.png"
+    flags = "--headless --no-sandbox --use-gl=swiftshader --enable-unsafe-swiftshader --disable-background-networking"
+    size = "--window-size=1000,3600 --virtual-time-budget=8000"
+    command = [next(f for f in found if f), *flags.split(), *size.split(), f"--user-data-dir={tmp_path / 'profile'}"]
+    subprocess.run([*command, f"--screenshot={picture}", page.as_uri()], capture_output=True, timeout=120, check=True)
+    with Image.open(picture) as image:
+        pixels = np.asarray(image.convert("RGB"), dtype=int)
+    scene = pixels[500:1200]
+    for colour in (BLUE, RED):  # rod and crank
+        assert (np.abs(scene - colour).max(axis=2) < 40).mean() > 0.002
+    orange = np.abs(pixels[1200:] - np.array([217, 72, 1])).max(axis=2) < 20  # pherk5 in the figures below
+    assert orange.sum() > 500

@@ -1,0 +1,263 @@
+"""Sweeps on threads, processes and clusters, in files that survive, and from the command line."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError, MbdaeError, UnknownNameError
+from mbdae.studies.sweep.executors import AHEAD
+from mbdae.studies.sweep.file import PART
+from mbdae.studies.sweep.toml_file import read_sweep
+
+LINKS = {"frame.rod_tip.xyz.0": [0.34, 0.36], "start.v.crank": [5.0, 6.0, 7.0]}
+QUICK = {"outputs": ["peak force.wrist pin", "q.slider"], "times": 11, "rtol": 1e-6, "executor": "threads"}
+
+
+def last_crank(sol):
+    return {"angle": sol.q[-1, 0], "speed": sol.v[-1, 0]}
+
+
+# -- executors -------------------------------------------------------------------------------------------------------
+
+
+def test_threads_processes_and_dask_give_the_same_bits(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    links = {name: {"distribution": "normal", "loc": x, "scale": 1e-3} for name, x in
+             (("frame.rod_tip.xyz.0", 0.35), ("joint.crank_pin.xyz.0", 0.1))}  # fmt: skip
+    runs = mbdae.Random(12, {**links, "joint.slider.mass": {"distribution": "choice", "a": [0.6, -1.0]}})
+    options = {**QUICK, "outputs": [*QUICK["outputs"], last_crank], "seed": 5}
+
+    def content(name, **more):
+        path = tmp_path / f"{name}.parquet"
+        result = mbdae.sweep("slider_crank", runs, 0.5, path=path, **{**options, **more})
+        assert result.complete
+        assert not path.with_name(path.name + PART).exists()
+        return path.read_bytes()
+
+    one = content("threads", workers=1)
+    assert content("two", workers=2) == one
+    assert content("processes", executor="processes", workers=2) == one
+    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with cluster, distributed.Client(cluster) as client:
+        assert content("dask", executor=client.get_executor()) == one
+    loaded = mbdae.Sweep.load(tmp_path / "dask.parquet")
+    assert {"finished", "input"} == set(loaded["status"])
+    assert loaded["q.slider"].shape == (12, 11)
+    again = tmp_path / "again.parquet"
+    loaded.save(again)
+    assert again.read_bytes() == one
+
+
+class Bounded(ThreadPoolExecutor):
+    """Counts the runs that are given away and not finished."""
+
+    most = 0
+
+    def submit(self, *args):
+        future = super().submit(*args)
+        self.most = max(self.most, self._work_queue.qsize())
+        return future
+
+
+class Lossy(Executor):
+    """Loses the third run."""
+
+    given = 0
+
+    def submit(self, function, *args):
+        self.given += 1
+        future = Future()
+        if self.given == 3:
+            future.set_exception(RuntimeError("the machine is gone"))
+        else:
+            future.set_result(function(*args))
+        return future
+
+
+def test_executors_of_the_user(tmp_path):
+    with Bounded(2) as executor:
+        result = mbdae.sweep("slider_crank", {"start.v.crank": list(np.linspace(5, 7, 30))}, 0.05, executor=executor)
+        assert result.complete
+        assert executor.most <= 2 * AHEAD
+        assert executor.submit(int).result() == 0  # it is left open
+    path = tmp_path / "runs.parquet"
+    with pytest.raises(MbdaeError, match=r"run 2 was lost by its worker.*the machine is gone"):
+        mbdae.sweep("slider_crank", LINKS, 0.05, path=path, **{**QUICK, "executor": Lossy(), "workers": 1})
+    kept = mbdae.Sweep.load(path)
+    assert 0 < len(kept) < 6
+    result = mbdae.sweep("slider_crank", LINKS, 0.05, path=path, **QUICK)
+    assert set(result.seconds) == {0, 1, 2, 3, 4, 5} - set(kept["run"])
+
+
+# -- the file --------------------------------------------------------------------------------------------------------
+
+
+def test_files_of_other_sweeps_are_refused(tmp_path):
+    path, part = tmp_path / "runs.parquet", tmp_path / ("runs.parquet" + PART)
+    first = mbdae.sweep("slider_crank", LINKS, 0.1, path=path, **QUICK)
+    bits = path.read_bytes()
+    again = mbdae.sweep("slider_crank", LINKS, 0.1, path=path, **QUICK)
+    assert not again.seconds
+    assert path.read_bytes() == bits
+    assert again.table.keys() == first.table.keys()
+    for change, words in (
+        ({"parameters": {**LINKS, "gravity.2": [-1.6]}}, "parameters"),
+        ({"t_span": 0.2}, "t_span"),
+        ({"rtol": 1e-7}, "settings"),
+        ({"outputs": []}, "outputs"),
+        ({"model": "four_bar", "parameters": {"solve.rtol": [1e-6]}, "outputs": []}, "model and mechanism"),
+    ):
+        call = {"model": "slider_crank", "parameters": LINKS, "t_span": 0.1, **QUICK, **change}
+        with pytest.raises(InputError, match=f"holds another sweep, with other.* {words}"):
+            mbdae.sweep(**call, path=path)
+    assert path.read_bytes() == bits
+    assert not part.exists()
+    fresh = mbdae.sweep("slider_crank", LINKS, 0.2, path=path, fresh=True, **QUICK)
+    assert len(fresh.seconds) == 6
+    for file in (path, part):
+        path.unlink(missing_ok=True)
+        file.write_text("something else that is much longer than nothing" * 100)
+        with pytest.raises(InputError, match=r"cannot read|no file of a sweep"):
+            mbdae.sweep("slider_crank", LINKS, 0.1, path=path, **QUICK)
+
+
+SWEEP = """
+model = "slider_crank"
+end = 0.5
+times = 21
+outputs = ["peak force.wrist pin", "q.slider"]
+workers = 1
+executor = "threads"
+[settings]
+rtol = 1e-8
+[random]
+n = 250
+parameters.frame.rod_tip.xyz.0 = { distribution = "normal", loc = 0.35, scale = 1e-3 }
+"""
+
+
+def begun(folder, how, *options):
+    """Start the sweep as a process, send it and its workers a signal when a few runs are done, return what it says."""
+    command = [sys.executable, "-m", "mbdae", "sweep", "sweep.toml", "-o", "runs.parquet", *options]
+    pipes = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(command, cwd=folder, start_new_session=True, **pipes)
+    part = folder / ("runs.parquet" + PART)
+    before = part.stat().st_size if part.exists() else 0
+    while not part.exists() or part.stat().st_size < before + 20_000:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.01)
+    with pytest.raises(InputError, match="in use"):
+        mbdae.sweep(**read_sweep(folder / "sweep.toml"), path=folder / "runs.parquet")
+    os.killpg(process.pid, how)
+    out, err = process.communicate(timeout=60)
+    return process.returncode, out, err
+
+
+def test_a_sweep_that_is_stopped_or_killed_goes_on(tmp_path):
+    (tmp_path / "sweep.toml").write_text(SWEEP)
+    path = tmp_path / "runs.parquet"
+    code, out, err = begun(tmp_path, signal.SIGINT, "--executor", "processes")
+    stopped = mbdae.Sweep.load(path)
+    assert 0 < len(stopped) < 250
+    assert code == 1
+    assert "Traceback" not in err
+    assert err.endswith(
+        f"mbdae: stopped by the user after {len(stopped)} of 250 runs; runs.parquet.part keeps what is finished, "
+        "the same command goes on from there\n"
+    )
+    assert "are left" in out
+    code, out, err = begun(tmp_path, signal.SIGKILL)
+    assert code == -signal.SIGKILL
+    killed = mbdae.Sweep.load(path)
+    assert len(stopped) < len(killed) < 250
+    assert set(stopped["run"]) <= set(killed["run"])
+    part = tmp_path / ("runs.parquet" + PART)
+    part.write_bytes(part.read_bytes()[:-10])  # as if the last row had been half written
+    rest = mbdae.Sweep.load(path)
+    assert len(rest) == len(killed) - 1
+    result = mbdae.sweep(**read_sweep(tmp_path / "sweep.toml"), path=path)
+    assert set(result.seconds) == set(range(250)) - set(rest["run"])
+    assert list(result["run"]) == list(range(250))
+    whole = mbdae.sweep(**read_sweep(tmp_path / "sweep.toml"), path=tmp_path / "whole.parquet")
+    assert whole.complete
+    assert path.read_bytes() == (tmp_path / "whole.parquet").read_bytes()
+
+
+# -- the command -----------------------------------------------------------------------------------------------------
+
+
+def command(*arguments, cwd):
+    done = subprocess.run(
+        [sys.executable, "-m", "mbdae", "sweep", *arguments], cwd=cwd, capture_output=True, text=True, timeout=120
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_command(tmp_path):
+    (tmp_path / "pendulum.toml").write_text(
+        '[[body]]\nname = "bob"\nparent = "world"\naxis = [0, 1, 0]\nmass = 1.0\ncom = [0.0, 0.0, -1.0]\n'
+    )
+    (tmp_path / "s.toml").write_text(
+        'model = "pendulum.toml"\nend = 0.1\noutputs = ["final q.bob"]\nexecutor = "threads"\n'
+        "[grid]\nbody.bob.com.2 = [-1.0, -2.0]\nbody.bob.mass = [1.0, -1.0]\n"
+    )
+    code, out, err = command("s.toml", "--json", "-o", "runs.parquet", cwd=tmp_path)
+    assert (code, err) == (0, "mbdae: 2 of 4 runs failed, see their status\n")
+    data = json.loads(out, parse_constant=pytest.fail)
+    assert [row["status"] for row in data["rows"]] == ["finished", "input"] * 2
+    assert data["rows"][0]["body.bob.com.2"] == -1.0
+    assert data["written"] == ["runs.parquet"]
+    assert data["manifest"]["settings"] == {"rtol": 1e-8}
+    code, out, err = command("s.toml", "-o", "runs.parquet", cwd=tmp_path)
+    assert code == 0
+    assert "4 runs, 2 finished, 2 input" in out
+    assert "wrote runs.parquet" in out
+    assert "\x1b" not in out
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('model = "four_bar"\nmodell = 1', "unknown key modell; known: end, executor, grid, model, outputs"),
+        ('model = "four_bar"', "takes one of [grid], [[run]] or [random], got none"),
+        ('model = "four_bar"\n[grid]\n[[run]]\n', "got grid and run"),
+        (
+            'model = "four_bar"\n[random]\nn = 2\nm = 3\nparameters.duration = 1',
+            "unknown key random.m; known: n, parameters",
+        ),
+        ('model = "four_bar"\n[settings]\ntol = 2\n[grid]\n"solve.rtol" = [1]', "unknown setting of solve 'tol'"),
+        ('model = "four_bar"\nstart = 1.0\n[grid]\n"solve.rtol" = [1]', "start goes with end"),
+        ("model = ", "is not TOML"),
+    ],
+)
+def test_wrong_files_of_sweeps(tmp_path, text, words):
+    path = tmp_path / "s.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as e:
+        read_sweep(path)
+    assert words in str(e.value)
+
+
+def test_files_of_sweeps_say_the_same_as_python(tmp_path):
+    path = tmp_path / "s.toml"
+    path.write_text('model = "four_bar"\n[[run]]\nstart.v.crank = 1.0\nsolve.method = "herk5"\n[[run]]\n')
+    assert read_sweep(path)["parameters"] == [{"start.v.crank": 1.0, "solve.method": "herk5"}, {}]
+    path.write_text(SWEEP)
+    read = read_sweep(path)
+    assert read["parameters"].n == 250
+    assert list(read["parameters"].parameters) == ["frame.rod_tip.xyz.0"]
+    assert (read["t_span"], read["rtol"], read["workers"]) == ((0.0, 0.5), 1e-8, 1)
+
+
+def test_unknown_columns():
+    result = mbdae.sweep("slider_crank", {"start.v.crank": [6.0]}, 0.1, executor="threads")
+    with pytest.raises(UnknownNameError, match="column"):
+        result["steeps"]
