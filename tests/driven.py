@@ -6,7 +6,7 @@ from chains import rod
 
 import mbdae
 from mbdae import Closure, Driver, Mechanism
-from mbdae.mechanism.formats.schema import Start
+from mbdae.mechanism.start import Start
 
 
 def crane():

@@ -21,6 +21,19 @@ FLOORS = (  # a room, a file or folder of mbdae/, imports from the floors below 
     ("__init__",),
     ("__main__",),
 )
+INSIDE = (  # the floors of mechanism/
+    ("workspace", "tables", "callbacks"),
+    ("frames", "places"),
+    ("joints", "manifold", "signals"),
+    ("start",),
+    ("closures", "forces", "scene"),
+    ("formulations",),
+    ("assembly_mode", "reactions"),
+    ("assembly", "singularity"),
+    ("mechanism",),
+    ("formats",),
+    ("__init__",),
+)
 SECRETS = {  # heavy or special imports, and the only places that may know them
     "pinocchio": "mechanism/**/*.py backend.py",  # the latter compares versions
     "coal": "mechanism/**/*.py",
@@ -55,28 +68,33 @@ def imported(path):
             yield from (".".join([*stem, alias.name]) for alias in node.names)
 
 
-def room(name):
-    """Room of a module given by its dotted name: the first file or folder in it, or mbdae itself."""
-    first = name.split(".")[1] if "." in name else ""
-    exists = (PACKAGE / first).is_dir() or (PACKAGE / f"{first}.py").is_file()
+def room(name, folder=PACKAGE):
+    """Room in a folder of a module given by its dotted name: the first file or folder in it, or the folder itself."""
+    depth = len(folder.relative_to(ROOT).parts)
+    first = name.split(".")[depth] if name.count(".") >= depth else ""
+    exists = (folder / first).is_dir() or (folder / f"{first}.py").is_file()
     return first if first and exists else "__init__"
 
 
-def floor(name):
-    found = [level for level, rooms in enumerate(FLOORS) if name in rooms]
-    assert found, f"{name} has no floor: say in FLOORS where it belongs"
+def floor(name, floors=FLOORS):
+    found = [level for level, rooms in enumerate(floors) if name in rooms]
+    assert found, f"{name} has no floor: say where it belongs"
     return found[0]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_imports_go_down(path):
-    here = room(".".join(["mbdae", *path.relative_to(PACKAGE).with_suffix("").parts]))
-    for name in imported(path):
-        if name.split(".")[0] == "mbdae":
-            there = room(name)
-            assert there == here or floor(there) < floor(here), f"{path.name} ({here}) imports {name} ({there})"
-        else:
-            floor(here)
+    module = ".".join(["mbdae", *path.relative_to(PACKAGE).with_suffix("").parts])
+    for folder, floors in ((PACKAGE, FLOORS), (PACKAGE / "mechanism", INSIDE)):
+        inside = ".".join(folder.relative_to(ROOT).parts)
+        if not module.startswith(inside + "."):
+            continue
+        here = room(module, folder)
+        level = floor(here, floors)
+        for name in imported(path):
+            if name.split(".")[: inside.count(".") + 1] == inside.split("."):
+                there = room(name, folder)
+                assert there == here or floor(there, floors) < level, f"{path.name} ({here}) imports {name} ({there})"
 
 
 def test_the_test_sees_imports():

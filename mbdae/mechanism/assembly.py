@@ -10,8 +10,8 @@ from scipy.linalg.lapack import dpotrf
 from ..errors import AssemblyError, InputError
 from .assembly_mode import Rows, closures, turned_over, upright
 from .closures.closure_error import Gap, widest
-from .formats.schema import normalized
-from .formats.tree import subspace
+from .joints import subspace
+from .start import normalized
 from .workspace import make_data
 
 if TYPE_CHECKING:

@@ -15,16 +15,15 @@ from .closures.closure_error import Gap, widest
 from .closures.constraints import Constraints, anchors
 from .closures.driver import Driver
 from .forces.force import Laws, SpringDamper, bind_forces, named_force
-from .formats.part import Motor
-from .formats.schema import OrderSettings, Start, coordinates
-from .formats.tree import is_depth_first
 from .formulations.compiled import Compiled
 from .formulations.ggl import GGL
 from .formulations.index1 import Index1
 from .formulations.index2 import Descriptor
 from .frames import Anchor, anchor, find_joint, joint_names
+from .joints import is_depth_first
 from .manifold import Manifold
 from .scene.scene import Mark, Scene, make_scene
+from .start import Motor, OrderSettings, Start, coordinates
 from .workspace import make_data
 
 Array = np.ndarray
@@ -42,7 +41,7 @@ class Mechanism:
         closures: loop closures, see `mbdae.Closure`.
         drivers: joints, couplings or distances that follow functions of time, see `mbdae.Driver`.
         forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
-        start: values of joints at the start, see `mbdae.mechanism.formats.schema.Start`.
+        start: values of joints at the start, see `mbdae.mechanism.start.Start`.
         visuals: Pinocchio geometry for the replay; generated from the joints when left out.
         title: one line.
         duration: default end time of a run in s.

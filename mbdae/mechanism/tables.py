@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from ..errors import InputError
 
+HUGE = 1e50  # numbers of SI units beyond this are mistakes, and their products overflow
 KnownKeys = Callable[[Sequence[Any]], list[str]]
 
 

@@ -12,7 +12,7 @@ import pytest
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.forces.controllers import JointPID
-from mbdae.mechanism.formats.schema import Start
+from mbdae.mechanism.start import Start
 from mbdae.solution import archive
 
 

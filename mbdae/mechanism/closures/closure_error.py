@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..formats.tree import subspace
 from ..frames import find_joint
+from ..joints import subspace
 from .rows import Axes, Coordinate
 
 if TYPE_CHECKING:

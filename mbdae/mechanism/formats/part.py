@@ -12,18 +12,10 @@ from ...errors import InputError
 from ..closures.closure import Axis, Closure
 from ..closures.driver import Driver
 from ..frames import WORLD
-from .schema import Start
+from ..start import Motor, Start
 
 NAMED = 4  # names before "and n more"
 T = TypeVar("T", bound=BaseModel)
-
-
-class Motor(NamedTuple):
-    """A named input: control u gives the torque gear * u on a joint of one coordinate, in N m or N."""
-
-    name: str
-    joint: str
-    gear: float = 1.0
 
 
 class Mimic(NamedTuple):

@@ -12,9 +12,10 @@ import pinocchio as pin
 from pydantic import AllowInfNan, Field, ValidationError
 
 from ...errors import InputError
+from ..joints import subspace
 from ..scene.shapes import Place
 from ..tables import Table, one_line
-from .tree import PER_COORDINATE, PER_VELOCITY, subspace
+from .tree import PER_COORDINATE, PER_VELOCITY
 
 WORD = "JointModel"
 COMPOSITE, SKEWED = "Composite", "RevoluteUnboundedUnaligned"

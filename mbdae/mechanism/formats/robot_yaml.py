@@ -25,8 +25,9 @@ from ...files import text_of
 from ..closures.closure import Closure
 from ..frames import find_joint, joint_names
 from ..places import Places
+from ..start import Motor
 from ..tables import one_line
-from .part import Motor, Part
+from .part import Part
 from .urdf import read_urdf
 
 FILE, URDF = "robot.yaml", "robot.urdf"

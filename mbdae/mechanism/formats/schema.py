@@ -5,21 +5,17 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
-import numpy as np
-import pinocchio as pin
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from ...errors import InputError, printable
 from ..closures.closure import Closure
 from ..closures.driver import Driver
 from ..forces.force import FORCES, AnyForce
-from ..frames import find_joint
 from ..signals import SIGNALS, Signal
-from ..tables import Table, one_line
+from ..start import OrderSettings, Start, Value
+from ..tables import HUGE, Table, one_line
 
-HUGE = 1e50  # numbers of SI units beyond this are mistakes, and their products overflow
 Vector = tuple[float, float, float]
-Value = float | tuple[float, ...]
 Override = Literal[
     "revolute", "spherical", "planar", "translation", "free",
     "universal", "universal_xy", "universal_xz", "universal_yx", "universal_yz", "universal_zx", "universal_zy",
@@ -81,33 +77,6 @@ class Source(Table):
     free_flyer: bool = False
     key: str = ""
     packages: tuple[str, ...] = ()
-
-
-class Start(Table):
-    """The start state: q and v are held during assembly, guess and guess_v say where other coordinates start.
-
-    With ``assemble = false`` the values are taken as they are, and refused where they leave a closure open.
-    """
-
-    q: dict[str, Value] = Field(default_factory=dict)
-    v: dict[str, Value] = Field(default_factory=dict)
-    guess: dict[str, Value] = Field(default_factory=dict)
-    guess_v: dict[str, Value] = Field(default_factory=dict)
-    assemble: bool = True
-
-    @property
-    def tables(self) -> dict[str, dict[str, Value]]:
-        """The tables ``joint = value`` by name."""
-        return {"q": self.q, "v": self.v, "guess": self.guess, "guess_v": self.guess_v}
-
-
-class OrderSettings(Table):
-    """Order study: end time T in s, coarsest number of steps (at least ten), and a start of its own (held values)."""
-
-    T: float = Field(default=1.0, gt=0)
-    steps: int = Field(default=20, ge=10)
-    q: dict[str, Value] = Field(default_factory=dict)
-    v: dict[str, Value] = Field(default_factory=dict)
 
 
 class MechanismFile(Table):
@@ -196,41 +165,3 @@ def _known_keys(path: Sequence[Any]) -> list[str]:
     kinds = {f.model_fields["kind"].default: f for f in (*FORCES, *SIGNALS)}
     found = next((kinds[p] for p in reversed(path) if p in kinds), None) or (tables.get(path[0]) if path else None)
     return sorted((found or MechanismFile).model_fields)
-
-
-def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Return the full vector that a table ``joint = value`` stands for, and the tangent indices it names.
-
-    A list gives the values of a joint of several coordinates in Pinocchio's order; an unbounded revolute joint may
-    be given by its angle.
-
-    Raises:
-        UnknownNameError: for a joint that does not exist.
-        InputError: for a wrong number of values, or a turn that vanishes.
-    """
-    out = np.zeros(model.nv) if of_v else pin.neutral(model)
-    index: list[int] = []
-    for name, value in table.items():
-        j = find_joint(model, name)
-        n, at = (j.nv, j.idx_v) if of_v else (j.nq, j.idx_q)
-        try:
-            values = np.atleast_1d(np.asarray(value, float))
-        except (TypeError, ValueError):
-            values = np.empty(0)
-        if not of_v and (j.nq, j.nv) == (2, 1) and len(values) == 1:
-            values = np.array([np.cos(values[0]), np.sin(values[0])])
-        if values.shape != (n,) or not np.isfinite(values).all():
-            raise InputError(
-                f"joint {name!r} takes {n} finite {'velocity' if of_v else 'configuration'} values, got {value!r}"
-            )
-        out[at : at + n] = values
-        if not of_v and normalized(model, out) is None:
-            raise InputError(f"joint {name!r}: {value!r} is no turn: its quaternion, or cosine and sine, vanish")
-        index += range(j.idx_v, j.idx_v + j.nv)
-    return out if of_v else pin.normalize(model, out), np.array(index, int)
-
-
-def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
-    """Return q (nq,) with quaternions, and cosines with sines, of length 1; None where one of them vanishes."""
-    q = pin.normalize(model, q)
-    return q if pin.isNormalized(model, q, 1e-8) else None

@@ -12,9 +12,10 @@ from ..frames import joint_names
 from ..places import Places
 from ..scene.shapes import unpack
 from ..signals import Constant
+from ..start import Motor
 from .library import SOURCES, resolve
 from .mjcf.read import read_mjcf
-from .part import Motor, Part, follow
+from .part import Part, follow
 from .plain import made
 from .robot_yaml import read_robot_yaml
 from .schema import MechanismFile, Source

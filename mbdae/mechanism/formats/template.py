@@ -23,13 +23,14 @@ import pinocchio as pin
 from ...errors import InputError, UnknownNameError
 from ..frames import find_joint, joint_names
 from ..mechanism import Mechanism
+from ..start import Start
 from ..tables import Table
 from .build import body_inertia, build, placement
 from .library import PARAMETRIC, find
 from .load import Recipe, read
 from .parametric import parameter_names, split
 from .part import Part
-from .schema import Body, MechanismFile, Start
+from .schema import Body, MechanismFile
 
 TABLES = ("body", "closure", "driver", "duration", "force", "frame", "gravity", "start")  # of a mechanism file
 JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # what a source says of a joint

@@ -9,7 +9,8 @@ import pinocchio as pin
 from ...errors import InputError, UnknownNameError
 from ..closures.closure import Axis, Z
 from ..frames import find_joint, joint_names
-from .schema import coordinates
+from ..joints import is_depth_first, joint_transform, subspace
+from ..start import coordinates
 
 PER_VELOCITY = (
     "armature",
@@ -179,13 +180,6 @@ def settled(
     return model, visuals
 
 
-def is_depth_first(model: pin.Model) -> bool:
-    """True when every subtree's joints are numbered in a row, which Pinocchio's algorithms take for granted."""
-    return all(
-        np.array_equal(s, np.arange(s[0], s[0] + len(s))) for s in map(np.array, list(model.subtrees)[1:])
-    )
-
-
 def depth_first(
     model: pin.Model, visuals: pin.GeometryModel | None = None
 ) -> tuple[pin.Model, pin.GeometryModel | None]:
@@ -230,27 +224,6 @@ def _axis(joint: pin.JointModel) -> Axis:
         return Z
     x, y, z = np.sum(subspace(joint).reshape(2, 3), 0)  # one of both parts is zero
     return float(x), float(y), float(z)
-
-
-def subspace(joint: pin.JointModel) -> np.ndarray:
-    """The motion subspace of a joint at its neutral configuration, (6, nv), in its own frame."""
-    model = _alone(joint)
-    J = pin.computeJointJacobian(model, model.createData(), pin.neutral(model), 1)
-    return J.reshape(6, -1)
-
-
-def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
-    """Where a joint takes its body at its own configuration q (nq,)."""
-    model = _alone(joint)
-    data = model.createData()
-    pin.forwardKinematics(model, data, np.asarray(q, float))
-    return data.oMi[1].copy()
-
-
-def _alone(joint: pin.JointModel) -> pin.Model:
-    model = pin.Model()
-    model.addJoint(0, joint, pin.SE3.Identity(), "joint")
-    return model
 
 
 def _copy_arrays(model: pin.Model, new: pin.JointModel, source: pin.Model, old: pin.JointModel) -> None:

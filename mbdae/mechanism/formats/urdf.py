@@ -14,9 +14,10 @@ from ..closures.closure import Axis
 from ..frames import joint_names
 from ..places import Places
 from ..scene.meshes import stand_in
-from ..tables import Table
+from ..start import Value
+from ..tables import HUGE, Table
 from .part import Mimic, Part, follow, listed
-from .schema import HUGE, WITH_AXIS, Value
+from .schema import WITH_AXIS
 from .tree import settled
 
 TOKEN = 10_000_000  # m: the size of boxes that stand for meshes

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ..formats.schema import HUGE
+from ..tables import HUGE
 
 NUMBERS = rb"[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)"
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

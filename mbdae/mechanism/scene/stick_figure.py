@@ -12,7 +12,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ..formats.tree import subspace
+from ..joints import subspace
 from ..workspace import make_data
 
 Point = tuple[int, np.ndarray]  # a joint, and a point fixed in its frame [m]

@@ -11,7 +11,8 @@ from driven import DRIVEN, crane, linkage
 import mbdae
 from mbdae import Driver
 from mbdae.errors import AssemblyError, InputError
-from mbdae.mechanism.formats.schema import Start, read_toml
+from mbdae.mechanism.formats.schema import read_toml
+from mbdae.mechanism.start import Start
 from mbdae.methods import method
 
 POINTS = [(0.0, 0.1), (0.5, 0.4), (1.2, -0.3), (2.0, 0.2)]

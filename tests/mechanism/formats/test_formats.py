@@ -10,7 +10,7 @@ import pytest
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism import describe, restore
-from mbdae.mechanism.formats.tree import is_depth_first, subspace
+from mbdae.mechanism.joints import is_depth_first, subspace
 
 DATA = Path(__file__).parents[2] / "data"
 CIRCLE = '[[frame]]\nname = "a"\nparent = "b"\n[[frame]]\nname = "b"\nparent = "a"'

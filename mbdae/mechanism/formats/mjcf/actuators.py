@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...forces.force import Bushing, JointSpring
-from ..part import Motor
+from ...start import Motor
 from .states import pose
 
 if TYPE_CHECKING:

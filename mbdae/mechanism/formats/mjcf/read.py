@@ -18,9 +18,10 @@ import pinocchio as pin
 from ....errors import InputError, UnknownNameError
 from ...places import Places
 from ...scene.shapes import pack
+from ...start import Start
+from ...tables import HUGE
 from ..part import Part
 from ..plain import written
-from ..schema import HUGE, Start
 from .actuators import disabled, motors_of, springs_of, weightless
 from .equalities import loops_of
 from .files import check_files
