@@ -29,8 +29,8 @@ def main(end: float = 10.0, rtol: float = 1e-6, plot: str | Path | None = "drift
         print(f"{name:20s} {d.g_max:10.1e} {d.Gv_max:10.1e} {d.energy_relative:17.1e}")
     if plot:
         from mbdae.studies.drift.drift import history
+        from mbdae.studies.drift.figure import drifts
         from mbdae.studies.figures import save
-        from mbdae.studies.figures_run import drifts
 
         save(drifts([history(sol) for sol in sols]), plot)
     return out

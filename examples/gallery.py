@@ -12,7 +12,7 @@ from PIL import Image
 import mbdae
 from mbdae.studies import figures
 from mbdae.studies.drift.drift import history
-from mbdae.studies.figures_run import drifts
+from mbdae.studies.drift.figure import drifts
 from mbdae.studies.replay import video
 from mbdae.studies.replay.replay import page
 

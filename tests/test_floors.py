@@ -11,13 +11,13 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "mbdae"
 FLOORS = (  # a room, a file or folder of mbdae/, imports from the floors below its own, never from rooms beside it
     ("errors",),
-    ("files", "linear", "dense", "backend"),
+    ("files", "linear", "dense", "backend", "members"),
     ("system",),
     ("mechanism", "methods", "textbook"),
     ("solution",),
     ("integrate",),
-    ("studies",),
     ("cli",),
+    ("studies",),
     ("__init__",),
     ("__main__",),
 )
@@ -38,9 +38,9 @@ SECRETS = {  # heavy or special imports, and the only places that may know them
     "pinocchio": "mechanism/**/*.py backend.py",  # the latter compares versions
     "coal": "mechanism/**/*.py",
     "mujoco": "mechanism/formats/mjcf/*.py",
-    "matplotlib": "studies/figures*.py",
+    "matplotlib": "studies/figures.py studies/*/figure.py",
     "meshcat": "studies/replay/*.py",
-    "click": "cli/*.py __main__.py",
+    "click": "cli/*.py studies/*/command.py __main__.py",
     "rich": "cli/options.py",
     "pyarrow": "studies/sweep/file.py",
 }

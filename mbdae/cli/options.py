@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -43,6 +44,8 @@ backend_option = click.option(
 SPEEDS = click.FloatRange(min=0, min_open=True)
 speed_option = click.option("--speed", type=SPEEDS, default=1.0, show_default=True, help="Replay at this speed.")
 time_option = click.option("-t", "--time", "end", type=float, help="End time in s; the model's own when left out.")
+methods_option = click.option("-m", "--method", "names", multiple=True, help="A method; several times for several.")
+plot_option = click.option("--plot", type=click.Path(dir_okay=False), help="Draw a figure as .png, .svg or .pdf.")
 PICTURES, PAGES = (".png", ".svg", ".pdf"), (".html",)
 
 
@@ -124,6 +127,23 @@ def show(rows: list[dict[str, Any]], as_json: bool) -> None:
         table.add_row(*("-" if v is None else Text(printable(str(v))) for v in row.values()))
     screen = sys.stdout.isatty()
     Console(width=None if screen else 200, highlight=False, force_terminal=screen).print(table)
+
+
+def listed(values: tuple[str, ...]) -> list[str]:
+    """Names of an option that is given several times, or once with commas; numbers belong to the name before."""
+    return [text for value in values for text in re.split(r",(?=[A-Za-z])", value) if text]
+
+
+def numbers(values: tuple[str, ...], kind: Any, name: str) -> list[Any] | None:
+    """Numbers of an option that is given several times, or once with commas; None when it is left out.
+
+    Raises:
+        InputError: naming the option.
+    """
+    try:
+        return [kind(text) for value in values for text in value.split(",")] or None
+    except ValueError:
+        raise InputError(f"{name} takes numbers, got {', '.join(values)}") from None
 
 
 @contextmanager

@@ -3,17 +3,14 @@
 import re
 
 from .. import errors
-from . import arnold, classical, herk, pherk, pherk6, radau
+from ..members import members
 from .radau import Method, RadauIIA
 from .tableau import Tableau
 
-_TABLES = (herk, pherk, pherk6, arnold, classical, radau)
-_KINDS = (Tableau, RadauIIA)
-
 METHODS: dict[str, Method] = {
-    value.name: value for table in _TABLES for value in vars(table).values() if isinstance(value, _KINDS)
+    m.name: m for m in sorted(members(__name__, Tableau, RadauIIA), key=lambda m: m.name)
 }
-"""Every method by name, found in the tables in their order: a method that exists cannot be missing here."""
+"""Every method by name, found in the files of this folder: a method that exists cannot be missing here."""
 
 
 def method(name: str) -> Method:

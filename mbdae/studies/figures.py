@@ -10,6 +10,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+import numpy as np
+
 from ..errors import InputError
 from ..files import write_whole
 from .variant import Variant
@@ -60,6 +62,9 @@ LOOKS = {  # a hue for a family, a shade and a marker for a method
     "RK45": ("#969696", "<"), "DOP853": ("#000000", "P"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
 }  # fmt: skip
 OTHER = ("#17becf", "d")
+NAMES = {"rad": "angles", "m": "positions", "1": "quaternions", "rad/s": "turning rates", "m/s": "speeds"}
+PATTERNS = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)))
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9")
 FEW = 4.0  # an axis whose ends have a smaller ratio may have one multiple of a power of ten, or none
 LINES: dict[str, Any] = {"": "-", "project": (0, (6, 1.5)), "ggl": (0, (3, 1.5)), "index1": ":", "baumgarte": "-."}
 
@@ -132,6 +137,17 @@ def logarithmic(axis: "Axis", labels: int = 9) -> None:
     axis.set_major_locator(LogLocator(numticks=labels))
     axis.set_minor_locator(Minor(subs=tuple(range(2, 10)), numticks=labels))
     axis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(1.3, 0.4)))
+
+
+def own_style(i: int) -> dict[str, Any]:
+    """Colour and line style of the i-th of several curves."""
+    colour = COLOURS[i % len(COLOURS)]
+    return {"color": colour, "markerfacecolor": colour, "linestyle": PATTERNS[i % len(PATTERNS)]}
+
+
+def positive(values: np.ndarray) -> np.ndarray:
+    """Values for a logarithmic axis, with gaps at zero."""
+    return np.where(values > 0, values, np.nan)
 
 
 def beside(ax: "Axes", **options: Any) -> None:

@@ -13,11 +13,13 @@ from mbdae.integrate.steppers.scipy_ivp import SCIPY
 from mbdae.solution.columns import units
 from mbdae.studies import figures
 from mbdae.studies.comparison.comparison import Comparison, Point
+from mbdae.studies.comparison.figure import work_precision
 from mbdae.studies.drift.drift import history
-from mbdae.studies.figures_run import drifts, motion
-from mbdae.studies.figures_study import convergence, work_precision
-from mbdae.studies.figures_sweep import spread
+from mbdae.studies.drift.figure import drifts
+from mbdae.studies.order.figure import convergence
 from mbdae.studies.order.order import OrderStudy, Slope
+from mbdae.studies.run.figure import motion
+from mbdae.studies.sweep.figure import spread
 
 NAMES = ("pherk5", "ggl:pherk5", "herk3", "index1:DOP853")
 

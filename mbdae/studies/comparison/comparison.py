@@ -241,7 +241,7 @@ class Comparison:
             InputError: for another format or an unwritable path.
         """
         from .. import figures
-        from ..figures_study import work_precision
+        from .figure import work_precision
 
         figures.save(work_precision(self, quantity), path)
 

@@ -95,7 +95,7 @@ class OrderStudy:
             InputError: for another format or an unwritable path.
         """
         from .. import figures
-        from ..figures_study import convergence
+        from .figure import convergence
 
         figures.save(convergence(self), path)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError, several
 from ...solution.columns import row_names, signals, units
-from ..figures_run import NAMES
+from ..figures import NAMES
 
 if TYPE_CHECKING:
     from ...mechanism import Mechanism

@@ -20,7 +20,7 @@ import umsgpack
 
 from ...errors import InputError, require
 from ...files import write_whole
-from ..figures_run import COLOURS
+from ..figures import COLOURS
 from . import tracks
 from .panes import Pane, Plot, Signal, panes
 from .threejs import mesh_data, node, scene_object, typed

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import InputError, several
 from ...mechanism.frames import paths
-from ..figures_run import COLOURS
+from ..figures import COLOURS
 from .panes import resampled
 from .threejs import node, typed
 

@@ -9,11 +9,13 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from .. import figures
+from ..comparison.figure import work_precision
 from ..comparison.tables import comparison_rows
-from ..figures_run import drifts, motion
-from ..figures_study import convergence, work_precision
+from ..drift.figure import drifts
+from ..order.figure import convergence
 from ..replay.replay import frame
 from ..replay.replay import page as replay_page
+from ..run.figure import motion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

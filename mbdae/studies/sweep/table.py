@@ -120,14 +120,14 @@ class Sweep:
         write(Path(path), self.rows, self.kinds, self.meta)
 
     def plot(self, path: str | Path, output: str | None = None) -> None:
-        """Draw a result of all runs over each parameter, see `mbdae.studies.figures_sweep.spread`, as .png, .svg, .pdf.
+        """Draw a result of all runs over each parameter, see `mbdae.studies.sweep.figure.spread`, as .png, .svg, .pdf.
 
         Raises:
             UnknownNameError: for a column that does not exist.
             InputError: for another format, an unwritable path, or nothing to draw.
         """
         from .. import figures
-        from ..figures_sweep import spread
+        from .figure import spread
 
         figures.check(path)
         figures.save(spread(self, output), path)

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from .options import FAILED, PICTURES, RTOL, as_json, bar, emit, writable
+from ...cli.options import FAILED, PICTURES, RTOL, as_json, bar, emit, writable
 
 
 @click.command()
@@ -25,9 +25,9 @@ def sweep(file: str, output: str | None, fresh: bool, plot: str | None, as_json:
 
     Runs that fail are rows with a status. Ctrl-C keeps what is finished; with -o the same command goes on from there.
     """
-    from ..studies.sweep.plan import swept
-    from ..studies.sweep.sweep import sweep as study
-    from ..studies.sweep.toml_file import read_sweep
+    from .plan import swept
+    from .sweep import sweep as study
+    from .toml_file import read_sweep
 
     written = writable((output, (".parquet",)), (plot, PICTURES))
     arguments = {**read_sweep(file), **{key: value for key, value in chosen.items() if value is not None}}

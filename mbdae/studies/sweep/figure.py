@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError, UnknownNameError
-from .figures import WIDTH, plain, settled, sheet
-from .sweep.table import Sweep
+from ...errors import InputError, UnknownNameError
+from ..figures import WIDTH, plain, settled, sheet
+from .table import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,0 +1,32 @@
+"""Joints by themselves: their motion subspaces, their transforms, and how they are numbered."""
+
+import numpy as np
+import pinocchio as pin
+
+
+def subspace(joint: pin.JointModel) -> np.ndarray:
+    """The motion subspace of a joint at its neutral configuration, (6, nv), in its own frame."""
+    model = _alone(joint)
+    J = pin.computeJointJacobian(model, model.createData(), pin.neutral(model), 1)
+    return J.reshape(6, -1)
+
+
+def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
+    """Where a joint takes its body at its own configuration q (nq,)."""
+    model = _alone(joint)
+    data = model.createData()
+    pin.forwardKinematics(model, data, np.asarray(q, float))
+    return data.oMi[1].copy()
+
+
+def is_depth_first(model: pin.Model) -> bool:
+    """True when every subtree's joints are numbered in a row, which Pinocchio's algorithms take for granted."""
+    return all(
+        np.array_equal(s, np.arange(s[0], s[0] + len(s))) for s in map(np.array, list(model.subtrees)[1:])
+    )
+
+
+def _alone(joint: pin.JointModel) -> pin.Model:
+    model = pin.Model()
+    model.addJoint(0, joint, pin.SE3.Identity(), "joint")
+    return model

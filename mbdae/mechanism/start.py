@@ -1,0 +1,87 @@
+"""What a mechanism is given beside its model: start values, settings of the order study, motors."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from ..errors import InputError
+from .frames import find_joint
+from .tables import Table
+
+Value = float | tuple[float, ...]
+
+
+class Start(Table):
+    """The start state: q and v are held during assembly, guess and guess_v say where other coordinates start.
+
+    With ``assemble = false`` the values are taken as they are, and refused where they leave a closure open.
+    """
+
+    q: dict[str, Value] = Field(default_factory=dict)
+    v: dict[str, Value] = Field(default_factory=dict)
+    guess: dict[str, Value] = Field(default_factory=dict)
+    guess_v: dict[str, Value] = Field(default_factory=dict)
+    assemble: bool = True
+
+    @property
+    def tables(self) -> dict[str, dict[str, Value]]:
+        """The tables ``joint = value`` by name."""
+        return {"q": self.q, "v": self.v, "guess": self.guess, "guess_v": self.guess_v}
+
+
+class OrderSettings(Table):
+    """Order study: end time T in s, coarsest number of steps (at least ten), and a start of its own (held values)."""
+
+    T: float = Field(default=1.0, gt=0)
+    steps: int = Field(default=20, ge=10)
+    q: dict[str, Value] = Field(default_factory=dict)
+    v: dict[str, Value] = Field(default_factory=dict)
+
+
+class Motor(NamedTuple):
+    """A named input: control u gives the torque gear * u on a joint of one coordinate, in N m or N."""
+
+    name: str
+    joint: str
+    gear: float = 1.0
+
+
+def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Return the full vector that a table ``joint = value`` stands for, and the tangent indices it names.
+
+    A list gives the values of a joint of several coordinates in Pinocchio's order; an unbounded revolute joint may
+    be given by its angle.
+
+    Raises:
+        UnknownNameError: for a joint that does not exist.
+        InputError: for a wrong number of values, or a turn that vanishes.
+    """
+    out = np.zeros(model.nv) if of_v else pin.neutral(model)
+    index: list[int] = []
+    for name, value in table.items():
+        j = find_joint(model, name)
+        n, at = (j.nv, j.idx_v) if of_v else (j.nq, j.idx_q)
+        try:
+            values = np.atleast_1d(np.asarray(value, float))
+        except (TypeError, ValueError):
+            values = np.empty(0)
+        if not of_v and (j.nq, j.nv) == (2, 1) and len(values) == 1:
+            values = np.array([np.cos(values[0]), np.sin(values[0])])
+        if values.shape != (n,) or not np.isfinite(values).all():
+            raise InputError(
+                f"joint {name!r} takes {n} finite {'velocity' if of_v else 'configuration'} values, got {value!r}"
+            )
+        out[at : at + n] = values
+        if not of_v and normalized(model, out) is None:
+            raise InputError(f"joint {name!r}: {value!r} is no turn: its quaternion, or cosine and sine, vanish")
+        index += range(j.idx_v, j.idx_v + j.nv)
+    return out if of_v else pin.normalize(model, out), np.array(index, int)
+
+
+def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
+    """Return q (nq,) with quaternions, and cosines with sines, of length 1; None where one of them vanishes."""
+    q = pin.normalize(model, q)
+    return q if pin.isNormalized(model, q, 1e-8) else None

@@ -1,0 +1,46 @@
+"""The sub-commands ``info`` and ``models``: what there is."""
+
+
+import click
+
+from ... import backend
+from ...cli.options import as_json, emit, show
+from ...mechanism import load, model_names
+from ...solution.archive import versions
+from .card import card
+
+
+@click.command()
+@click.argument("model", required=False)
+@as_json
+def info(model: str | None, as_json: bool) -> None:
+    """Show versions and the back end, or a model's card.
+
+    The card has sizes, joints, closures, degrees of freedom, start, and what is not modelled.
+    """
+    if model:
+        result = card(load(model))
+        data, lines = result.to_dict(), [str(result)]
+    else:
+        data = {"versions": versions()}
+        lines = [f"{name} {version}" for name, version in data["versions"].items()]
+    emit({**data, "backend": backend.status()}, "\n".join([*lines, f"back end: {backend.status()}"]), as_json)
+
+
+@click.command()
+@as_json
+def models(as_json: bool) -> None:
+    """List the models that come with mbdae."""
+    rows = [(name, load(name)) for name in model_names()]
+    data = [
+        {
+            "name": n,
+            "title": m.title,
+            "nq": m.nq,
+            "nv": m.nv,
+            "ng": m.ng,
+            "parameters": "; ".join(f"{p['name']}: {p['takes']}" for p in (m.source or {})["parameters"]) or None,
+        }
+        for n, m in rows
+    ]
+    show(data, as_json)

@@ -1,0 +1,84 @@
+"""The sub-command ``compare``."""
+
+import sys
+from typing import Any
+
+import click
+
+from ...cli.options import (
+    FAILED,
+    PICTURES,
+    as_json,
+    backend_option,
+    bar,
+    emit,
+    listed,
+    methods_option,
+    numbers,
+    plot_option,
+    span,
+    time_option,
+    writable,
+)
+from ...mechanism import load
+
+
+@click.command()
+@click.argument("model")
+@methods_option
+@click.option("--formulation", "formulations", multiple=True, help="For methods without one: index2, project, ggl.")
+@time_option
+@click.option("--rtol", multiple=True, help="Relative tolerances, 1e-3 to 1e-10 when left out: --rtol 1e-4,1e-6.")
+@click.option("--steps", multiple=True, help="Numbers of fixed steps, instead of tolerances.")
+@click.option("--repeats", type=int, default=3, show_default=True, help="Runs for the median of the wall time.")
+@click.option("--workers", type=int, default=1, show_default=True, help="Processes; times are still taken one by one.")
+@click.option("--quantity", type=click.Choice(["q", "v", "lam"]), default="q", show_default=True, help="To be drawn.")
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Keep the runs here, .csv or .json.")
+@click.option("--fresh", is_flag=True, help="Do not go on from the file, write it anew.")
+@backend_option
+@plot_option
+@as_json
+def compare(
+    model: str,
+    names: tuple[str, ...],
+    formulations: tuple[str, ...],
+    end: float | None,
+    rtol: tuple[str, ...],
+    steps: tuple[str, ...],
+    quantity: Any,
+    output: str | None,
+    fresh: bool,
+    plot: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Compare methods on a model: errors, drift, work and time, and which method is best for an accuracy.
+
+    Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m project:herk5 -m index1:DOP853
+    -m baumgarte=20,20:RK45. Ctrl-C keeps what is finished; with -o the same command goes on from there.
+    """
+    from .compare import METHODS
+    from .compare import compare as study
+
+    written = writable((output, (".csv", ".json")), (plot, PICTURES))
+    mech = load(model)
+    with bar("compare", 1.0) as tell:
+        result = study(
+            mech,
+            span(mech, end),
+            methods=listed(names) or METHODS,
+            formulations=listed(formulations) or None,
+            rtol=numbers(rtol, float, "--rtol"),
+            steps=numbers(steps, int, "--steps"),
+            progress=tell,
+            resume=output,
+            fresh=fresh,
+            **options,
+        )
+    if plot and result.points:
+        result.plot(plot, quantity)
+    wrote = written if result.points else []
+    emit({**result.to_dict(), "written": wrote}, "\n".join([str(result), *(f"wrote {p}" for p in wrote)]), as_json)
+    if not result.complete:
+        click.echo("mbdae: stopped by the user" + (f"; {output} keeps what is finished" if output else ""), err=True)
+        sys.exit(FAILED)

@@ -1,0 +1,56 @@
+"""Work-precision diagrams of a comparison."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..figures import WIDTH, logarithmic, look, plain, settled, sheet
+from .comparison import Comparison, Point, Quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SYMBOLS = {"q": "q", "v": "v", "lam": r"\lambda"}
+UNITS = {"q": "rad, m", "v": "rad/s, m/s", "lam": "N, N m"}
+
+
+@settled
+def work_precision(result: Comparison, quantity: Quantity = "q") -> "Figure":
+    """Draw the error over linear solves and over wall time; errors that the reference does not tell are bounds.
+
+    A bound is drawn at the upper edge of the grey band, with an arrow down and without a line to it.
+    """
+    figure = sheet(WIDTH, 3.5)
+    axes = figure.subplots(1, 2, sharey=True)
+    for ax, work, label in zip(axes, ("solves", "seconds"), ("linear solves", "wall time (s)"), strict=True):
+        logarithmic(ax.xaxis)
+        logarithmic(ax.yaxis)
+        for name in result.methods:
+            _curve(ax, result, result.of(name), work, quantity)
+        ax.set_xlabel(label)
+    axes[0].set_ylabel(rf"max $|{SYMBOLS[quantity]} - {SYMBOLS[quantity]}_\mathrm{{ref}}|$ ({UNITS[quantity]})")
+    if any(p.success and not result.known(p, quantity) for p in result.points):
+        floor, high = result.floor(quantity), axes[0].get_ylim()[1]
+        for ax in axes:
+            ax.axhspan(floor / 10, floor, color="0.88", lw=0)
+            ax.set_ylim(floor / 10, high)
+        axes[0].text(0.02, 0.02, "not known by the reference", transform=axes[0].transAxes, fontsize=7, color="0.35")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    t0, t1 = result.t_span
+    figure.suptitle(plain(f"{result.title}, {t0:g} to {t1:g} s"), fontsize=9)
+    return figure
+
+
+def _curve(ax: "Axes", result: Comparison, points: list[Point], work: str, quantity: Quantity) -> None:
+    """The known errors of a method as a line, the others as bounds."""
+    points = [p for p in points if getattr(p, work) is not None]
+    if not points:
+        return
+    style = look(points[0].method)
+    known = [(getattr(p, work), p.error(quantity)) for p in points if result.known(p, quantity)]
+    ax.plot(*zip(*known, strict=True) if known else ([], []), **style, label=points[0].method)
+    below = [getattr(p, work) for p in points if not result.known(p, quantity)]
+    if below:
+        edge = np.full(len(below), result.floor(quantity))
+        ax.errorbar(below, edge, yerr=0.6 * edge, uplims=True, capsize=1.5, **{**style, "linestyle": "none"}, lw=0.7)

@@ -1,0 +1,87 @@
+"""The sub-command ``drift``."""
+
+import sys
+from typing import Any
+
+import click
+
+from ...cli.options import (
+    FAILED,
+    PICTURES,
+    as_json,
+    atol_option,
+    emit,
+    finish,
+    formulation_option,
+    listed,
+    methods_option,
+    plot_option,
+    project_option,
+    rtol_option,
+    simulate,
+    step_option,
+    time_option,
+    writable,
+)
+from ...errors import InputError
+from ...mechanism import load
+from ...solution.solution import Solution
+from ..variant import variants
+from .drift import drift as measure_drift
+from .drift import history
+
+
+@click.command()
+@click.argument("targets", nargs=-1, required=True, metavar="MODEL|RUN.npz...")
+@methods_option
+@time_option
+@rtol_option
+@atol_option
+@step_option
+@formulation_option
+@project_option
+@click.option("--max", "limit", type=float, help="Exit 1 when |g|, |G v| or the relative energy error exceeds this.")
+@plot_option
+@as_json
+def drift(
+    targets: tuple[str, ...],
+    names: tuple[str, ...],
+    formulation: str,
+    project: bool | None,
+    limit: float | None,
+    plot: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Measure the drift of runs of a model, or of saved solutions: a JSON object, or a list of them for several runs.
+
+    Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m index1:DOP853.
+    """
+    writable((plot, PICTURES))
+    if limit is not None and not limit > 0:
+        raise InputError(f"--max must be positive, got {limit}")
+    given = any([names, formulation != "index2", *(value is not None for value in (project, *options.values()))])
+    if given and all(target.endswith(".npz") for target in targets):
+        raise InputError("a saved run has its method, time and tolerances: options of a run go with a model")
+    if project and formulation != "index2":
+        raise InputError(f"give --project or --formulation {formulation}, not both")
+    sols = []
+    chosen = variants(listed(names) or ["pherk6"], ["project" if project else formulation])
+    for target in targets:
+        if target.endswith(".npz"):
+            sols.append(Solution.load(target))
+        else:
+            mech = load(target)
+            sols += [simulate(mech, **v.arguments(), **options) for v in chosen]
+    found = [measure_drift(sol) for sol in sols]
+    if plot:
+        from .. import figures
+        from .figure import drifts
+
+        figures.save(drifts([history(sol) for sol in sols]), plot)
+    data = [f.to_dict() for f in found]
+    emit(data[0] if len(data) == 1 else data, "\n".join(map(str, found)), as_json)
+    if limit is not None and not max(max(f.g_max, f.Gv_max, f.energy_relative) for f in found) <= limit:
+        sys.exit(FAILED)
+    for sol in sols:
+        finish(sol)

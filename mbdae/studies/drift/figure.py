@@ -1,0 +1,46 @@
+"""How several runs drift over time."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..figures import WIDTH, beside, logarithmic, look, own_style, plain, positive, settled, sheet
+from .drift import History
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+@settled
+def drifts(runs: Sequence[History]) -> "Figure":
+    """Draw |g|, and the relative error of the energy balance, of several runs over time.
+
+    Runs of one method have colours and line styles of their own; those of several mechanisms say which is theirs.
+    """
+    figure = sheet(WIDTH, 4.6)
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    titles = list(dict.fromkeys(run.title for run in runs))
+    apart = len({run.method for run in runs}) == len(runs)
+    for i, run in enumerate(runs):
+        style = look(run.method) | ({} if apart else own_style(i))
+        label = run.label if len(titles) == 1 else f"{run.title}: {run.label}"
+        for ax, values in ((top, run.g), (bottom, run.energy)):
+            _line(ax, run.t, values, (i + 0.5) / len(runs), label=plain(label), **style)
+    top.set_ylabel("max $|g|$ (m, rad)")
+    bottom.set_ylabel("$|E - E_0 - W|$ / scale")
+    bottom.set_xlabel("$t$ (s)")
+    bottom.set_xlim(min(run.t[0] for run in runs), max(run.t[-1] for run in runs))
+    figure.align_ylabels([top, bottom])
+    beside(top)
+    figure.suptitle(plain(f"Drift of {', '.join(titles)}"), fontsize=9)
+    return figure
+
+
+def _line(ax: "Axes", t: np.ndarray, values: np.ndarray, shift: float, **style: Any) -> None:
+    """A curve with ten markers, those of different runs at different times."""
+    share = (np.arange(10) + shift) / 10
+    at = np.abs(t[:, None] - (t[0] + share * (t[-1] - t[0]))).argmin(axis=0)
+    ax.plot(t, positive(values), **style, lw=0.9, markevery=sorted(set(at.tolist())))
+    logarithmic(ax.yaxis)

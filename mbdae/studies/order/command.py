@@ -1,0 +1,72 @@
+"""The sub-commands ``order`` and ``methods``: what is observed, and what is claimed."""
+
+import sys
+
+import click
+
+from ...cli.options import (
+    FAILED,
+    HOLDS,
+    PICTURES,
+    UNJUDGED,
+    as_json,
+    bar,
+    emit,
+    listed,
+    plot_option,
+    show,
+    writable,
+)
+from ...mechanism import load
+from ...methods import METHODS, method
+from ...methods.order.conditions import check_conditions
+from ...textbook.hessenberg import TEXTBOOK
+from .order import check_order
+
+
+@click.command()
+@click.argument("model")
+@click.option("-m", "--method", "names", multiple=True, help="A method; several times for several; all when left out.")
+@click.option("-t", "--time", "T", type=float, help="End time in s; the model's own when left out.")
+@click.option("--steps", type=int, help="Coarsest number of steps, at least ten.")
+@plot_option
+@as_json
+def order(
+    model: str, names: tuple[str, ...], T: float | None, steps: int | None, plot: str | None, as_json: bool
+) -> None:
+    """Measure the orders of methods on a model: exit 1 when one misses its claim, 3 when one cannot be judged."""
+    writable((plot, PICTURES))
+    problem = TEXTBOOK[model]() if model in TEXTBOOK else load(model)
+    with bar("order", None) as tell:
+        study = check_order(problem, listed(names) or None, T=T, steps=steps, progress=tell)
+    if plot:
+        study.plot(plot)
+    emit(study.to_dict(), str(study), as_json)
+    sys.exit(FAILED if study.refuted else HOLDS if study.holds else UNJUDGED)
+
+
+@click.command()
+@click.option("--check", is_flag=True, help="Prove the claimed orders on index-2 trees.")
+@click.argument("names", nargs=-1)
+@as_json
+def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
+    """List the methods with their claims, or check their order conditions exactly."""
+    chosen = [method(n) for n in names or METHODS]
+    if check:
+        reports = [check_conditions(m) for m in chosen]
+        emit([r.to_dict() for r in reports], "\n\n".join(str(r) for r in reports), as_json)
+        sys.exit(HOLDS if all(r.holds for r in reports) else FAILED)
+    data = [
+        {
+            "name": m.name,
+            "family": m.family,
+            "order": m.order,
+            "f linear in z": m.order_linear,
+            "own lam": m.order_own,
+            "embedded": m.order_embedded or None,
+            "solves": m.solves,
+            "title": m.title,
+        }
+        for m in chosen
+    ]
+    show(data, as_json)

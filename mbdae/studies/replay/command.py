@@ -1,0 +1,55 @@
+"""The sub-command ``animate``."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ...cli.options import (
+    PAGES,
+    as_json,
+    bar,
+    emit,
+    speed_option,
+    writable,
+)
+from ...errors import InputError
+from ...solution.solution import Solution
+
+
+@click.command()
+@click.argument("solutions", nargs=-1, required=True, metavar="RUN.npz [OTHER.npz...]")
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="The HTML page to write.")
+@click.option("--video", type=click.Path(dir_okay=False), help="The video to write, .mp4 or .gif; takes Chromium.")
+@speed_option
+@click.option("--plot", "plots", multiple=True, help="A signal, q.crank, or several on common axes: q.crank,q.rod.")
+@click.option("--trace", "traces", multiple=True, help="A frame whose path is drawn.")
+@click.option("--arrow", "arrow", multiple=True, help="A closure whose force is drawn.")
+@click.option("--arrows", "every", is_flag=True, help="Draw the forces of all closures.")
+@as_json
+def animate(
+    solutions: tuple[str, ...],
+    output: str | None,
+    video: str | None,
+    plots: tuple[str, ...],
+    arrow: tuple[str, ...],
+    every: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Write the replay of a saved solution as one HTML page or as a video; further solutions are shown as ghosts."""
+    from .replay import VIDEO
+    from .replay import animate as write
+
+    written = writable((output, PAGES), (video, tuple(VIDEO)))
+    if not written:
+        raise InputError("animate writes a page, -o run.html, a video, --video run.mp4, or both")
+    sol, *others = map(Solution.load, solutions)
+    stems = [Path(name).stem for name in solutions[1:]]
+    names = stems if len(set(stems)) == len(stems) else solutions[1:]
+    chosen = [tuple(entry.split(",")) for entry in plots] or None
+    with bar("animate", 1.0) as tell:
+        for path in written:
+            ghosts = dict(zip(names, others, strict=True))
+            write(sol, path, plots=chosen, ghosts=ghosts, arrows=every or arrow, progress=tell, **options)
+    emit({"written": written}, "\n".join(f"wrote {path}" for path in written), as_json)

@@ -1,0 +1,42 @@
+"""The sub-command ``report``."""
+
+from typing import Any
+
+import click
+
+from ...cli.options import (
+    PAGES,
+    RTOL,
+    as_json,
+    bar,
+    emit,
+    listed,
+    methods_option,
+    rtol_option,
+    span,
+    time_option,
+    writable,
+)
+from ...mechanism import load
+
+
+@click.command()
+@click.argument("model")
+@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The HTML page to write.")
+@methods_option
+@time_option
+@rtol_option
+@click.option("--repeats", type=int, default=3, show_default=True, help="Runs for the median of the wall time.")
+@click.option("--workers", type=int, default=1, show_default=True, help="Processes of the comparison.")
+@as_json
+def report(model: str, output: str, names: tuple[str, ...], end: float | None, as_json: bool, **options: Any) -> None:
+    """Write one page on a model: card, run with replay, drift, orders and comparison, with all that repeats it."""
+    from .report import report as study
+
+    written = writable((output, PAGES))
+    mech = load(model)
+    with bar("report", 1.0) as tell:
+        options["rtol"] = RTOL if options["rtol"] is None else options["rtol"]
+        result = study(mech, span(mech, end)[1], methods=listed(names) or None, progress=tell, **options)
+    result.save(output)
+    emit({**result.to_dict(), "written": written}, f"{result}\n\nwrote {output}", as_json)
