@@ -7,7 +7,7 @@ import warnings
 import pytest
 
 from mbdae import Mechanism, backend
-from mbdae.integrate.steppers import native as march
+from mbdae.integrate import binding
 
 signal.signal(
     signal.SIGINT, signal.default_int_handler
@@ -33,7 +33,7 @@ def back_end(request, monkeypatch):
     def bound(self, *args, **named):
         return system(self, *args, **named) if core is None or args or named else system(self, native=core)
 
-    monkeypatch.setattr(march, "choose", lambda asked: core if asked == "auto" else backend.choose(asked))
+    monkeypatch.setattr(binding, "choose", lambda asked: core if asked == "auto" else backend.choose(asked))
     monkeypatch.setattr(Mechanism, "system", bound)
     return request.param
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,14 +14,12 @@ from ..mechanism.formulations.index2 import Descriptor
 from ..solution.solution import Problem, Solution
 from ..system import Array, State, Step
 from .doubts import doubts
-from .events import Event, Watch
-from .run import Run
-from .steppers.pace import Pace
-from .steppers.scipy_ivp import Scipy
+from .events import Event
+from .run import RunState
 
 
 def end_in_event(
-    run: Run, pace: Pace, watch: Watch, start: State | None, at: Callable[[float], Array], theta: float, event: Event
+    run: RunState, start: State | None, at: Callable[[float], Array], theta: float, event: Event
 ) -> None:
     """End in a terminal event with a step of the method from a start: closures hold there as at any other node.
 
@@ -32,17 +31,17 @@ def end_in_event(
     run.take_back(start or State(run.ys[-2]))
 
     def take(share: float) -> Step:
-        step = pace.take(run, share * h)
+        step = run.stepper.take(run, share * h)
         return step._replace(state=run.restored(t + share * h, step.state)) if run.project else step
 
     step = None
     if run.singular and run.singular.beside(t + theta * h, at(theta)):
         start = None
-    if start and not isinstance(pace, Scipy):
+    if start and run.stepper.any_size:
         with suppress(StepError):
-            theta, step = watch.land(event, theta, t, h, at, take)
+            theta, step = run.events.land(event, theta, t, h, at, take)
     if step is None and start:
-        y = at(theta) if isinstance(pace, Scipy) else run.system.restore(t + theta * h, at(theta))
+        y = run.system.restore(t + theta * h, at(theta)) if run.stepper.any_size else at(theta)
         step = Step(State(y), run.system.derivative(t + theta * h, y)[1], np.empty(0))
     if step is None:
         run.land(t + theta * h, at(theta), last=True)
@@ -50,16 +49,22 @@ def end_in_event(
         run.accept(t + theta * h, step)
     if run.singular:
         run.singular.found = [x for x in run.singular.found if (x.t - run.t) * run.sign <= 0]
-    watch.end(run.t, run.ys[-1], run.sign)
+    run.events.end(run.t, run.ys[-1], run.sign)
 
 
-def report(
-    run: Run, watch: Watch, status: str, message: str, stats: dict, settings: dict, times: Array | None
-) -> Solution:
+def report(run: RunState, status: str, message: str, seconds: float, times: Array | None) -> Solution:
     """Make the solution of a run, at the times asked for; one that came to its end is looked at with doubt."""
+    stats: dict[str, Any] = {"steps": run.steps, "rejected": run.rejected, **run.system.counts.to_dict()}
+    stats |= {"seconds": seconds, "backend": run.stepper.backend}
+    if run.fallback:
+        stats["fallback"] = run.fallback
+    if run.stiffness and run.stiffness.found:
+        stats["stiff"] = asdict(run.stiffness.found)
+        message = f"{message}; {run.stiffness.found}"
+    settings = {**run.settings, **run.stepper.settings(), "dense_order": run.dense_order}
     n = len(run.ts)
     t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
-    hits = [[(w, p) for w, p in hits if (w - t[-1]) * run.sign <= 0] for hits in watch.found]
+    hits = [[(w, p) for w, p in hits if (w - t[-1]) * run.sign <= 0] for hits in run.events.found]
     found = [(np.array([w for w, _ in some]), np.array([p for _, p in some])) for some in hits]
     passed = run.singular.found if run.singular else []
     rows = [(i, rows) for i, rows in run.in_use if i < n]

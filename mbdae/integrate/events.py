@@ -63,7 +63,7 @@ def as_events(events: Any) -> tuple[Event, ...]:
     return tuple(out)
 
 
-class Watch:
+class EventWatch:
     """Follows event functions from step to step and keeps what was found.
 
     A function that is zero at the start of the run, to rounding, is an event there, in the direction in which it

@@ -1,70 +1,88 @@
-"""The only time loop: step, accept or reject, record, look for events."""
+"""The only time loop, of both back ends: step, accept or reject, record, look for events.
+
+Until the end of the span:
+
+1. near a singular configuration, leap over it (`mbdae.integrate.leap`);
+2. else let the stepper advance: one step in Python, or many in the compiled core, which comes back where something
+   asks for Python: the end of a leg, a singular configuration, an event to look for, a look at the clock;
+3. look for events on what is new; a terminal one ends the run;
+4. at the end of a leg, begin again behind the jump.
+
+Each step, on both back ends, is proposed, taken, measured against the tolerance, brought back to the closures where
+the run projects, and judged; then the rows of the next one are chosen (`mbdae.system.System.settle`).
+"""
 
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
-from ..errors import StepError
+from ..errors import STATUS, InputError, StepError
+from ..mechanism import Mechanism
+from ..solution.solution import Problem
 from .ending import end_in_event
-from .events import Watch
-from .run import Run
-from .steppers.pace import Pace
+from .run import RunState
 
 Progress = Callable[[float], None]
 
 
-def time_loop(run: Run, pace: Pace, watch: Watch, max_steps: int | None, progress: Progress | None) -> bool:
+def carry_out(run: RunState, max_steps: int | None, progress: Progress | None) -> tuple[str, str]:
+    """Run to the end of the span or as far as can be; return status and message.
+
+    Raises:
+        InputError: for a force that fails at the start.
+    """
+    t0 = run.t
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # a run that explodes says so by its status
+            run.begin()
+            run.events.begin(t0, run.state.y)
+            stopped = time_loop(run, max_steps, progress)
+            _check_drivers(run.problem, t0, run.t)
+    except StepError as e:
+        if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law
+            raise InputError(str(e)) from e
+        if e.status == "step_size":  # which a driver may be to blame for
+            try:
+                _check_drivers(run.problem, t0, run.t1)
+            except StepError as wrong:
+                e = wrong
+        return e.status, str(e)
+    except KeyboardInterrupt:
+        return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
+    return ("event", f"{STATUS['event']} at t = {run.t:.17g}") if stopped else ("finished", STATUS["finished"])
+
+
+def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | None = None) -> bool:
     """Step to the end of the span; True when a terminal event stopped the run before."""
-    total = run.to_go()
+    total, events = run.to_go(), run.events
     while run.to_go() > 0:
         left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
         if left is not None and left <= 0:
             raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
         before, start = len(run.ts), run.state
         leapt = run.singular is not None and run.singular.leap(run)
-        if not leapt and not (run.core and run.core.advance(run, pace, 1 if watch.events else left)):
-            one_step(run, pace)
+        if not leapt:
+            run.stepper.advance(run, 1 if events.events else left)
         if len(run.ts) == before:
             continue
         if run.stiffness:
             run.stiffness.look(run)
-        if watch.events:
+        if events.events:
             h = run.t - run.ts[-2]
             at = partial(run.singular.along, h) if run.singular and leapt else run.record().dense(len(run.ts) - 2)
-            stop = watch.step(run.ts[-2], h, at)
+            stop = events.step(run.ts[-2], h, at)
             if stop:
-                end_in_event(run, pace, watch, None if leapt else start, at, *stop)
+                end_in_event(run, None if leapt else start, at, *stop)
                 return True
         if run.t == run.leg.end and run.leg.restart is not None:
             run.cross(run.leg.restart)
-            pace.restart()
-            if run.singular:
-                run.singular.restart(len(run.ts) - 1)
-            if run.stiffness:
-                run.stiffness.restart(len(run.ts) - 1)
         if progress:
             progress(1 - run.to_go() / total)
     return False
 
 
-def one_step(run: Run, pace: Pace) -> None:
-    """Take one step and accept or reject it."""
-    if run.singular:
-        run.singular.begin_step()
-    h, t_next = pace.propose(run)
-    try:
-        step = pace.take(run, run.sign * h)
-        error = pace.error(run, step)
-        if run.project and error <= 1:
-            step = step._replace(state=run.restored(t_next, step.state))
-    except StepError as e:
-        if not pace.may_retry(run, h, e):
-            raise
-        step, error = None, np.inf
-    if step is None or not pace.judge(run, h, error):
-        run.rejected = (run.rejected or 0) + 1
-        return
-    run.accept(t_next, step)
-    if run.singular:
-        run.singular.step(run, run.to_go() == 0)
+def _check_drivers(problem: Problem, t0: float, t1: float) -> None:
+    """See that the derivatives of drivers are those of their functions."""
+    for driver in problem.drivers if isinstance(problem, Mechanism) else ():
+        driver.check_run(t0, t1)

@@ -9,12 +9,11 @@ import numpy as np
 from ..errors import InputError
 from ..mechanism import Compiled
 from ..system import Array
-from .events import Watch
 from .jumps import Jumps
 from .loop import time_loop
-from .run import Run
-from .steppers.native import Core
-from .steppers.pace import Adaptive
+from .run import RunState
+from .steppers.adaptive import Adaptive
+from .steppers.native import NativeStepper
 
 SHARPER, SHARPEST = 1e-3, 1e-12  # times rtol, and the least rtol
 MOST = 500  # steps from one time to the next
@@ -22,7 +21,7 @@ MOST = 500  # steps from one time to the next
 Retracer = Callable[[Array], tuple[Array, Array, Array]]
 
 
-def retracer(run: Run, tableau: Any, rtol: float) -> Retracer | None:
+def retracer(run: RunState, tableau: Any, rtol: float) -> Retracer | None:
     """Return what steps back from a run's last node; None where forces cannot be followed back in time."""
     try:
         run.system.breakpoint(run.t, -run.sign)
@@ -31,7 +30,7 @@ def retracer(run: Run, tableau: Any, rtol: float) -> Retracer | None:
     return partial(_retraced, run, tableau, max(SHARPER * rtol, SHARPEST))
 
 
-def _retraced(run: Run, tableau: Any, rtol: float, times: Array) -> tuple[Array, Array, Array]:
+def _retraced(run: RunState, tableau: Any, rtol: float, times: Array) -> tuple[Array, Array, Array]:
     """Return times (k,), points (k, ...) and rates (k, ny) of the last node and those at earlier times, one by one.
 
     Raises:
@@ -43,12 +42,12 @@ def _retraced(run: Run, tableau: Any, rtol: float, times: Array) -> tuple[Array,
     ts, ys, rates = [run.t], [run.ys[-1]], []
     for t in times.tolist():
         ahead = Jumps(system, (), t, -run.sign)
-        back = Run(run.problem, tableau, ts[-1], ahead, ys[-1], system, True)
-        back.pace = Adaptive(tableau.error_power, rtol, None, None, np.inf)
-        back.core = Core(system, tableau, True) if isinstance(system, Compiled) else None
+        control = Adaptive(tableau.error_power, rtol, None, None, np.inf)
+        stepper = NativeStepper(control, system, tableau, True) if isinstance(system, Compiled) else control
+        back = RunState(run.problem, tableau, system, stepper, ts[-1], ys[-1], ahead, True)
         back.begin()
         rates.append(back.F)
-        time_loop(back, back.pace, Watch((), lambda *_: 0.0), MOST, None)
+        time_loop(back, MOST)
         ts.append(t)
         ys.append(back.ys[-1])
     rates.append(system.derivative(ts[-1], ys[-1])[0])

@@ -9,34 +9,43 @@ import numpy as np
 from ..errors import StepError
 from ..solution.solution import Problem, Solution
 from ..system import Array, State, Step, System
+from .events import EventWatch
 from .growing import Rows
 from .jumps import Jumps
 from .singularity_watch import SingularWatch
 from .stiffness import StiffnessWatch
 
 if TYPE_CHECKING:
-    from .steppers.native import Core
-    from .steppers.pace import Pace
+    from .steppers.stepper import Stepper
 
 
-class Run:
+class RunState:
     """State and record of a run."""
 
     def __init__(
-        self, problem: Problem, tableau: Any, t0: float, ahead: Jumps, start: Array, system: System, project: bool
+        self,
+        problem: Problem,
+        tableau: Any,
+        system: System,
+        stepper: "Stepper",
+        t0: float,
+        start: Array,
+        ahead: Jumps,
+        project: bool,
     ) -> None:
         self.problem, self.tableau, self.t, self.t1 = problem, tableau, t0, ahead.t1
         self.ahead, self.sign, self.crossed = ahead, ahead.sign, 0
-        self.system, self.project = system, project
+        self.system, self.stepper, self.project = system, stepper, project
         self.state = State(start)
         self.rejected: int | None = 0
         self.ts, self.ys, self.zs = [t0], Rows(start), Rows(np.full(self.system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
-        self.pace: Pace
+        self.events = EventWatch((), lambda *_: 0.0)
         self.back: Callable[[Array], tuple[Array, Array, Array]] | None = None  # see `mbdae.integrate.retrace`
         self.singular: SingularWatch | None = None
         self.stiffness: StiffnessWatch | None = None
-        self.core: Core | None = None
+        self.settings: dict[str, Any] = {}  # what is recorded with the solution
+        self.fallback = ""  # what keeps the run from the compiled core, in words
         self._record: Solution | None = None
 
     def begin(self) -> None:
@@ -74,6 +83,16 @@ class Run:
         self.ts.append(t)
         self.t, self.crossed = t, self.crossed + 1
         self.begin()
+        self.stepper.restart()
+        for watch in (self.singular, self.stiffness):
+            if watch:
+                watch.restart(len(self.ts) - 1)
+
+    @property
+    def dense_order(self) -> int:
+        """Order of the dense output: one below that of the method."""
+        order = self.tableau.order_linear if hasattr(self.problem, "model") else self.tableau.order
+        return max(1, order - 1)
 
     @property
     def steps(self) -> int:
@@ -116,7 +135,7 @@ class Run:
         """The state on the closures; what a method carries is found anew where that moved the state much."""
         y = self.system.restore(t, state.y, tight)
         move = self.system.difference(state.y, y)
-        if state.carry is None or self.pace.tolerates(self, y, move):
+        if state.carry is None or self.stepper.tolerates(self, y, move):
             return State(y, state.carry)
         return State(y, self.system.carry(*self.system.derivative(t, y)))
 
@@ -145,9 +164,8 @@ class Run:
     def record(self) -> Solution:
         """The run so far as a solution that shares the lists: its dense output serves the events."""
         if self._record is None:
-            order = self.tableau.order_linear if hasattr(self.problem, "model") else self.tableau.order
-            settings = {"dense_order": max(1, order - 1)}
-            stats = {"backend": "native" if self.core else "python"}
+            settings = {"dense_order": self.dense_order}
+            stats = {"backend": self.stepper.backend}
             tables: dict[str, Any] = {"t": self.ts, "y": self.ys, "z_own": self.zs, "in_use": self.in_use}
             tables |= {"status": "finished", "message": "", "stats": stats, "settings": settings}
             self._record = Solution(self.problem, **tables)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -12,10 +12,12 @@ from ..errors import StepError
 from ..mechanism import Compiled
 from ..mechanism.formulations.index2 import Descriptor
 from ..mechanism.singularity import Singular, open_limit, ratio, singular, tangent, turned, turning
-from ..solution.solution import Solution
 from ..system import Array
-from .growing import Rows
 from .leap import leap
+
+if TYPE_CHECKING:
+    from .run import RunState
+    from .steppers.adaptive import Adaptive
 
 SUSPECT = 0.6  # of the largest ratio so far: minima above are no singular configurations, stages come near enough
 SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, of the larger neighbour: it falls to zero linearly, over a step or two
@@ -33,40 +35,6 @@ SHARP = 1e-10  # of a step: how sharply a minimum is found
 ENDED = 1e-6  # of the largest ratio: velocities at an end as near as that have lost six digits
 LANDED = 1e-3  # of the ratio a step before: so near to a singular configuration is in it
 SAME = 1e-6  # s: minima this near to each other are one
-
-
-class Run(Protocol):
-    """What the watch sees of a run."""
-
-    system: Any
-    sign: float
-    t: float
-    ts: list[float]
-    ys: Rows
-    zs: Rows
-    t1: float
-
-    def record(self) -> Solution:
-        """The run so far."""
-
-    def close(self) -> None:
-        """Bring the last node onto the closures, until |g| falls no more."""
-
-    def land(self, t: float, y: Array, last: bool) -> None:
-        """Add a node that no step led to."""
-
-    def to_go(self) -> float:
-        """Time left to the end of the span."""
-
-
-class Pace(Protocol):
-    """What the watch sees of step-size control."""
-
-    cap: float
-    h: Any
-
-    def measure(self, run: Any, y: Array, move: Array) -> float:
-        """Return the norm of a move of the state away from y, in tolerances."""
 
 
 def _suspicious(before: Any, here: Any, after: Any, largest: Any) -> Any:
@@ -88,12 +56,12 @@ class SingularWatch:
     Args:
         system: the run's workspace.
         kept: the method keeps positions of closures, by projection or a multiplier.
-        pace: control of the steps of a run that leaps; None for others.
+        control: of the steps of a run that leaps; None for others.
         closing: loops are to be closed where the ratio is small; a multiplier does so by itself.
     """
 
-    def __init__(self, system: Descriptor, kept: bool, pace: Pace | None, closing: bool) -> None:
-        self.system, self.kept, self.pace, self.closing = system, kept, pace, closing
+    def __init__(self, system: Descriptor, kept: bool, control: "Adaptive | None", closing: bool) -> None:
+        self.system, self.kept, self.control, self.closing = system, kept, control, closing
         self._own: Descriptor | None = None
         self.found: list[Singular] = []
         self.largest = 0.0
@@ -157,7 +125,7 @@ class SingularWatch:
         self.largest = float(largest[n - 1]) if n else self.largest
         return n
 
-    def step(self, run: Run, last: bool) -> None:
+    def step(self, run: "RunState", last: bool) -> None:
         """Look back at the step before the one just taken, and at this one if it is the last.
 
         Raises:
@@ -178,25 +146,25 @@ class SingularWatch:
         if near:
             if self.entered is None:
                 self.entered = len(run.ts) - 2
-            if self.pace and self.closing:
+            if self.control and self.closing:
                 run.close()
         if self.entered is not None and (last or not near):
             self._compare(run, self.entered, len(run.ts) - 1)
             self.entered, self.tried, self.stalled = None, (np.inf, np.inf), 0
-            if self.pace:
-                self.pace.cap = np.inf
+            if self.control:
+                self.control.cap = np.inf
 
-    def leap(self, run: Run) -> bool:
+    def leap(self, run: "RunState") -> bool:
         """Where a singular configuration is near, shorten the next step, or take the leap over it: then say True."""
-        if self.pace is None or self.entered is None or len(run.ts) - 1 == self.first:
+        if self.control is None or self.entered is None or len(run.ts) - 1 == self.first:
             return False
-        self.pace.cap = np.inf
+        self.control.cap = np.inf
         (t0, t1), (y0, y1) = run.ts[-2:], (run.ys[-2], run.ys[-1])
         before, here = self._ratio(t0, y0), self._ratio(t1, y1)
         if not here < before:
             return False
         way = here * abs(t1 - t0) / (before - here)
-        self.pace.cap = APPROACH * way
+        self.control.cap = APPROACH * way
         if here > NEAR * self.largest or way > NEARER * self.tried[0]:
             return False
         found = None
@@ -204,7 +172,7 @@ class SingularWatch:
             found = leap(self.own, run, way, self.first)
         if found is None:
             return False
-        error, move = (self.pace.measure(run, found.y, x) for x in (found.error, found.move))
+        error, move = (self.control.measure(run, found.y, x) for x in (found.error, found.move))
         self.stalled = self.stalled + 1 if error >= MET * self.tried[1] else 0
         if not (error <= 1 or (self.stalled >= PATIENCE and error <= TRUSTED)) or move > MOVED * max(1.0, error):
             self.tried = way, error
@@ -212,7 +180,7 @@ class SingularWatch:
         self.found.append(found.passed)
         self.path = found.path
         run.land(found.t, found.y, found.t == run.t1)
-        self.pace.cap, self.pace.h = np.inf, APPROACH * way
+        self.control.cap, self.control.h = np.inf, APPROACH * way
         self.tried, self.stalled = (np.inf, np.inf), 0
         self._begin(len(run.ts) - 1)
         if self._ratio(found.t, found.y) >= (ZONE if run.to_go() else LANDED) * self.largest:
@@ -228,7 +196,7 @@ class SingularWatch:
         """Return the point after a share of the leap of size h that was taken last."""
         return self.path(theta * h)
 
-    def _compare(self, run: Run, a: int, b: int) -> None:
+    def _compare(self, run: "RunState", a: int, b: int) -> None:
         """Compare tangent spaces at nodes a and b, before and after a singular configuration that lies between."""
         way = run.ts[b] - run.ts[a]
         passed = next((x for x in self.found if (x.t - run.ts[a]) * way > 0 and (run.ts[b] - x.t) * way > 0), None)
@@ -241,11 +209,11 @@ class SingularWatch:
             text = f"{passed}: there the run went over to another branch, {angle:.2g} rad beside the one before"
             self._end(run, a, f"{text}; take a smaller rtol, or project=True")
 
-    def _end(self, run: Run, i: int, message: str) -> None:
+    def _end(self, run: "RunState", i: int, message: str) -> None:
         del run.ts[i + 1 :], run.ys[i + 1 :], run.zs[i + 1 :]
         raise StepError("rank", message)
 
-    def _look(self, run: Run, k: int) -> None:
+    def _look(self, run: "RunState", k: int) -> None:
         """Look around step k, counted from 1, whose ratio is in place k."""
         before, here, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
         if not _suspicious(before, here, after, self.largest):
@@ -253,7 +221,7 @@ class SingularWatch:
         nodes = range(max(0, k - 2), min(k + 2, len(run.ts) - self.first))
         self._search(run, [self.first + i for i in nodes])
 
-    def _search(self, run: Run, nodes: list[int]) -> None:
+    def _search(self, run: "RunState", nodes: list[int]) -> None:
         """Minimise over u, node i and the share of the step behind it that has passed."""
         paths = {i: self._path(run, i) for i in nodes[:-1]}
 
@@ -271,7 +239,7 @@ class SingularWatch:
             )
             self._judge(run, nodes, int(best.x), *at(float(best.x)))
 
-    def _judge(self, run: Run, nodes: list[int], i: int, t: float, y: Array) -> None:
+    def _judge(self, run: "RunState", nodes: list[int], i: int, t: float, y: Array) -> None:
         """Keep what was found on step i, and end the run there if it cannot pass or took another branch."""
         gap = max(np.abs(self.own.residual(run.ts[n], *self.own.split(run.ys[n]))[0]).max() for n in nodes)
         limit = open_limit(self.own, t, y, self.largest, gap)
@@ -279,12 +247,12 @@ class SingularWatch:
         if found is None or any(abs(found.t - other.t) <= SAME * (1 + abs(t)) for other in self.found):
             return
         self.found.append(found)
-        if self.pace is None and not self.kept and gap > CLOSED:
+        if self.control is None and not self.kept and gap > CLOSED:
             text = f"{found}: a singular configuration, behind which loops that have drifted open by {gap:.1e}"
             self._end(run, i, f"{text} may be on another branch; keep them closed by project=True or formulation 'ggl'")
         self._compare(run, nodes[0], nodes[-1])
 
-    def _path(self, run: Run, i: int) -> Callable[[float], tuple[float, Array]]:
+    def _path(self, run: "RunState", i: int) -> Callable[[float], tuple[float, Array]]:
         """Theta -> time and point on step i; straight where an end of it is too singular for dense output."""
         t, h, y = run.ts[i], run.ts[i + 1] - run.ts[i], run.ys[i]
         move = self.own.difference(y, run.ys[i + 1])

@@ -1,33 +1,17 @@
-"""Integrate a mechanism or a textbook problem: what is asked for is checked, bound, run and reported."""
+"""Integrate a mechanism or a textbook problem."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
-from numbers import Real
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from ..errors import STATUS, InputError, StepError, require
-from ..mechanism import Compiled, Mechanism
-from ..mechanism.assembly import START
-from ..mechanism.formulations.index2 import Descriptor
-from ..methods import Tableau
+from ..errors import require
 from ..solution.solution import Problem, Solution
 from ..system import Array
-from .ending import event_value, report
-from .events import Watch, as_events
-from .jumps import Jumps
-from .loop import Progress, time_loop
-from .retrace import retracer
-from .run import Run
-from .singularity_watch import SingularWatch
-from .steppers.native import Core, bind
-from .steppers.pace import Adaptive, Fixed, Pace
-from .steppers.scipy_ivp import Scipy, find
-from .stiffness import StiffnessWatch
-
-DRIFTED = 100.0  # times rtol: how far loops may stand open at the start, as after a run that let them drift
+from .ending import report
+from .loop import Progress, carry_out
+from .prepare import positive, prepare, within
 
 
 def solve(
@@ -100,119 +84,12 @@ def solve(
         UnknownNameError: for a method that does not exist.
     """
     require(problem, Problem, "solve takes a Mechanism (see mbdae.load) or a Hessenberg problem")
-    tableau = find(formulation, method)
-    project = _projected(problem, project, formulation, step)
-    t0, t1 = _span(t_span)
-    for name, value in {"step": step, "first_step": first_step, "max_step": max_step, "max_steps": max_steps}.items():
-        if value is None and name != "max_step":
-            continue
-        if isinstance(value, bool) or not isinstance(value, Real) or not value > 0:
-            raise InputError(f"{name} must be a positive number, got {value!r}")
-    times = None if t_eval is None else _times(t_eval, t0, t1)
-    system, fallback = bind(problem, tableau, formulation, baumgarte, backend)
-    ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
-    run = Run(problem, tableau, t0, ahead, _start(problem, q, v, t0, s, None if step else rtol), system, project)
-    pace: Pace
-    if formulation == "index1":
-        pace = Scipy(tableau, run.system, step, rtol, atol, first_step, max_step)
-    elif step:
-        pace = Fixed(step, t0, t1)
-    else:
-        pace = Adaptive(tableau.error_power, rtol, atol, first_step, max_step)
-        if isinstance(system, Descriptor) and isinstance(tableau, Tableau):
-            run.stiffness = StiffnessWatch(tableau, pace)
-    run.pace = pace
-    if isinstance(system, Descriptor) and system.ng:
-        controlled = pace if isinstance(pace, Adaptive) and formulation != "index1" else None
-        run.singular = SingularWatch(system, project or formulation == "ggl", controlled, formulation == "index2")
-        if controlled and isinstance(tableau, Tableau):
-            run.back = retracer(run, tableau, float(rtol))
-    if isinstance(system, Compiled):
-        run.core = Core(system, tableau, project)
-    watch = Watch(as_events(events), lambda e, t, y: event_value(problem, e, t, y))
+    positive(step=step, first_step=first_step, max_step=max_step, max_steps=max_steps)
+    run = prepare(
+        problem, t_span, (q, v, s), method, formulation, project, baumgarte, step,
+        (rtol, atol, first_step, max_step), jumps, events, backend,
+    )  # fmt: skip
+    times = None if t_eval is None else within(t_eval, run.t, run.t1)
     started = perf_counter()
-    status, message = "finished", STATUS["finished"]
-    try:
-        with np.errstate(over="ignore", invalid="ignore"):  # a run that explodes says so by its status
-            run.begin()
-            watch.begin(t0, run.state.y)
-            stopped = time_loop(run, pace, watch, max_steps, progress)
-            _check_drivers(problem, t0, run.t)
-        if stopped:
-            status, message = "event", f"{STATUS['event']} at t = {run.t:.17g}"
-    except StepError as e:
-        if e.status == "force" and len(run.ts) == 1:  # nothing was computed: an error in the law
-            raise InputError(str(e)) from e
-        status, message = e.status, str(e)
-        if status == "step_size":  # which a driver may be to blame for
-            try:
-                _check_drivers(problem, t0, t1)
-            except StepError as wrong:
-                status, message = wrong.status, str(wrong)
-    except KeyboardInterrupt:
-        status, message = "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
-    order = tableau.order_linear if hasattr(problem, "model") else tableau.order
-    settings = {"method": method, "formulation": formulation, "project": project, "baumgarte": baumgarte}
-    settings |= {"t_span": [t0, t1], **pace.settings(), "dense_order": max(1, order - 1)}
-    seconds = perf_counter() - started
-    stats: dict[str, Any] = {
-        "steps": run.steps,
-        "rejected": run.rejected,
-        **run.system.counts.to_dict(),
-        "seconds": seconds,
-        "backend": "native" if run.core else "python",
-    }
-    if fallback:
-        stats["fallback"] = fallback
-    if run.stiffness and run.stiffness.found:
-        stats["stiff"] = asdict(run.stiffness.found)
-        message = f"{message}; {run.stiffness.found}"
-    return report(run, watch, status, message, stats, settings, times)
-
-
-def _check_drivers(problem: Problem, t0: float, t1: float) -> None:
-    """See that the derivatives of drivers are those of their functions."""
-    for driver in problem.drivers if isinstance(problem, Mechanism) else ():
-        driver.check_run(t0, t1)
-
-
-def _start(problem: Problem, q: Any, v: Any, t: float, s: Any, rtol: Any) -> Array:
-    """The start; under step-size control loops may stand open as after a run that let them drift."""
-    drifted = DRIFTED * float(rtol) if isinstance(rtol, Real) else 0.0
-    if isinstance(problem, Mechanism):
-        return problem.point(q, v, t, s, max(START, drifted))
-    return problem.point(q, v, t, s)
-
-
-def _projected(problem: Problem, project: bool | str, formulation: str, step: float | None) -> bool:
-    """Say whether positions are restored after each step."""
-    if project not in (True, False, "auto"):
-        raise InputError(f"project is True, False or 'auto', got {project!r}")
-    if project == "auto":
-        return isinstance(problem, Mechanism) and formulation == "index2" and step is None and problem.ng > 0
-    if project and formulation != "index2":
-        raise InputError(f"project=True belongs to formulation 'index2', got {formulation!r}")
-    return bool(project)
-
-
-def _span(t_span: Sequence[float]) -> tuple[float, float]:
-    try:
-        t0, t1 = (float(t) for t in t_span)
-    except (TypeError, ValueError):
-        raise InputError(f"t_span is a pair of times, got {t_span!r}") from None
-    if not (np.isfinite(t0) and np.isfinite(t1)):
-        raise InputError(f"t_span must be finite, got {t_span!r}")
-    return t0, t1
-
-
-def _times(t_eval: Array, t0: float, t1: float) -> Array:
-    try:
-        times = np.asarray(t_eval, float)
-    except (TypeError, ValueError):
-        raise InputError(f"t_eval is an array of times, got {t_eval!r}") from None
-    sign = 1.0 if t1 >= t0 else -1.0
-    inside = times.ndim == 1 and len(times) and np.isfinite(times).all()
-    inside = inside and sign * times[0] >= sign * t0 and sign * times[-1] <= sign * t1
-    if not inside or (np.diff(times) * sign <= 0).any():
-        raise InputError(f"t_eval must run from {t0} to {t1} in the span's order")
-    return times
+    status, message = carry_out(run, max_steps, progress)
+    return report(run, status, message, perf_counter() - started, times)

@@ -4,7 +4,7 @@ import warnings
 from contextlib import suppress
 from dataclasses import dataclass
 from math import prod
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +12,10 @@ from ..errors import StepError
 from ..mechanism.formulations.index2 import Descriptor
 from ..methods import Tableau
 from ..system import Array
-from .steppers.pace import NOTHING, Adaptive
+from .steppers.adaptive import NOTHING, Adaptive
+
+if TYPE_CHECKING:
+    from .run import RunState
 
 FIRST, MOST = 2000, 16000  # steps before the first look (shorter runs are soon over), and between later ones
 WINDOW = 50  # steps in which one polynomial follows the velocities
@@ -22,17 +25,6 @@ LONGER = 2.0  # times as long: steps that would be unstable
 ITERATIONS = 12  # of the power method
 SMALL = 1e-7  # of 1 + |y|: the difference it takes
 FREE = 0.9  # of max_step: longer steps are kept short by that
-
-
-class Run(Protocol):
-    """What the watch sees of a run."""
-
-    system: Any
-    ts: list[float]
-    ys: Any
-
-    def record(self) -> Any:
-        """The run so far, with a workspace of its own."""
 
 
 @dataclass
@@ -64,12 +56,13 @@ class StiffnessWatch:
     is smooth. (Hairer, Wanner II, IV.2, compare two stages at one time, which few half-explicit methods have.)
 
     Args:
+        system: the run's workspace.
         tableau: a half-explicit method.
-        pace: the step-size control.
+        control: of the steps.
     """
 
-    def __init__(self, tableau: Tableau, pace: Adaptive) -> None:
-        self.tableau, self.pace = tableau, pace
+    def __init__(self, system: Descriptor, tableau: Tableau, control: Adaptive) -> None:
+        self.system, self.tableau, self.control = system, tableau, control
         self.next = self.pause = FIRST  # the node to look at, and the steps to the one after
         self.found: Stiff | None = None
 
@@ -77,7 +70,7 @@ class StiffnessWatch:
         """Steps begin anew at node ``first``, behind a jump: no window reaches across."""
         self.next = max(self.next, first + WINDOW)
 
-    def look(self, run: Run) -> None:
+    def look(self, run: "RunState") -> None:
         """Look at the steps since the last look; the first one that is found stiff is a warning."""
         while not self.found and self.next < len(run.ts):
             n = self.next
@@ -87,10 +80,10 @@ class StiffnessWatch:
             if self.found:
                 warnings.warn(str(self.found), stacklevel=4)
 
-    def _judge(self, run: Run, n: int) -> Stiff | None:
+    def _judge(self, run: "RunState", n: int) -> Stiff | None:
         """Return what is stiff about the steps before node n."""
         h = (run.ts[n] - run.ts[n - WINDOW]) / WINDOW
-        if abs(h) > FREE * self.pace.largest or not self._smooth(run, n):
+        if abs(h) > FREE * self.control.largest or not self._smooth(run, n):
             return None
         lam = _largest_eigenvalue(run.record().system, run.ts[n], run.ys[n])
         z = abs(h) * complex(-abs(lam.real), lam.imag)  # a motion that is smooth decays, whatever rounding says
@@ -98,13 +91,13 @@ class StiffnessWatch:
             return None
         return Stiff(float(run.ts[n]), float(abs(h)), float(abs(z)))
 
-    def _smooth(self, run: Run, n: int) -> bool:
+    def _smooth(self, run: "RunState", n: int) -> bool:
         """Say whether one polynomial of degree 4 follows velocities and states before node n closely."""
-        t, nq, nv, ns = run.ts[n - WINDOW : n + 1], run.system.nq, run.system.nv, run.system.ns
+        t, nq, nv, ns = run.ts[n - WINDOW : n + 1], self.system.nq, self.system.nv, self.system.ns
         v = run.ys[n - WINDOW : n + 1][:, nq : nq + nv + ns]
         weights = _lagrange([t[i] for i in NODES], [t[i] for i in BETWEEN])
-        atol = self.pace.atol[nv : 2 * nv + ns] if self.pace.atol.ndim else self.pace.atol
-        gap = (v[list(BETWEEN)] - weights @ v[list(NODES)]) / (atol + self.pace.rtol * np.abs(v[-1]) + NOTHING)
+        atol = self.control.atol[nv : 2 * nv + ns] if self.control.atol.ndim else self.control.atol
+        gap = (v[list(BETWEEN)] - weights @ v[list(NODES)]) / (atol + self.control.rtol * np.abs(v[-1]) + NOTHING)
         return bool(np.vdot(gap, gap) <= ROUGH**2 * gap.size)
 
 

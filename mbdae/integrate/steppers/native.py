@@ -2,95 +2,73 @@
 
 from typing import TYPE_CHECKING, Any
 
-from ...backend import choose, status
-from ...errors import InputError
-from ...mechanism import Compiled, Mechanism, NotCompiled
-from ...methods import Tableau
-from ...system import State, System
+from ...mechanism import Compiled
+from ...system import Array, State, Step
+from .stepper import PythonStepper, Stepper
 
 if TYPE_CHECKING:
-    from ..run import Run
-    from .pace import Pace
+    from ..run import RunState
 
 SECONDS = 0.05  # of computing between looks at progress and Ctrl-C
 MANY = 2000  # steps
 
 
-def bind(
-    problem: Any, tableau: Any, formulation: str, baumgarte: tuple[float, float] | None, backend: str
-) -> tuple[System, str]:
-    """Bind a problem to a workspace, of the compiled core where that can be.
-
-    Returns:
-        The workspace; and, for ``backend="auto"``, what keeps the run from the core, in words, or "".
-
-    Raises:
-        InputError: for ``backend="native"`` where the core is missing or does not have what is asked for.
-        UnknownNameError: for a back end or a formulation that does not exist.
-    """
-    missing = lacking(problem, tableau, formulation)
-    native = None if missing and backend in ("auto", "native") else choose(backend)
-    if native:
-        try:
-            return problem.system(formulation, baumgarte, native), ""
-        except NotCompiled as e:
-            missing = str(e)
-    if missing and backend == "native":
-        raise InputError(f"backend='native' does not have {missing}: take 'auto' or 'python'")
-    why = "" if backend == "python" else missing or status()
-    return problem.system(formulation, baumgarte), why
-
-
-def lacking(problem: Any, tableau: Any, formulation: str) -> str:
-    """Say in words what the core does not have of a run; "" where it may have it all."""
-    if not isinstance(problem, Mechanism):
-        return "textbook problems"
-    if formulation != "index2":
-        return f"formulation {formulation!r}"
-    return "" if isinstance(tableau, Tableau) else f"method {tableau.name!r}"
-
-
-class Core:
+class NativeStepper(Stepper):
     """The compiled core at work on a run.
 
     Args:
+        inner: chooses step sizes, and takes the steps that the core cannot take.
         system: the run's workspace.
         tableau: a half-explicit method.
         project: positions are kept by projection.
     """
 
-    def __init__(self, system: Compiled, tableau: Any, project: bool) -> None:
-        self.system, self.tableau = system, tableau
+    backend = "native"
+
+    def __init__(self, inner: PythonStepper, system: Compiled, tableau: Any, project: bool) -> None:
+        self.inner, self.system, self.tableau = inner, system, tableau
         self.course = system.native.Course()
         self.course.project, self.course.seconds = project, SECONDS
 
-    def advance(self, run: "Run", pace: "Pace", budget: int | None) -> int:
-        """Take steps until something asks for Python: at most ``budget``, for `SECONDS` or little more.
+    def advance(self, run: "RunState", most: int | None = None) -> None:
+        """Take steps until something asks for Python, for `SECONDS` or little more; one in Python where it is needed.
 
         Steps, rejections and the state are those of the run afterwards, also when this is interrupted.
-
-        Returns:
-            How many attempts were made; 0 where the next step is one for Python.
         """
-        if not pace.ready(run):
-            return 0
+        if not (self.inner.ready(run) and self._march(run, MANY if most is None else min(most, MANY))):
+            self.inner.advance(run)
+
+    def take(self, run: "RunState", h: float) -> Step:  # noqa: D102
+        return self.inner.take(run, h)
+
+    def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:  # noqa: D102
+        return self.inner.tolerates(run, y, move)
+
+    def settings(self) -> dict[str, Any]:  # noqa: D102
+        return self.inner.settings()
+
+    def restart(self) -> None:  # noqa: D102
+        self.inner.restart()
+
+    def _march(self, run: "RunState", most: int) -> int:
+        """Let the core try steps; return how many, 0 where the next one is one for Python."""
         c, state, watch = self.course, run.state, run.singular
         c.t, c.t1, c.sign, c.stop, c.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
-        c.budget = MANY if budget is None else min(budget, MANY)
+        c.budget = most
         c.begin(state.y, state.carry, state.low)
         c.watched = watch is not None
         if watch:
             c.usual, c.before, c.suspect, c.landed, c.zone = watch.limits()
-        pace.lend(c)
+        self.inner.lend(c)
         try:
             self.system.march(self.tableau, c)
         finally:
-            pace.take_back(c)
+            self.inner.take_back(c)
             run.rejected = (run.rejected or 0) + c.rejected
             self._record(run)
         return c.taken + c.rejected
 
-    def _record(self, run: "Run") -> None:
+    def _record(self, run: "RunState") -> None:
         c, watch, first = self.course, run.singular, len(run.ts) - 1
         if not c.taken:
             return

@@ -1,11 +1,11 @@
 """The baseline that users know: scipy's solvers on the acceleration form of a mechanism.
 
-The time loop is the same as for the methods of mbdae; a solver of scipy takes the place of a pace, because it
-chooses its steps itself. On manifolds it sees raw coordinates (quaternions and circles as numbers).
+The time loop is the same as for the methods of mbdae; a solver of scipy chooses its steps itself. On manifolds it sees
+raw coordinates (quaternions and circles as numbers).
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.integrate import DOP853, LSODA, RK45, OdeSolver, Radau
@@ -15,7 +15,10 @@ from ...mechanism.formulations.index1 import Index1
 from ...methods import METHODS
 from ...methods import method as find_method
 from ...system import Array, State, Step, System
-from .pace import Adaptive, Run
+from .adaptive import Adaptive
+
+if TYPE_CHECKING:
+    from ..run import RunState
 
 UNMEASURED = 1e30  # absolute tolerance of the work: its error is not controlled
 
@@ -65,7 +68,7 @@ def find(formulation: str, method: str) -> Any:
 
 
 class Scipy(Adaptive):
-    """A solver of scipy as a pace: a step is what the solver does, with rtol and atol as they are meant there.
+    """A solver of scipy: a step is what the solver does, with rtol and atol as they are meant there.
 
     Statistics: its steps and, for RK45 and DOP853, the rejected ones; Radau and LSODA do not tell (None).
 
@@ -81,6 +84,8 @@ class Scipy(Adaptive):
     Raises:
         InputError: for a fixed step; for an implicit solver or several atol on a manifold.
     """
+
+    any_size = False
 
     def __init__(
         self,
@@ -116,7 +121,7 @@ class Scipy(Adaptive):
         self._last = t, y.copy(), z
         return F
 
-    def _start(self, run: Run) -> None:
+    def _start(self, run: "RunState") -> None:
         s = self.system
         self._scale(run, run.state.y)  # refuses an atol of the wrong shape
         atol = np.append(np.broadcast_to(self.atol, s.nq + s.nv + s.ns), UNMEASURED)
@@ -124,7 +129,7 @@ class Scipy(Adaptive):
         settings = {"rtol": self.rtol, "atol": atol, "max_step": self.largest, "first_step": first}
         self.solver = self.baseline.solver(self._rate, run.t, run.state.y, run.leg.stop, **settings)
 
-    def propose(self, run: Run) -> tuple[float, float]:
+    def propose(self, run: "RunState") -> tuple[float, float]:
         """Let the solver step; return the size of its step and the time where it ended.
 
         Raises:
@@ -143,7 +148,7 @@ class Scipy(Adaptive):
         t = run.leg.end if solver.status == "finished" else float(solver.t)
         return abs(t - run.t), t
 
-    def take(self, run: Run, h: float) -> Step:
+    def take(self, run: "RunState", h: float) -> Step:
         """Return where the solver stands, with the multipliers there."""
         y = self.solver.y
         if self._last is None or self._last[0] != self.solver.t or not np.array_equal(self._last[1], y):
@@ -151,7 +156,7 @@ class Scipy(Adaptive):
         _, _, z = self._last or (0.0, y, y)
         return Step(State(self.system.normal(y)), z, np.zeros((0, self.system.ny)))
 
-    def error(self, run: Run, step: Step) -> float:
+    def error(self, run: "RunState", step: Step) -> float:
         """Zero: the solver accepted its step."""
         return 0.0
 
@@ -159,10 +164,10 @@ class Scipy(Adaptive):
         """A jump was crossed: another solver starts there."""
         self.solver = self.h = None
 
-    def may_retry(self, run: Run, h: float, reason: StepError) -> bool:
+    def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
         """Never: the solver chooses its steps."""
         return False
 
-    def judge(self, run: Run, h: float, error: float) -> bool:
+    def judge(self, run: "RunState", h: float, error: float) -> bool:
         """Always accepted."""
         return True

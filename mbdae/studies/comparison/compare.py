@@ -8,7 +8,7 @@ import numpy as np
 
 from ...backend import choose
 from ...errors import InputError, require
-from ...integrate.steppers.native import lacking
+from ...integrate.binding import lacking
 from ...integrate.steppers.scipy_ivp import find
 from ...mechanism import Mechanism
 from ..variant import Variant, variants

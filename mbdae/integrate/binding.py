@@ -1,0 +1,43 @@
+"""A problem bound to a workspace: which back end computes is chosen here."""
+
+from typing import Any
+
+from ..backend import choose, status
+from ..errors import InputError
+from ..mechanism import Mechanism, NotCompiled
+from ..methods import Tableau
+from ..system import System
+
+
+def bind(
+    problem: Any, tableau: Any, formulation: str, baumgarte: tuple[float, float] | None, backend: str
+) -> tuple[System, str]:
+    """Bind a problem to a workspace, of the compiled core where that can be.
+
+    Returns:
+        The workspace; and, for ``backend="auto"``, what keeps the run from the core, in words, or "".
+
+    Raises:
+        InputError: for ``backend="native"`` where the core is missing or does not have what is asked for.
+        UnknownNameError: for a back end or a formulation that does not exist.
+    """
+    missing = lacking(problem, tableau, formulation)
+    native = None if missing and backend in ("auto", "native") else choose(backend)
+    if native:
+        try:
+            return problem.system(formulation, baumgarte, native), ""
+        except NotCompiled as e:
+            missing = str(e)
+    if missing and backend == "native":
+        raise InputError(f"backend='native' does not have {missing}: take 'auto' or 'python'")
+    why = "" if backend == "python" else missing or status()
+    return problem.system(formulation, baumgarte), why
+
+
+def lacking(problem: Any, tableau: Any, formulation: str) -> str:
+    """Say in words what the core does not have of a run; "" where it may have it all."""
+    if not isinstance(problem, Mechanism):
+        return "textbook problems"
+    if formulation != "index2":
+        return f"formulation {formulation!r}"
+    return "" if isinstance(tableau, Tableau) else f"method {tableau.name!r}"

@@ -1,0 +1,160 @@
+"""What is asked of a run, checked and bound: problem, method, stepper, and who watches."""
+
+from collections.abc import Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..mechanism import Compiled, Mechanism
+from ..mechanism.assembly import START
+from ..mechanism.formulations.index2 import Descriptor
+from ..methods import Tableau
+from ..solution.solution import Problem
+from ..system import Array, System
+from .binding import bind
+from .ending import event_value
+from .events import EventWatch, as_events
+from .jumps import Jumps
+from .retrace import retracer
+from .run import RunState
+from .singularity_watch import SingularWatch
+from .steppers.adaptive import Adaptive
+from .steppers.fixed import Fixed
+from .steppers.native import NativeStepper
+from .steppers.scipy_ivp import Scipy, find
+from .steppers.stepper import PythonStepper, Stepper
+from .stiffness import StiffnessWatch
+
+DRIFTED = 100.0  # times rtol: how far loops may stand open at the start, as after a run that let them drift
+
+Start = tuple[Array | None, Array | None, Array | None]
+Control = tuple[float, float | Array | None, float | None, float]
+
+
+def prepare(
+    problem: Problem,
+    t_span: Sequence[float],
+    start: Start,
+    method: str,
+    formulation: str,
+    project: bool | str,
+    baumgarte: tuple[float, float] | None,
+    step: float | None,
+    control: Control,
+    jumps: Sequence[float],
+    events: Any,
+    backend: str,
+) -> RunState:
+    """Return a run that can begin; the arguments are those of `mbdae.solve`.
+
+    Raises:
+        InputError: for wrong arguments, or an inconsistent start.
+        UnknownNameError: for a method that does not exist.
+    """
+    tableau = find(formulation, method)
+    project = _projected(problem, project, formulation, step)
+    t0, t1 = _span(t_span)
+    system, fallback = bind(problem, tableau, formulation, baumgarte, backend)
+    inner = _stepper(system, tableau, formulation, step, control, t0, t1)
+    stepper: Stepper = inner
+    if isinstance(system, Compiled):
+        stepper = NativeStepper(inner, system, tableau, project)
+    ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
+    y = _start(problem, start, t0, None if step else control[0])
+    run = RunState(problem, tableau, system, stepper, t0, y, ahead, project)
+    run.fallback, run.settings = fallback, {
+        "method": method,
+        "formulation": formulation,
+        "project": project,
+        "baumgarte": baumgarte,
+        "t_span": [t0, t1],
+    }
+    run.events = EventWatch(as_events(events), lambda e, t, y: event_value(problem, e, t, y))
+    _set_watches(run, inner, formulation)
+    return run
+
+
+def _stepper(
+    system: System, tableau: Any, formulation: str, step: float | None, control: Control, t0: float, t1: float
+) -> PythonStepper:
+    if formulation == "index1":
+        return Scipy(tableau, system, step, *control)
+    return Fixed(step, t0, t1) if step else Adaptive(tableau.error_power, *control)
+
+
+def _set_watches(run: RunState, stepper: PythonStepper, formulation: str) -> None:
+    """Let a mechanism's run look out for stiffness and singular configurations."""
+    if not isinstance(run.system, Descriptor):
+        return
+    control = stepper if isinstance(stepper, Adaptive) and formulation != "index1" else None
+    half_explicit = isinstance(run.tableau, Tableau)
+    if control and half_explicit:
+        run.stiffness = StiffnessWatch(run.system, run.tableau, control)
+    if run.system.ng:
+        kept = run.project or formulation == "ggl"
+        run.singular = SingularWatch(run.system, kept, control, formulation == "index2")
+        if control and half_explicit:
+            run.back = retracer(run, run.tableau, float(control.rtol))
+
+
+def positive(**values: Any) -> None:
+    """Refuse what is no positive number; None says that something is left out, but for the largest step.
+
+    Raises:
+        InputError: naming the argument.
+    """
+    for name, value in values.items():
+        if value is None and name != "max_step":
+            continue
+        if isinstance(value, bool) or not isinstance(value, Real) or not float(value) > 0:
+            raise InputError(f"{name} must be a positive number, got {value!r}")
+
+
+def _start(problem: Problem, start: Start, t: float, rtol: Any) -> Array:
+    """The start; under step-size control loops may stand open as after a run that let them drift."""
+    q, v, s = start
+    drifted = DRIFTED * float(rtol) if isinstance(rtol, Real) else 0.0
+    if isinstance(problem, Mechanism):
+        return problem.point(q, v, t, s, max(START, drifted))
+    return problem.point(q, v, t, s)
+
+
+def _projected(problem: Problem, project: bool | str, formulation: str, step: float | None) -> bool:
+    """Say whether positions are restored after each step."""
+    if project not in (True, False, "auto"):
+        raise InputError(f"project is True, False or 'auto', got {project!r}")
+    if project == "auto":
+        return isinstance(problem, Mechanism) and formulation == "index2" and step is None and problem.ng > 0
+    if project and formulation != "index2":
+        raise InputError(f"project=True belongs to formulation 'index2', got {formulation!r}")
+    return bool(project)
+
+
+def _span(t_span: Sequence[float]) -> tuple[float, float]:
+    try:
+        t0, t1 = (float(t) for t in t_span)
+    except (TypeError, ValueError):
+        raise InputError(f"t_span is a pair of times, got {t_span!r}") from None
+    if not (np.isfinite(t0) and np.isfinite(t1)):
+        raise InputError(f"t_span must be finite, got {t_span!r}")
+    return t0, t1
+
+
+def within(t_eval: Array, t0: float, t1: float) -> Array:
+    """Return times to report as an array, those of a span from t0 to t1, in its order.
+
+    Raises:
+        InputError: for other times.
+    """
+    try:
+        times = np.asarray(t_eval, float)
+    except (TypeError, ValueError):
+        raise InputError(f"t_eval is an array of times, got {t_eval!r}") from None
+    sign = 1.0 if t1 >= t0 else -1.0
+    inside = times.ndim == 1 and len(times) and np.isfinite(times).all()
+    inside = inside and sign * times[0] >= sign * t0 and sign * times[-1] <= sign * t1
+    if not inside or (np.diff(times) * sign <= 0).any():
+        raise InputError(f"t_eval must run from {t0} to {t1} in the span's order")
+    return times

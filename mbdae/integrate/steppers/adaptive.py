@@ -1,0 +1,132 @@
+"""Steps under error control."""
+
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import InputError, StepError
+from ...methods.controller import Controller, error_norm
+from ...system import Array, Step
+from .stepper import PythonStepper, smallest
+
+if TYPE_CHECKING:
+    from ..run import RunState
+
+SMALLEST_RTOL = 100 * np.finfo(float).eps
+NOTHING = 1e-100  # keeps the scale of a component positive where neither tolerance does
+
+
+class Adaptive(PythonStepper):
+    """Steps under control: the error of q and v per step stays below atol + rtol max(|y_n|, |y_n+1|)."""
+
+    def __init__(self, power: int, rtol: Any, atol: float | Array | None, first: float | None, largest: float) -> None:
+        if not (isinstance(rtol, Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
+            raise InputError(f"rtol = {rtol!r} cannot be met: it must be a finite number, at least {SMALLEST_RTOL:.2g}")
+        self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
+        self.controller, self.largest = Controller(power), largest
+        self.h: Any = first
+        self.cap = np.inf  # of the next step, near singular configurations
+        self.reason = self._reason = ""  # why a step could not be taken, this one or the one before
+        self._cut = 0.0  # the step that would have been taken, had there not been the end of a leg
+
+    def propose(self, run: "RunState") -> tuple[float, float]:
+        """Return the size of the next step and the time where it ends."""
+        self.ready(run)
+        h, left = min(self.h, self.largest, self.cap), run.left()
+        self._cut = self.h if h > left else 0.0
+        if h >= left * (1 - 1e-10):
+            return left, run.leg.end
+        if h < smallest(run.t, run.t1):
+            limit = f"{smallest(run.t, run.t1):.1e} s, where t + h rounds to t"
+            fell = f"the step size fell to {h:.1e} s at t = {run.t:.17g}, below {limit}"
+            raise StepError("step_size", f"{fell}: {self.reason or 'rtol cannot be met'}")
+        return h, run.t + run.sign * h
+
+    def take(self, run: "RunState", h: float) -> Step:
+        """Take a step of size h (signed)."""
+        return run.tableau.controlled_step(run.system, run.t, h, run.state)
+
+    def error(self, run: "RunState", step: Step) -> float:
+        """Return the error norm of a step; it is accepted below 1."""
+        scale = self._scale(run, step.state.y) + run.system.noise(step.state.y, run.tableau.noise)[run.system.measured]
+        return error_norm(step.errors[:, run.system.measured], scale)
+
+    def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
+        """Say whether a smaller step is worth a try after one that could not be taken."""
+        self.h = self.controller.next_step(h, np.inf)
+        self.reason = self._reason = str(reason)
+        return self.h > smallest(run.t, run.t1)
+
+    def judge(self, run: "RunState", h: float, error: float) -> bool:
+        """Say whether a step is accepted, and choose the next one."""
+        self.h = self.controller.next_step(h, error)
+        if error <= 1:
+            self.h, self.reason, self._reason = max(self.h, self._cut), self._reason, ""
+        return error <= 1
+
+    def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:
+        """Say whether a move of the state away from y stays within the tolerance of a step."""
+        return self.measure(run, y, move) <= 1
+
+    def measure(self, run: "RunState", y: Array, move: Array) -> float:
+        """Return the norm of a move of the state away from y, in tolerances."""
+        return error_norm(move[None, run.system.measured], self._scale(run, y))
+
+    def ready(self, run: "RunState") -> bool:
+        """Find the first step; the compiled core may take the next ones."""
+        if self.h is None:
+            self.h = max(self._first(run), smallest(run.t, run.t1))
+            self._scale(run, run.state.y)
+        return True
+
+    def lend(self, course: Any) -> None:
+        """Hand over tolerances, step size and controller."""
+        course.adaptive, course.rtol, course.atol = True, float(self.rtol), self.atol.ravel().tolist()
+        course.h, course.largest, course.cut = self.h, min(self.largest, self.cap), self._cut
+        self.controller.lend(course)
+
+    def take_back(self, course: Any) -> None:
+        """Take back step size and controller."""
+        self.h, self._cut = course.h, course.cut
+        self.controller.last, self.controller.rejected = course.last, course.was_rejected
+
+    def settings(self) -> dict[str, Any]:
+        """What is recorded with the solution."""
+        return {"rtol": float(self.rtol), "atol": self.atol.tolist()}
+
+    def _scale(self, run: "RunState", y: Array) -> Array:
+        m = run.system.measured
+        n = len(range(run.system.ny)[m])
+        if self.atol.shape not in ((), (n,)):
+            raise InputError(f"atol is one number or one for each of {n} components, got shape {self.atol.shape}")
+        size = np.maximum(run.system.size(run.state.y)[m], run.system.size(y)[m])
+        return self.atol + self.rtol * size + NOTHING
+
+    def _first(self, run: "RunState") -> float:
+        """Guess the first step (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""
+        s, y, F = run.system, run.state.y, run.F
+        scale, m = self._scale(run, y), s.measured
+
+        def norm(x: Array) -> float:
+            return float(np.sqrt(np.mean((x[m] / scale) ** 2)))
+
+        d0, d1 = norm(s.size(y)), norm(F)
+        h0 = min(1e-6 if min(d0, d1) < 1e-5 else 0.01 * d0 / d1, run.left())
+        if not h0 > 0:  # the rates overflow: the smallest step shows what there is to see
+            return 0.0
+        F1 = s.derivative(run.t + run.sign * h0, s.add(y, run.sign * h0 * F))[0]
+        d2 = norm(F1 - F) / h0
+        steepest = max(d1, d2)
+        h1 = max(1e-6, 1e-3 * h0) if steepest <= 1e-15 else (0.01 / steepest) ** (1 / self.controller.power)
+        return min(100 * h0, h1)
+
+
+def _not_negative(name: str, value: Any) -> Array:
+    try:
+        out = np.asarray(value, float)
+    except (TypeError, ValueError):
+        out = np.full(1, np.nan)
+    if not (np.isfinite(out).all() and (out >= 0).all()):
+        raise InputError(f"{name} must be finite and not negative, one number or several, got {value!r}")
+    return out

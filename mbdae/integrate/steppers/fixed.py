@@ -1,0 +1,100 @@
+"""Steps of one size."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import InputError, StepError
+from ...system import Array, Step
+from .stepper import PythonStepper, smallest
+
+if TYPE_CHECKING:
+    from ..run import RunState
+
+NEAR = 1e-9  # of a step: how near to the grid a time counts as on it
+DETOUR = (0.309, 0.655)  # of two steps, of which the end of the first cannot be stepped on
+TOLERATED = 1e-8  # what a move of the state may measure when steps are fixed
+
+
+class Fixed(PythonStepper):
+    """Steps of equal size on a grid; those before and after jumps and at the end of the span may be shorter."""
+
+    def __init__(self, step: float, t0: float, t1: float) -> None:
+        if abs(t1 - t0) > 0 and step < smallest(t0, t1):
+            raise InputError(f"step = {step} s is below {smallest(t0, t1):.1e} s, where t + h rounds to t")
+        self.step, self.t0, length = step, t0, abs(t1 - t0)
+        self.n = max(1, int(np.ceil(length / step * (1 - 1e-12))))
+        self.i, self.on_grid = 0, True  # the last point of the grid, and whether the run stands there
+        self.detour: list[float] = []  # times of the next steps, where they leave the grid
+
+    def propose(self, run: "RunState") -> tuple[float, float]:
+        """Return the size of the next step and the time where it ends."""
+        if self.detour:
+            t = self.detour.pop(0)
+            return abs(t - run.t), t
+        i, started = self.i + 1, self.on_grid
+        t = run.t1 if i >= self.n else self.t0 + run.sign * i * self.step
+        beyond = run.sign * (t - run.leg.stop)  # the leg ends before the next point of the grid
+        self.on_grid = beyond <= NEAR * self.step
+        self.i += self.on_grid
+        if beyond >= -NEAR * self.step:
+            return run.left(), run.leg.end
+        return (self.step if started else abs(t - run.t)), t
+
+    def take(self, run: "RunState", h: float) -> Step:
+        """Take a step of size h (signed)."""
+        step = run.tableau.step(run.system, run.t, h, run.state)
+        if run.singular and self._behind(run) is not None:
+            run.singular.refuse_landing(run.t + h, step.state.y)
+        return step
+
+    def error(self, run: "RunState", step: Step) -> float:
+        """Return the error norm of a step; it is accepted below 1."""
+        if not np.isfinite(step.state.y).all():
+            raise StepError("nonfinite", f"the state is not finite after the step at t = {run.t:.17g}")
+        return 0.0
+
+    def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
+        """Say whether to leave out the next point of the grid, because it lies in a singular configuration.
+
+        Three steps then lead to the point behind it.
+        """
+        end = self._behind(run) if reason.status in ("rank", "singular") else None
+        if end is None:
+            return False
+        self.i += 1
+        self.detour = [run.t + share * (end - run.t) for share in DETOUR] + [end]
+        return True
+
+    def _behind(self, run: "RunState") -> float | None:
+        """The point of the grid behind the next one; None where that cannot be left out."""
+        if self.detour or not self.on_grid or self.i >= self.n:
+            return None
+        end = run.t1 if self.i + 1 == self.n else self.t0 + run.sign * (self.i + 1) * self.step
+        return end if run.sign * (run.leg.stop - end) >= 0 else None
+
+    def judge(self, run: "RunState", h: float, error: float) -> bool:
+        """Say whether a step is accepted, and choose the next one."""
+        return True
+
+    def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:
+        """Say whether a move of the state away from y stays within 1e-8."""
+        m = run.system.measured
+        return bool((np.abs(move[m]) <= TOLERATED * (1 + run.system.size(y)[m])).all())
+
+    def ready(self, run: "RunState") -> bool:
+        """Say whether the compiled core may take the next steps: on the grid only."""
+        return not self.detour
+
+    def lend(self, course: Any) -> None:
+        """Hand over the grid and where the run stands on it."""
+        course.adaptive, course.near, course.tolerated = False, NEAR, TOLERATED
+        course.step, course.t0, course.n, course.i, course.on_grid = self.step, self.t0, self.n, self.i, self.on_grid
+
+    def take_back(self, course: Any) -> None:
+        """Take back where the run stands on the grid."""
+        self.i, self.on_grid = course.i, course.on_grid
+
+    def settings(self) -> dict[str, Any]:
+        """What is recorded with the solution."""
+        return {"step": float(self.step)}
