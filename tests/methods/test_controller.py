@@ -16,6 +16,7 @@ def test_two_vectors_give_the_square_of_one_over_both():
     errors = np.array([[2.0, 2.0], [300.0, 300.0]])
     assert error_norm(errors, np.ones(2)) == pytest.approx(4 / (2 + 3))
     assert error_norm(np.array([[0.0, 0.0], [1.0, 1.0]]), np.ones(2)) == 0.0
+    assert error_norm(np.zeros((2, 2)), np.ones(2)) == 0.0
 
 
 @pytest.mark.parametrize("power", [3, 5, 7])
@@ -28,6 +29,24 @@ def test_steps_follow_the_error_and_the_error_before(power):
 
 def test_estimates_of_low_order_do_without_the_error_before():
     assert Controller(2, last=1e-2).next_step(0.1, 0.25) == pytest.approx(0.09 * 2)
+
+
+def test_an_error_that_is_almost_nothing_counts_as_a_small_one_for_the_next_step():
+    """As in the codes of Hairer and Wanner: facold = max(err, 1e-4), and 1e-4 at the start."""
+    controller = Controller(4)
+    assert controller.last == 1e-4
+    controller.next_step(0.1, 1e-7)
+    assert controller.last == 1e-4
+    controller.next_step(0.1, 2e-4)
+    assert controller.last == 2e-4
+
+
+def test_an_error_of_one_is_accepted_and_what_is_no_number_is_not():
+    controller = Controller(4)
+    assert controller.next_step(1.0, 1.0) == pytest.approx(0.9 * 1e-4**0.04)
+    assert not controller.rejected
+    controller.next_step(1.0, np.nan)
+    assert controller.rejected
 
 
 def test_a_rejected_step_shrinks_and_the_next_one_does_not_grow():

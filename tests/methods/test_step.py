@@ -8,8 +8,9 @@ import mbdae
 from mbdae.errors import StepError
 from mbdae.methods import METHODS
 from mbdae.methods.exact import exact
+from mbdae.methods.step import doubled_step
 from mbdae.methods.tableau import Tableau
-from mbdae.system import Counts, State
+from mbdae.system import Counts, State, Step
 from mbdae.textbook.hessenberg import hessenberg_a
 
 TABLEAUS = {name: m for name, m in METHODS.items() if isinstance(m, Tableau)}
@@ -181,14 +182,77 @@ def test_the_error_estimate_has_the_order_it_is_used_with(name):
         assert np.abs(mech.residual(step.state.y[:3], velocity)[1]).max() < 1e-3 * np.abs(velocity).max()
 
 
+class Sum(Probe):
+    """q' = 1 in one stage or more: what is lost of a step is known."""
+
+    def stage(self, t, x, that, xhat, factor):
+        return np.ones(self.ny), np.zeros(1)
+
+    def lost(self, y0, x, y1):
+        return x - (y1 - y0)
+
+    def difference(self, y0, y1):
+        return y1 - y0
+
+
+@every
+def test_a_step_takes_over_what_was_lost_and_hands_on_what_it_loses(tableau):
+    """Kahan's sum: x = h sum b_i F_i + low, y_1 = y (+) x in floating point, low_1 = x - (y_1 - y)."""
+    y, lost, eps = np.ones(2), np.array([0.4, -0.3]), np.finfo(float).eps
+    step = tableau.step(Sum(2), 0.0, 0.3 * eps, State(y, np.ones(2), eps * lost))
+    np.testing.assert_array_equal(step.state.y, [1 + eps, 1])  # 1 + 0.7 eps, 1 + 0
+    np.testing.assert_allclose(step.state.low, [-0.3 * eps, 0], atol=1e-15 * eps)
+    first = tableau.step(Sum(2), 0.0, 0.3 * eps, State(y, np.ones(2)))
+    np.testing.assert_allclose(first.state.low, 0.3 * eps, rtol=1e-14)
+
+
+def test_two_half_steps_lose_nothing_either():
+    eps = np.finfo(float).eps
+    state = State(np.ones(1), np.ones(1), np.array([0.1 * eps]))
+    step = doubled_step(METHODS["herk1"].step, 1, Sum(1), 0.0, 0.8 * eps, state)
+    np.testing.assert_array_equal(step.state.y, [1 + eps])  # 1 + 0.5 eps is 1, and 1 + 0.9 eps then is not
+    np.testing.assert_allclose(step.state.low, -0.1 * eps, rtol=1e-14)
+
+
+def test_the_difference_of_half_steps_and_a_whole_one_is_2_to_the_p_less_one_errors():
+    """q' = 2 t by a step that errs by h^3, p = 2: both halves err by 2 (h/2)^3."""
+
+    def step(system, t, h, state):
+        return Step(State(state.y + (t + h) ** 2 - t**2 + h**3), np.full(1, t), np.zeros((1, 1)))
+
+    doubled = doubled_step(step, 2, Sum(1), 3.0, 0.5, State(np.full(1, 9.0)))
+    np.testing.assert_allclose(doubled.state.y, 3.5**2 + 2 * 0.25**3, rtol=1e-15)
+    np.testing.assert_allclose(np.abs(doubled.errors), [[2 * 0.25**3]], rtol=1e-13)
+    np.testing.assert_array_equal(doubled.z, [3.25])
+
+
+def one_body(joint):
+    """A mechanism of one body without forces."""
+    model = pin.Model()
+    model.gravity.linear = np.zeros(3)
+    joint = model.addJoint(0, joint, pin.SE3.Identity(), "joint")
+    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    return mbdae.Mechanism(model)
+
+
+def test_what_is_lost_of_a_sum_is_what_the_difference_of_the_points_lacks():
+    """All of 0.3 eps where 1 + 0.3 eps = 1; of coordinates only where the tangent is a vector space."""
+    x = 0.3 * np.finfo(float).eps
+    for system in (hessenberg_a().system(), one_body(pin.JointModelPX()).system()):
+        y = np.ones(system.ny)
+        np.testing.assert_array_equal(system.lost(y, np.full(system.ny, x), y), x)
+    turned = one_body(pin.JointModelSpherical()).system()
+    y = np.ones(turned.nq + turned.ny - turned.nv)
+    np.testing.assert_array_equal(turned.lost(y, np.full(turned.ny, x), y), np.repeat([0, x], [3, turned.ny - 3]))
+    angle = one_body(pin.JointModelRUBZ()).system()  # two coordinates, and one in the tangent
+    y = np.ones(angle.nq + angle.ny - angle.nv)
+    np.testing.assert_array_equal(angle.lost(y, np.full(angle.ny, x), y), np.repeat([0, x], [1, angle.ny - 1]))
+
+
 @pytest.mark.usefixtures("back_end")
 def test_what_rounding_loses_is_added_to_the_next_step():
     """Without forces q grows by the same small amount in every step, of which rounding takes the same part."""
-    model = pin.Model()
-    model.gravity.linear = np.zeros(3)
-    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-    mech = mbdae.Mechanism(model)
+    mech = one_body(pin.JointModelPX())
     sol = mbdae.solve(mech, (0, 1), np.full(1, 1e6), np.full(1, 0.1), step=1e-3, method="herk1")
     assert sol.q[-1, 0] == pytest.approx(1e6 + 0.1, abs=2e-10)
 
