@@ -225,7 +225,10 @@ def test_fixed_steps_follow_the_grid_to_the_end(sign):
 
 @pytest.mark.parametrize("step", [0.1 * (1 + 1e-14), 0.1 * (1 - 1e-14)])
 def test_a_grid_that_misses_the_end_by_rounding_has_no_step_more(step):
-    assert len(grid(Fixed(step, 0.0, 1.0), 0.0, 1.0)) == 20
+    pace = Fixed(step, 0.0, 1.0)
+    assert pace.n == 10
+    assert len(grid(pace, 0.0, 1.0)) == 20
+    assert Fixed(0.1 * (1 - 1e-9), 0.0, 1.0).n == 11
 
 
 def test_fixed_steps_leave_the_grid_for_the_end_of_a_leg_and_come_back():
