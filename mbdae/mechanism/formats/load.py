@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from pydantic import Field, ValidationError
 
 from ...errors import InputError, UnknownNameError
@@ -62,7 +63,7 @@ def load(
     recipe = read(path, parameters, key=key, assemble=assemble, more=more)
     if recipe.left_out:
         warnings.warn(f"{recipe.name}: not carried over: {'; '.join(map(shortened, recipe.left_out))}", stacklevel=2)
-    mech = _make(recipe, [f for f in forces if not isinstance(f, FORCES)])
+    mech = make(recipe, [f for f in forces if not isinstance(f, FORCES)])
     if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
         _remark_open(mech, recipe.name)
     return mech
@@ -138,36 +139,54 @@ def _with_options(source: Source, file: MechanismFile, key: str) -> Source:
     return source.model_copy(update={"free_flyer": source.free_flyer or file.free_flyer, "key": key or source.key})
 
 
-def _make(recipe: Recipe, functions: Sequence[Any] = ()) -> Mechanism:
-    file, name, parts, motors, left_out, parameters = recipe
-    if not parts and not file.body:
+def make(recipe: Recipe, functions: Sequence[Any] = (), *, remembered: bool = True) -> Mechanism:
+    """Make the mechanism that files describe.
+
+    Args:
+        recipe: the files, read.
+        functions: Python forces, behind those of the file.
+        remembered: keep the files for `describe`; False where their numbers were changed since they were read.
+
+    Raises:
+        UnknownNameError, InputError: for what does not fit together.
+    """
+    file, name = recipe.file, recipe.name
+    if not recipe.parts and not file.body:
         raise InputError(f"{name}: a mechanism needs a source or a [[body]]")
-    model, visuals = build(file, parts, name)
-    source = {
-        "name": name,
-        "file": _plain(file),
-        "parts": [p.record for p in parts],  # called when written: meshes are large
-        "motors": [list(m) for m in motors],
-        "left_out": list(left_out),
-        "parameters": list(parameters),
-    }
+    model, visuals = build(file, recipe.parts, name)
+    source = _source(recipe) if remembered else None
+    rest = {"visuals": visuals, "source": source, "motors": recipe.motors, "left_out": recipe.left_out}
     try:
-        return Mechanism(
-            model,
-            file.closure,
-            [*file.force, *functions],
-            drivers=file.driver,
-            start=file.start,
-            visuals=visuals,
-            title=file.title or name,
-            duration=file.duration,
-            order=file.order,
-            source=source,
-            motors=motors,
-            left_out=left_out,
-        )
+        return _of_file(model, file, [*file.force, *functions], file.title or name, **rest)
     except MemoryError:
         raise InputError(f"{name}: there is not enough memory for {model.njoints - 1} joints") from None
+
+
+def _source(recipe: Recipe) -> dict[str, Any]:
+    """What `describe` says of a mechanism from files."""
+    return {
+        "name": recipe.name,
+        "file": _plain(recipe.file),
+        "parts": [p.record for p in recipe.parts],  # called when written: meshes are large
+        "motors": [list(m) for m in recipe.motors],
+        "left_out": list(recipe.left_out),
+        "parameters": list(recipe.parameters),
+    }
+
+
+def _of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title: str, **rest: Any) -> Mechanism:
+    """The mechanism over a model, with what the tables of a file say besides."""
+    return Mechanism(
+        model,
+        file.closure,
+        forces,
+        drivers=file.driver,
+        start=file.start,
+        title=title,
+        duration=file.duration,
+        order=file.order,
+        **rest,
+    )
 
 
 def describe(mech: Mechanism) -> dict[str, Any]:
@@ -230,20 +249,11 @@ def restore(description: Mapping[str, Any]) -> Mechanism:
     if d.model is None:
         parameters = [p.model_dump() for p in d.parameters]
         parts = [restored(r) for r in d.parts]
-        return _make(Recipe(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in missing])
+        return make(Recipe(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in missing])
     forces: list[Any] = list(d.file.force)
     for at, law in missing:
         forces.insert(at, law)
-    return Mechanism(
-        made(d.model),
-        d.file.closure,
-        forces,
-        drivers=d.file.driver,
-        start=d.file.start,
-        title=d.file.title,
-        duration=d.file.duration,
-        order=d.file.order,
-    )
+    return _of_file(made(d.model), d.file, forces, d.file.title)
 
 
 def _plain(file: MechanismFile) -> dict[str, Any]:

@@ -25,9 +25,9 @@ from ..frames import find_joint, joint_names
 from ..mechanism import Mechanism
 from ..start import Start
 from ..tables import Table
-from .build import body_inertia, build, placement
+from .build import body_inertia, placement
 from .library import PARAMETRIC, find
-from .load import Recipe, read
+from .load import Recipe, make, read
 from .parametric import parameter_names, split
 from .part import Part
 from .schema import Body, MechanismFile
@@ -107,18 +107,7 @@ class Template:
         for name, value in changed.items():
             if not name.startswith("joint."):
                 file = replaced(file, name, value, name)
-        model, _ = build(file, parts, recipe.name)
-        return Mechanism(
-            model,
-            file.closure,
-            file.force,
-            drivers=file.driver,
-            start=file.start,
-            title=file.title or recipe.name,
-            duration=file.duration,
-            order=file.order,
-            left_out=recipe.left_out,
-        )
+        return make(recipe._replace(file=file, parts=parts), remembered=False)
 
 
 def check_start(mech: Mechanism, name: str) -> None:
