@@ -19,6 +19,7 @@ from rich.text import Text
 from ..backend import BACKENDS
 from ..errors import InputError, printable
 from ..integrate.solve import solve
+from ..integrate.span import checked_span
 from ..mechanism import Mechanism
 from ..solution.solution import Solution
 
@@ -73,10 +74,7 @@ def span(mech: Mechanism, end: float | None) -> tuple[float, float]:
     Raises:
         InputError: for an end that is not positive.
     """
-    end = mech.duration if end is None else end
-    if not end > 0:
-        raise InputError(f"the end time must be positive, got {end}")
-    return 0.0, end
+    return checked_span(mech.duration if end is None else end, end=True)
 
 
 def simulate(

@@ -20,6 +20,7 @@ from .jumps import Jumps
 from .retrace import retracer
 from .run import RunState
 from .singularity_watch import SingularWatch
+from .span import checked_span
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 from .steppers.native import NativeStepper
@@ -55,7 +56,7 @@ def prepare(
     """
     tableau = find(formulation, method)
     project = _projected(problem, project, formulation, step)
-    t0, t1 = _span(t_span)
+    t0, t1 = checked_span(t_span, pair=True)
     system, fallback = bind(problem, tableau, formulation, baumgarte, backend)
     inner = _stepper(system, tableau, formulation, step, control, t0, t1)
     stepper: Stepper = inner
@@ -130,16 +131,6 @@ def _projected(problem: Problem, project: bool | str, formulation: str, step: fl
     if project and formulation != "index2":
         raise InputError(f"project=True belongs to formulation 'index2', got {formulation!r}")
     return bool(project)
-
-
-def _span(t_span: Sequence[float]) -> tuple[float, float]:
-    try:
-        t0, t1 = (float(t) for t in t_span)
-    except (TypeError, ValueError):
-        raise InputError(f"t_span is a pair of times, got {t_span!r}") from None
-    if not (np.isfinite(t0) and np.isfinite(t1)):
-        raise InputError(f"t_span must be finite, got {t_span!r}")
-    return t0, t1
 
 
 def within(t_eval: Array, t0: float, t1: float) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from ...backend import choose
 from ...errors import InputError, require
 from ...integrate.binding import lacking
+from ...integrate.span import checked_span
 from ...integrate.steppers.scipy_ivp import find
 from ...mechanism import Mechanism
 from ..variant import Variant, variants
@@ -118,10 +119,9 @@ def _backend(mech: Mechanism, tasks: list[Task], backend: str) -> str:
 def _course(
     mech: Mechanism, t_span: Sequence[float] | None, q: Array | None, v: Array | None, outputs: int, max_steps: int
 ) -> Course:
-    t0, t1 = (0.0, mech.duration) if t_span is None else (float(t) for t in t_span)
-    if not (np.isfinite(t0) and np.isfinite(t1)) or t0 == t1 or outputs < 1 or max_steps < 1:
-        got = f"{t_span!r}, outputs = {outputs}, max_steps = {max_steps}"
-        raise InputError(f"expected a time span, and at least one output and one step, got {got}")
+    t0, t1 = checked_span(mech.duration if t_span is None else t_span)
+    if outputs < 1 or max_steps < 1:
+        raise InputError(f"expected at least one output and one step, got {outputs = }, {max_steps = }")
     y = mech.point(q, v)
     times = np.linspace(t0, t1, outputs + 1)[1:]
     return Course(mech, y[: mech.nq], y[mech.nq : mech.nq + mech.nv], (t0, t1), times, max_steps)

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...errors import InputError, require, several
 from ...integrate.solve import solve
+from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...methods import METHODS
 from ...methods import method as find_method
@@ -142,10 +143,10 @@ def check_order(
         find_method(name)
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None
-    T = T if T is not None else (settings.T if settings else 1.0)
+    _, T = checked_span(T if T is not None else (settings.T if settings else 1.0), end=True)
     steps = steps if steps is not None else (settings.steps if settings else 40)
-    if not T > 0 or steps < LEAST_OUTPUTS:
-        raise InputError(f"T must be positive and steps at least {LEAST_OUTPUTS}, got T = {T}, steps = {steps}")
+    if steps < LEAST_OUTPUTS:
+        raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
     start = mech.assemble(mech.order.q, mech.order.v) if mech and (mech.order.q or mech.order.v) else None
     measure = _Measure(problem, T, steps, start, progress or (lambda name: None))
     slopes = {name: measure.judge(name) for name in names}

@@ -14,6 +14,7 @@ import numpy as np
 from ...errors import InputError, require
 from ...files import write_whole
 from ...integrate.solve import solve
+from ...integrate.span import checked_span
 from ...mechanism import Mechanism, describe
 from ...solution.archive import versions
 from ...solution.solution import Solution
@@ -118,7 +119,7 @@ def report(
     require(mech, Mechanism, "report takes a Mechanism (see mbdae.load)")
     tell = progress or (lambda done, name: None)
     chosen = variants(methods or METHODS)
-    span = (0.0, mech.duration if end is None else end)
+    span = checked_span(mech.duration if end is None else end)
     sols = []
     for i, v in enumerate(chosen):
         tell(SHARES["runs"] * i / len(chosen), f"run, {v}")

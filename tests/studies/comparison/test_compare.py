@@ -136,7 +136,9 @@ def test_a_run_that_fails_is_kept_with_its_reason(four_bar):
         ({"methods": []}, "at least one method"),
         ({"reference": ["pherk5"]}, "two methods"),
         ({"workers": 0}, "workers"),
-        ({"t_span": (1.0, 1.0)}, "time span"),
+        ({"t_span": (1.0, 1.0)}, "finite and not empty"),
+        ({"t_span": (1.0, 2.0, 3.0)}, "t_span is an end, or a start and an end"),
+        ({"t_span": "long"}, "t_span is an end, or a start and an end"),
     ],
 )
 def test_wrong_arguments_are_refused(four_bar, options, words):
