@@ -4,19 +4,43 @@ import hashlib
 import json
 import platform
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from ...errors import InputError
-from ...mechanism import describe
+from ...mechanism import Mechanism, describe
 from ...solution.archive import versions
-from ..processes import measured, measured_there, pool, timed, timed_there
 from ..variant import Variant
+from ..workers import Stop, pool
 from .comparison import Comparison, Point, in_order
 from .course import Course, Samples, Task
 
 LONG = 2.0  # s: a run that takes longer is timed once
 Progress = Callable[[float, str], None]
+
+
+class Job(NamedTuple):
+    """What the runs share: what is computed, the reference, and whether the first time counts."""
+
+    course: Course
+    reference: Samples | None = None
+    clock: bool = False
+
+
+def measured(job: Job, task: Task, stop: Stop | None = None) -> Point:
+    """Make a run and hold it against the reference."""
+    assert job.reference is not None
+    sol = job.course.solve(task, stop)
+    point = job.course.measure(task, sol, job.reference)
+    return replace(point, times=(sol.stats["seconds"],)) if job.clock and point.success else point
+
+
+def timed(job: Job, task: Task, stop: Stop | None = None) -> float:
+    """Repeat a run for its wall time in s."""
+    return job.course.solve(task, stop).stats["seconds"]
 
 
 class Bench:
@@ -92,36 +116,49 @@ class Bench:
     def measure(self, workers: int, *, clock: bool) -> None:
         """Make the runs that are missing, here or in processes."""
         todo = self.open()
-        if self.samples is None or not todo:
-            return
-        if workers == 1:
-            for i, task in enumerate(todo):
-                self._say(i / len(todo), str(task))
-                self._keep(measured(self.course, task, self.samples, clock))
-        else:
-            with pool(workers, self.course, self.samples) as submit:
-                for i, done in enumerate(submit(measured_there, [(t, clock) for t in todo])):
-                    self._say((i + 1) / len(todo), f"{done.method} done")
-                    self._keep(done)
-        self.passed += 1
+        if self.samples is not None and todo:
+            job = Job(self.course, self.samples, clock)
+            self._pass(measured, job, todo, workers, lambda task, point: self._keep(point))
 
     def time(self, repeats: int, workers: int) -> None:
         """Repeat runs for their times, all of them in turn; those above two seconds once."""
+
+        def keep(task: Task, seconds: float) -> None:
+            point = self.points[task.label]
+            self._keep(replace(point, times=(*point.times, seconds)))
+
         labels = {t.label: t for t in self.tasks}
         for r in range(repeats):
-            short = [(labels[k], p) for k, p in self.points.items() if k in labels and len(p.times) <= r and _again(p)]
-            if not short:
-                continue
-            if workers == 1:
-                for i, (task, point) in enumerate(short):
-                    self._say(i / len(short), f"time {r + 1} of {repeats}: {task}")
-                    self._keep(timed(self.course, task, point))
-            else:
-                with pool(workers, self.course, None) as submit:
-                    for i, done in enumerate(submit(timed_there, short)):
-                        self._say((i + 1) / len(short), f"time {r + 1} of {repeats}")
-                        self._keep(done)
-            self.passed += 1
+            short = [labels[k] for k, p in self.points.items() if k in labels and len(p.times) <= r and _again(p)]
+            if short:
+                self._pass(timed, Job(self.course), short, workers, keep, f"time {r + 1} of {repeats}: ")
+
+    def _pass(
+        self,
+        function: Callable[..., Any],
+        job: Job,
+        tasks: Sequence[Task],
+        workers: int,
+        keep: Callable[[Task, Any], None],
+        what: str = "",
+    ) -> None:
+        """Call a function for each of the runs, here or in processes, and keep what it returns."""
+        if workers == 1:
+            for i, task in enumerate(tasks):
+                self._say(i / len(tasks), f"{what}{task}")
+                keep(task, function(job, task))
+        else:
+            finished = []
+
+            def kept(task: Task, found: Any) -> None:
+                finished.append(task)
+                self._say(len(finished) / len(tasks), f"{what}{task} done")
+                keep(task, found)
+
+            sent = job._replace(course=replace(job.course, mechanism=light(job.course.mechanism)))
+            with pool("processes", workers, function, sent, "workers=1") as there:
+                there.work(tasks, kept)
+        self.passed += 1
 
     def _say(self, share: float, name: str) -> None:
         """Tell the progress: so many passes over the runs are done, and a share of the next one."""
@@ -147,3 +184,11 @@ class Bench:
 
 def _again(point: Point) -> bool:
     return point.success and not (point.times and point.times[0] > LONG)
+
+
+def light(mech: Mechanism) -> Mechanism:
+    """The mechanism without its shapes, which can be hundreds of megabytes, and without what made it."""
+    out = copy(mech)
+    out.visuals = out.source = None
+    out.__dict__.pop("scene", None)
+    return out

@@ -46,6 +46,9 @@ class Task(NamedTuple):
     seed: int
     values: dict[str, Any]
 
+    def __str__(self) -> str:
+        return f"run {self.run}"
+
 
 def tasks(parameters: Parameters, seed: int) -> list[Task]:
     """The runs in their order: of a grid the last parameter changes first.

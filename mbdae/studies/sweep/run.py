@@ -15,6 +15,7 @@ from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
 from ...mechanism.formats.template import START, Template, check_start, with_start
 from ...system import Counts
+from ..workers import Stop
 from .outputs import Output, evaluate
 from .plan import Task
 
@@ -28,7 +29,6 @@ FAILURES = {  # statuses of runs that did not come to a solution
     "output": "an output could not be computed",
     "error": "an unexpected error",
 }
-Stop = Callable[[], bool]
 
 
 class Maker(Protocol):

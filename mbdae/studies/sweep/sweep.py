@@ -4,18 +4,18 @@ import hashlib
 import inspect
 import json
 import warnings
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import CancelledError, Executor, Future
-from itertools import islice
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
 
-from ...backend import known
+from ...backend import choose, known
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...integrate.solve import solve
+from ...integrate.span import checked_span
 from ...integrate.steppers.scipy_ivp import find
 from ...mechanism import Mechanism, describe
 from ...mechanism.callbacks import function_name
@@ -23,12 +23,12 @@ from ...mechanism.formats.library import model_names
 from ...mechanism.formats.parametric import split as split_name
 from ...mechanism.formats.part import shortened
 from ...solution.archive import versions
-from .executors import Pool, pool
+from ..workers import pool
 from .file import SweepFile
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
 from .plan import Parameters, Random, Task, names, tasks
-from .run import SOLVE, Job, Maker, check_settings, split
+from .run import SOLVE, Job, Maker, check_settings, run, split
 from .table import Sweep, column_kinds, completed
 
 __all__ = ["Random", "Sweep", "sweep"]
@@ -102,7 +102,8 @@ def sweep(
     """
     if path is not None and not isinstance(path, str | Path):
         raise InputError(f"path is the name of a file, got {path!r:.60}")
-    known(settings.get("backend", "auto"))
+    there = known if isinstance(executor, Executor) else choose  # which back ends other machines have is theirs to say
+    there(settings.get("backend", "auto"))
     plan = tasks(parameters, seed)
     job = _job(model, t_span, times, outputs, settings)
     mech = _checked(job, plan)
@@ -116,10 +117,10 @@ def sweep(
     result = Sweep([], meta, path=Path(path) if path is not None else None)
     rows = dict(file.rows) if file else {}
 
-    def keep(found: dict[str, Any]) -> None:
+    def keep(task: Task, found: dict[str, Any]) -> None:
         if found["status"] == "interrupted":  # by a signal that reached the worker: the run is still to be made
             return
-        row = completed(found, plan[found["run"]], kinds)
+        row = completed(found, task, kinds)
         if file:
             file.keep(row)
         rows[row["run"]], result.seconds[row["run"]] = row, found["seconds"]
@@ -129,8 +130,8 @@ def sweep(
     try:
         open_tasks = [task for task in plan if task.run not in rows]
         if open_tasks:
-            with pool(executor, workers, job) as workshop:
-                _work(workshop, open_tasks, keep)
+            with suppress(KeyboardInterrupt), pool(executor, workers, run, job, "executor='threads'") as shop:
+                shop.work(open_tasks, keep)
         result.rows = [rows[i] for i in sorted(rows)]
         if file and result.complete:
             file.finish(result.rows)
@@ -140,38 +141,6 @@ def sweep(
     return result
 
 
-def _work(workshop: Pool, plan: Iterable[Task], keep: Callable[[dict[str, Any]], None]) -> None:
-    """Compute runs, a bounded number under way, and keep them as they finish; Ctrl-C keeps those that are finished.
-
-    Raises:
-        MbdaeError: when a run does not come back.
-    """
-    waiting, under_way, finished = iter(plan), dict[Future, Task](), SimpleQueue[Future]()
-    try:
-        while True:
-            for task in islice(waiting, workshop.bound - len(under_way)):
-                future = workshop.submit(task)
-                under_way[future] = task
-                future.add_done_callback(finished.put)
-            if not under_way:
-                return
-            future = finished.get()
-            keep(_result(future, under_way.pop(future)))
-    except KeyboardInterrupt:
-        workshop.stop()
-        for future, task in under_way.items():
-            if not future.cancel() and future.done() and not future.cancelled():
-                keep(_result(future, task))
-
-
-def _result(future: Future, task: Task) -> dict[str, Any]:
-    try:
-        return future.result()
-    except (Exception, CancelledError) as e:
-        why = f"{type(e).__name__}: {e}" if str(e) else type(e).__name__
-        raise MbdaeError(f"run {task.run} was lost by its worker, runs that are finished are kept: {why}") from e
-
-
 def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], settings: dict[str, Any]) -> Job:
     """Check the arguments that need no mechanism."""
     if not isinstance(model, str | Path) and (not callable(model) or isinstance(model, type)):
@@ -179,7 +148,8 @@ def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], setti
     if isinstance(outputs, str) or not isinstance(outputs, Sequence):
         raise InputError(f"outputs is a list of texts and functions, got {outputs!r:.60}")
     check_settings(list(settings))
-    return Job(_settled(model), _span(t_span), _times(times), tuple(outputs), settings)
+    span = None if t_span is None else checked_span(t_span)
+    return Job(_settled(model), span, _times(times), tuple(outputs), settings)
 
 
 def _settled(model: Model) -> str | Callable[..., Mechanism]:
@@ -190,18 +160,6 @@ def _settled(model: Model) -> str | Callable[..., Mechanism]:
     if plain in model_names() or not Path(plain).exists():
         return str(model)
     return str(Path(plain).resolve()) + str(model)[len(plain) :]
-
-
-def _span(t_span: Any) -> tuple[float, float] | None:
-    if t_span is None:
-        return None
-    try:
-        t0, t1 = (0.0, float(t_span)) if np.ndim(t_span) == 0 else (float(t) for t in t_span)
-    except (TypeError, ValueError):
-        raise InputError(f"t_span is an end, or a start and an end in s, got {t_span!r}") from None
-    if not (np.isfinite([t0, t1]).all() and t0 != t1):
-        raise InputError(f"t_span must be finite and not empty, got {t_span!r}")
-    return t0, t1
 
 
 def _times(times: Any) -> int | tuple[float, ...] | None:

@@ -12,7 +12,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.studies import processes
+from mbdae.studies.comparison.bench import light
 from mbdae.studies.comparison.comparison import Comparison
 
 RUNS = {"methods": ("pherk5", "herk3", "ggl:pherk5", "index1:RK45"), "rtol": (1e-3, 1e-5)}
@@ -38,7 +38,7 @@ def test_what_cannot_be_sent_is_said():
 
 def test_shapes_are_not_sent():
     panda = mbdae.load("panda_handle")
-    assert processes._light(panda).visuals is None
+    assert light(panda).visuals is None
     assert panda.visuals is not None
 
 

@@ -1,12 +1,5 @@
 """Sweeps that go on from a file, or do not, and what is refused before anything runs."""
 
-import os
-import signal
-import subprocess
-import sys
-import time
-from contextlib import suppress
-
 import pytest
 
 import mbdae
@@ -80,46 +73,3 @@ def test_outputs_do_not_overwrite_columns(outputs, words):
 def test_what_all_runs_share_is_refused_at_once(parameters, more, words):
     with pytest.raises(mbdae.MbdaeError, match=words):
         mbdae.sweep("pendulum", parameters, 0.1, **more)
-
-
-STUDY = """
-import multiprocessing, os, time
-from pathlib import Path
-
-import mbdae
-
-def force(t, q, v):
-    if multiprocessing.parent_process():
-        Path(f"{os.getpid()}.worker").touch()
-        time.sleep(60)
-    return 0 * v
-
-def model(**parameters):
-    return mbdae.load("four_bar", forces=[force])
-
-if __name__ == "__main__":
-    """
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        'mbdae.sweep(model, [{}] * 9, 0.01, executor="processes", workers=2)',
-        'mbdae.compare(model(), (0, 0.01), methods=["herk2"], workers=2)',
-    ],
-)
-def test_workers_end_with_the_process_that_started_them(call, tmp_path):
-    (tmp_path / "study.py").write_text(STUDY + call)
-    process = subprocess.Popen(
-        [sys.executable, "study.py"], cwd=tmp_path, stderr=subprocess.PIPE, start_new_session=True
-    )
-    try:
-        while len(list(tmp_path.glob("*.worker"))) < 2:
-            assert process.poll() is None, process.communicate()
-            time.sleep(0.01)
-        process.terminate()
-        process.communicate(timeout=20)  # it waits for all who hold the pipe
-    finally:
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-    assert process.returncode == -signal.SIGTERM

@@ -13,9 +13,9 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError, MbdaeError, UnknownNameError
-from mbdae.studies.sweep.executors import AHEAD
 from mbdae.studies.sweep.file import PART
 from mbdae.studies.sweep.toml_file import read_sweep
+from mbdae.studies.workers import AHEAD
 
 LINKS = {"frame.rod_tip.xyz.0": [0.34, 0.36], "start.v.crank": [5.0, 6.0, 7.0]}
 QUICK = {"outputs": ["peak force.wrist pin", "q.slider"], "times": 11, "rtol": 1e-6, "executor": "threads"}

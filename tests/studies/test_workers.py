@@ -1,0 +1,140 @@
+"""Worker processes of studies: they hear no Ctrl-C, end with the process that started them, and lose nothing."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import Future
+from contextlib import suppress
+
+import pytest
+
+from mbdae.errors import InputError, MbdaeError
+from mbdae.studies.workers import AHEAD, Pool, pool
+
+STUDY = """
+import multiprocessing, os, time
+from pathlib import Path
+
+PHASE = {phase!r}
+
+def wait(seconds):
+    Path(f"{{os.getpid()}}.worker").touch()
+    time.sleep(seconds)
+
+if __name__ == "__mp_main__" and PHASE == "importing":
+    wait(1)
+
+import mbdae
+
+def force(t, q, v):
+    if multiprocessing.parent_process() and PHASE == "computing":
+        wait(60)
+    return 0 * v
+
+def model(**parameters):
+    return mbdae.load("four_bar", forces=[force])
+
+if __name__ == "__main__":
+    print({call}.complete)
+"""
+CALLS = [
+    'mbdae.sweep(model, [{}] * 9, 0.01, executor="processes", workers=2)',
+    'mbdae.compare(model(), (0, 0.01), methods=["herk2"], workers=2)',
+]
+
+
+def signalled(folder, call, phase, how):
+    """Send a signal to a script, alone or with its workers, when both are at work; return how it ended."""
+    (folder / "study.py").write_text(STUDY.format(call=call, phase=phase))
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen([sys.executable, "study.py"], cwd=folder, start_new_session=True, **pipes)
+    try:
+        while len(list(folder.glob("*.worker"))) < 2:
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.01)
+        (os.killpg if how == signal.SIGINT else os.kill)(process.pid, how)  # Ctrl-C reaches all processes
+        out, err = process.communicate(timeout=30)  # it waits for all who hold the pipes
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    return process.returncode, out, err
+
+
+@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("phase", ["importing", "computing"])
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_workers_end_with_the_process_that_started_them(call, phase, how, tmp_path):
+    assert signalled(tmp_path, call, phase, how)[0] == -how
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_workers_hear_no_ctrl_c_while_they_import(call, tmp_path):
+    assert signalled(tmp_path, call, "importing", signal.SIGINT) == (0, "False\n", "")
+
+
+def double(job, task, stop):
+    """A run that takes its time, gives up, or is no run at all."""
+    if task == "gone":
+        os._exit(3)
+    if task == "wrong":
+        raise InputError("wrong")
+    while task == "long" and not stop():
+        time.sleep(0.01)
+    return [job, 2 * task]
+
+
+@pytest.mark.parametrize("kind", ["threads", "processes"])
+def test_results_come_with_their_tasks(kind):
+    found = {}
+    with pool(kind, 2, double, "shared", "less") as shop:
+        assert shop.bound == 2 * AHEAD
+        shop.work(range(9), found.__setitem__)
+    assert found == {i: ["shared", 2 * i] for i in range(9)}
+
+
+def test_a_worker_that_is_gone_is_said_and_errors_come_home():
+    for task, words in (("gone", "gone was lost by its worker"), ("wrong", "wrong")):
+        with pytest.raises(MbdaeError, match=words) as e, pool("processes", 1, double, None, "less") as shop:
+            shop.work([task], lambda *found: None)
+        assert isinstance(e.value, InputError) is (task == "wrong")
+
+
+@pytest.mark.parametrize("kind", ["threads", "processes"])
+def test_runs_under_way_give_up_when_something_fails(kind):
+    def fail(task, found):
+        raise ValueError("full")
+
+    with pytest.raises(ValueError, match="full"), pool(kind, 2, double, None, "less") as shop:
+        shop.work(["long", 1, "long", "long", "long"], fail)
+
+
+def test_what_is_finished_is_kept_at_ctrl_c():
+    def submit(task):
+        future = Future()
+        given.append(task)
+        if task == 2:
+            future.set_running_or_notify_cancel()
+        elif task == 3:
+            future.set_exception(OSError("gone"))
+        else:
+            future.set_result(-task)
+        return future
+
+    def keep(task, found):
+        kept[task] = found
+        if task == 0:
+            raise KeyboardInterrupt
+
+    given, kept = [], {}
+    with pytest.raises(KeyboardInterrupt):
+        Pool(submit, 4).work(range(9), keep)
+    assert given == [0, 1, 2, 3]
+    assert kept == {0: 0, 1: -1}
+
+
+def test_numbers_of_workers_that_are_none_are_refused():
+    for workers in (0, 10_001, 1.5, True):
+        with pytest.raises(InputError, match="workers is a number"), pool("threads", workers, double, None, "less"):
+            pass
