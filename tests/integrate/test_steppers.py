@@ -8,7 +8,8 @@ import pytest
 
 from mbdae.errors import StepError
 from mbdae.integrate.jumps import MARGIN, Jumps, Leg
-from mbdae.integrate.steppers.pace import Adaptive, Fixed
+from mbdae.integrate.steppers.adaptive import Adaptive
+from mbdae.integrate.steppers.fixed import Fixed
 from mbdae.methods.controller import Controller
 from mbdae.system import State, Step
 
