@@ -28,25 +28,16 @@ from .mechanism import (
     load,
     model_names,
 )
+from .members import public
 from .methods import METHODS
 from .solution.solution import Solution
 from .textbook.hessenberg import Hessenberg
 
-_STUDIES = {  # loaded when used: plotting and viewing are slow to import
-    "Random": "sweep.plan",
-    "Sweep": "sweep.table",
-    "animate": "replay.replay",
-    "card": "card.card",
-    "check_order": "order.order",
-    "compare": "comparison.compare",
-    "drift": "drift.drift",
-    "report": "report.report",
-    "sweep": "sweep.sweep",
-}
+_STUDIES = public("mbdae.studies", "*/*.py")  # loaded when used: plotting and viewing are slow to import
 
 
 def _replay(sol: Solution) -> str:
-    return import_module(".studies.replay.replay", __name__).notebook(sol)
+    return import_module(_STUDIES["animate"]).notebook(sol)
 
 
 Solution.viewer = _replay  # solutions know nothing of studies: what shows them in notebooks is handed down
@@ -54,7 +45,7 @@ Solution.viewer = _replay  # solutions know nothing of studies: what shows them 
 
 def __getattr__(name: str) -> Any:
     if name in _STUDIES:
-        return getattr(import_module(f".studies.{_STUDIES[name]}", __name__), name)
+        return getattr(import_module(_STUDIES[name]), name)
     raise AttributeError(f"module 'mbdae' has no attribute {name!r}")
 
 
@@ -75,20 +66,12 @@ __all__ = [
     "JointTorque",
     "MbdaeError",
     "Mechanism",
-    "Random",
     "Sampled",
     "Solution",
     "SpringDamper",
-    "Sweep",
     "Wrench",
-    "animate",
-    "card",
-    "check_order",
-    "compare",
-    "drift",
     "load",
     "model_names",
-    "report",
     "solve",
-    "sweep",
+    *_STUDIES,
 ]

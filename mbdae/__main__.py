@@ -17,7 +17,7 @@ def cli() -> None:
     """Simulate constrained mechanisms, check the result, and replay it."""
 
 
-for command in members("mbdae.studies", click.Command, file="command"):
+for command in members("mbdae.studies", click.Command, files="*/command.py"):
     cli.add_command(command)
 
 

@@ -1,27 +1,36 @@
 """Families are folders: their members are found by looking, never typed into a list."""
 
+import ast
+import re
 from collections.abc import Iterator
 from importlib import import_module
-from pkgutil import iter_modules
+from pathlib import Path
 from typing import Any
 
 
-def members(package: str, *kinds: type, file: str = "") -> Iterator[Any]:
+def members(package: str, *kinds: type, files: str = "*.py") -> Iterator[Any]:
     """Yield the values of some types that the files of a folder define, file by file in alphabetical order.
 
     Args:
         package: dotted name of the folder.
         kinds: types of the values.
-        file: look into the file of this name in each folder inside, instead of all files.
+        files: which of its files, or of those in folders inside: ``"*/command.py"``.
     """
-    path = import_module(package).__path__
-    for found in iter_modules(path):
-        name = f"{package}.{found.name}"
-        if file and found.ispkg and file in {inner.name for inner in iter_modules(import_module(name).__path__)}:
-            yield from _defined(f"{name}.{file}", kinds)
-        elif not file and not found.ispkg:
-            yield from _defined(name, kinds)
+    for module in _modules(package, files):
+        yield from (value for value in vars(import_module(module)).values() if isinstance(value, kinds))
 
 
-def _defined(module: str, kinds: tuple[type, ...]) -> Iterator[Any]:
-    yield from (value for value in vars(import_module(module)).values() if isinstance(value, kinds))
+def public(package: str, files: str = "*.py") -> dict[str, str]:
+    """Return the names that files list in ``__all__``, with their modules, of which none is imported."""
+    out: dict[str, str] = {}
+    for module, path in _modules(package, files).items():
+        found = re.search(r"^__all__ = (\[[^]]*\])", path.read_text("utf-8"), re.MULTILINE)
+        out |= dict.fromkeys(ast.literal_eval(found[1]), module) if found else {}
+    return out
+
+
+def _modules(package: str, files: str) -> dict[str, Path]:
+    """Modules of a folder by dotted name; those with an underscore are nobody's members."""
+    folder = Path(str(import_module(package).__file__)).parent
+    paths = sorted(path for path in folder.glob(files) if not path.stem.startswith("_"))
+    return {".".join([package, *path.relative_to(folder).with_suffix("").parts]): path for path in paths}

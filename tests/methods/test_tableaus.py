@@ -199,10 +199,7 @@ def test_report_is_readable_and_plain():
 
 
 def test_methods_are_found_by_name():
-    half_explicit = (
-        "herk1 herk2 herk3 herk4 herk5 pherk3 pherk4 pherk5 pherk6 hedop5 arnold4 kutta3 rk4 rule38"
-    )
-    assert {name for name in METHODS if name in TABLEAUS} == set(half_explicit.split())
+    assert {"herk3", "pherk5", "hedop5", "rk4", "radau5"} < set(METHODS)
     assert list(METHODS) == sorted(METHODS)
     assert all(method(name).name == name for name in METHODS)
     with pytest.raises(errors.UnknownNameError, match="valid: arnold4, hedop5") as caught:

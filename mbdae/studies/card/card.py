@@ -8,6 +8,8 @@ import numpy as np
 from ...errors import require
 from ...mechanism import Closure, Mechanism, redundant
 
+__all__ = ["card"]
+
 NOT_MODELLED = (
     "contact",
     "joint limits",

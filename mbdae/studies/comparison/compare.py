@@ -17,6 +17,8 @@ from .bench import Bench, Progress
 from .comparison import Comparison
 from .course import Course, Task
 
+__all__ = ["compare"]
+
 METHODS = ("pherk5", "pherk6", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:DOP853")
 TOLERANCES = tuple(10.0**-k for k in range(3, 11))
 REFERENCE = ("pherk6", "radau9")

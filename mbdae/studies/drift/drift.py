@@ -10,6 +10,8 @@ from ...solution.columns import balance, residuals
 from ...solution.solution import Solution
 from ..variant import of as variant_of
 
+__all__ = ["drift"]
+
 
 @dataclass(frozen=True)
 class Drift:

@@ -22,6 +22,8 @@ from ...methods import METHODS
 from ...methods import method as find_method
 from ...solution.solution import Problem, Solution
 
+__all__ = ["check_order"]
+
 LEAST_OUTPUTS, HALVINGS, MARGIN, ABOVE = 10, 4, 0.2, 100.0
 LARGEST_RUN = 120_000  # solves in one run of the study
 SETTLED = 0.1  # the spread of the last slopes below which finer steps would not say more

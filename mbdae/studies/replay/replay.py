@@ -25,6 +25,8 @@ from . import tracks
 from .panes import Pane, Plot, Signal, panes
 from .threejs import mesh_data, node, scene_object, typed
 
+__all__ = ["animate"]
+
 with warnings.catch_warnings():  # meshcat imports its server, unused here, and that a deprecated module
     warnings.simplefilter("ignore", DeprecationWarning)
     import meshcat

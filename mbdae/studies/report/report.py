@@ -25,6 +25,8 @@ from ..drift.drift import Drift, History, drift, history
 from ..order.order import OrderStudy, check_order
 from ..variant import Variant, variants
 
+__all__ = ["report"]
+
 METHODS = ("pherk5", "pherk6", "herk5", "radau5", "ggl:pherk5", "index1:DOP853")
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 SHARES = {"runs": 0.1, "orders": 0.35, "comparison": 1.0}  # where each part ends, as a fraction of the work

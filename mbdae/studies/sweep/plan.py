@@ -10,6 +10,8 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError
 
+__all__ = ["Random"]
+
 DISTRIBUTIONS = (  # methods of numpy.random.Generator
     "uniform", "normal", "lognormal", "triangular", "choice", "integers", "exponential", "gamma", "beta", "weibull",
 )  # fmt: skip

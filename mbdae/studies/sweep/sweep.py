@@ -31,6 +31,8 @@ from .plan import Parameters, Random, Task, names, tasks
 from .run import SOLVE, Job, Maker, check_settings, run, split
 from .table import Sweep, column_kinds, completed
 
+__all__ = ["sweep"]
+
 __all__ = ["Random", "Sweep", "sweep"]
 Model = str | Path | Callable[..., Mechanism]
 Progress = Callable[[float, str], None]

@@ -14,6 +14,8 @@ from .file import MORE, Row, read, write
 from .plan import Task, names
 from .run import COUNTS, FAILURES
 
+__all__ = ["Sweep"]
+
 STATE = {"status": "text", "message": "text", "t": "float", **dict.fromkeys(COUNTS, "int"), "backend": "text"}
 SUCCESS = ("finished", "event")
 SHOWN = 12  # rows as text
