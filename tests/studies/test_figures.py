@@ -17,7 +17,7 @@ from mbdae.studies.comparison.figure import work_precision
 from mbdae.studies.drift.drift import history
 from mbdae.studies.drift.figure import drifts
 from mbdae.studies.order.figure import convergence
-from mbdae.studies.order.order import OrderStudy, Slope
+from mbdae.studies.order.result import OrderStudy, Slope
 from mbdae.studies.run.figure import motion
 from mbdae.studies.sweep.figure import spread
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..figures import WIDTH, beside, logarithmic, look, plain, settled, sheet
-from .order import OrderStudy, Slope
+from .result import OrderStudy, Slope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,7 +22,8 @@ from ..card.card import Card, card
 from ..comparison.compare import compare
 from ..comparison.comparison import Comparison
 from ..drift.drift import Drift, History, drift, history
-from ..order.order import OrderStudy, check_order
+from ..order.order import check_order
+from ..order.result import OrderStudy
 from ..variant import Variant, variants
 
 __all__ = ["report"]

@@ -9,7 +9,8 @@ import pytest
 
 import mbdae
 from mbdae.methods import Tableau
-from mbdae.studies.order.order import LEAST_OUTPUTS, _above, _done, _Measure
+from mbdae.studies.order.measurement import Measurement, above, done
+from mbdae.studies.order.order import LEAST_OUTPUTS
 from mbdae.textbook.hessenberg import hessenberg_a
 
 REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")
@@ -53,11 +54,11 @@ def test_what_cannot_be_judged_is_said_so():
 
 
 def test_rules():
-    assert _above([1.0, 0.1, 1e-9, 1.0], [1e-3] * 4) == 2  # an error that rose from the floor does not count
+    assert above([1.0, 0.1, 1e-9, 1.0], [1e-3] * 4) == 2  # an error that rose from the floor does not count
     errors = 2.0 ** -np.arange(0, 10, 2)
-    assert _done(errors, np.zeros(5))
-    assert not _done(errors[:4], np.zeros(4))
-    assert _done([1.0, 1e-9], [1e-3, 1e-3])
+    assert done(errors, np.zeros(5))
+    assert not done(errors[:4], np.zeros(4))
+    assert done([1.0, 1e-9], [1e-3, 1e-3])
 
 
 @pytest.mark.parametrize("claimed", [2, 5])
@@ -65,7 +66,7 @@ def test_an_order_holds_down_to_a_fifth_below_its_claim(claimed):
     steps = [10, 20, 40, 80, 160, 320]
     for less, verdict in ((-0.5, "holds"), (0.0, "holds"), (0.15, "holds"), (0.25, "misses"), (0.9, "misses")):
         errors = [n ** -(claimed - less) for n in steps]
-        measure, floors = _Measure(hessenberg_a(), 1.0, 10, None, print), [1e-30] * len(steps)
+        measure, floors = Measurement(hessenberg_a(), 1.0, 10, None, print), [1e-30] * len(steps)
         found = measure._fit("q", claimed, steps, errors, floors, 0.0)
         assert found.observed == pytest.approx(claimed - less)
         assert (found.verdict, found.fitted) == (verdict, (1, 6))
@@ -84,5 +85,5 @@ def test_an_order_holds_down_to_a_fifth_below_its_claim(claimed):
 def test_the_reason_why_an_order_cannot_be_judged(errors, uncertainty, why):
     """Rounding is 1e-15."""
     ns, floors = [10 * 2**i for i in range(len(errors))], [100 * (uncertainty + 1e-15)] * len(errors)
-    measure = _Measure(hessenberg_a(), 1.0, 10, None, print)
+    measure = Measurement(hessenberg_a(), 1.0, 10, None, print)
     assert measure._fit("q", 5, ns, errors, floors, uncertainty).verdict == f"cannot be judged: {why}"

@@ -1,0 +1,174 @@
+"""How observed orders are measured.
+
+The error is the largest over the ends of the coarsest run's steps, ten or more; the slope is a least-squares fit over
+the four finest halvings of the step whose errors lie above 100 times the uncertainty of the reference plus the rounding
+floor; the floor of the own multipliers is eps / (h min |ahat_ii|), apart from that of q and v; the reference comes
+from two methods other than the one judged, their disagreement is its uncertainty. What cannot be judged is said so.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...errors import InputError
+from ...integrate.solve import solve
+from ...mechanism import Mechanism
+from ...methods import method as find_method
+from ...solution.solution import Problem, Solution
+from ...system import Array
+from .result import Slope
+
+HALVINGS, MARGIN, ABOVE = 4, 0.2, 100.0
+LARGEST_RUN = 120_000  # solves in one run of the study
+SETTLED = 0.1  # the spread of the last slopes below which finer steps would not say more
+EPS = float(np.finfo(float).eps)
+Progress = Callable[[str], None]
+
+
+class Measurement:
+    """Runs with fixed steps, errors at common times, references."""
+
+    def __init__(
+        self, problem: Problem, T: float, steps: int, start: tuple[Array, Array] | None, progress: Progress
+    ) -> None:
+        self.problem, self.T, self.steps, self.progress = problem, T, steps, progress
+        self.start = start or (None, None)
+        self.mechanical = isinstance(problem, Mechanism)
+        self.names = ("q", "v", "own lam", "lam") if self.mechanical else ("y", "own z", "z")
+        self._references: dict[str, tuple[tuple[Array, ...], Array]] = {}
+        self.system = problem.system()
+
+    def run(self, name: str, n: int) -> Solution | None:
+        """Run a method with n steps; None where it does not come to the end."""
+        self.progress(f"{name}, {n} steps")
+        sol = solve(self.problem, (0.0, self.T), *self.start, method=name, step=self.T / n)
+        return sol if sol.ended else None
+
+    def sample(self, sol: Solution) -> tuple[Array, ...]:
+        """The quantities at the common times, one row each; configurations as points."""
+        times = np.arange(1, self.steps + 1) * self.T / self.steps
+        at = np.searchsorted(sol.t, times * (1 + 1e-12), side="right") - 1  # behind a jump, where there is one
+        hidden = np.array([sol.at(int(i)).derivative(sol.t[i], sol.y[i], sol.z_own[i])[1] for i in at])
+        own = sol.z_own[at]
+        if self.mechanical:
+            return sol.q[at], sol.v[at], own, hidden
+        return sol.y[at], own, hidden
+
+    def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
+        """Largest difference of each quantity over the common times."""
+        out = [float(np.abs(x - y).max(initial=0.0)) for x, y in zip(a, b, strict=True)]
+        if isinstance(self.problem, Mechanism):
+            manifold = self.problem.manifold
+            out[0] = max(float(np.abs(manifold.difference(y, x)).max()) for x, y in zip(a[0], b[0], strict=True))
+        return np.array(out)
+
+    def reference(self, name: str) -> tuple[tuple[Array, ...], Array]:
+        """Samples of the reference for a method, and the uncertainty of each quantity."""
+        exact = None if isinstance(self.problem, Mechanism) else self.problem.exact
+        if exact is not None:
+            values = [exact(t) for t in np.arange(1, self.steps + 1) * self.T / self.steps]
+            y, z = np.array([v[0] for v in values]), np.array([v[1] for v in values])
+            return (y, z, z), np.zeros(3)
+        first, second = [r for r in ("pherk6", "herk5", "hedop5") if r != name][:2]
+        key = f"{first} {second}"
+        if key not in self._references:
+            best = self._finest(first)
+            other = self._finest(second)
+            samples = (
+                *best[:-2],
+                best[-1],
+                best[-1],
+            )  # the reference of the own multipliers is the hidden lam
+            self._references[key] = samples, self.difference(samples, (*other[:-2], other[-1], other[-1]))
+        return self._references[key]
+
+    def _finest(self, name: str) -> tuple[Array, ...]:
+        """Refine until the differences of successive runs stop to shrink: the limit that rounding sets."""
+        n, last, last_difference = 16 * self.steps, None, np.inf
+        while n * find_method(name).solves <= LARGEST_RUN // 2:
+            sol = self.run(name, n)
+            if sol is not None:
+                now = self.sample(sol)
+                if last is not None:
+                    change = float(self.difference(now, last)[0])
+                    if change >= 0.5 * last_difference or change == 0:
+                        return last
+                    last_difference = change
+                last = now
+            n *= 2
+        if last is None:
+            raise InputError(
+                f"no reference for {self.problem.title!r}: {name} fails at every step size up to T = {self.T}"
+            )
+        return last
+
+    def floors(self, name: str, n: int, reference: tuple[Array, ...], uncertainty: Array) -> Array:
+        """100 (uncertainty + rounding), one for each quantity."""
+        tableau = find_method(name)
+        sizes = np.array([float(np.abs(x).max(initial=0.0)) for x in reference])
+        h = self.T / n
+        rounding = EPS * (1 + sizes)
+        start = self.problem.point(*self.start)
+        gain = self.system.multiplier_gain(0.0, start, self.system.derivative(0.0, start)[1])
+        moving = sizes[1] if self.mechanical else sizes[0]
+        rounding[-2] = EPS * (gain * moving / (h * tableau.smallest_pivot) + sizes[-2])
+        return ABOVE * (uncertainty + rounding)
+
+    def judge(self, name: str) -> tuple[Slope, ...]:
+        """Halve the steps of a method until its slopes can be judged, or never will."""
+        tableau = find_method(name)
+        reference, uncertainty = self.reference(name)
+        order = tableau.order_linear if self.mechanical else tableau.order
+        claims = [order] * (len(self.names) - 2) + [tableau.order_own, order]
+        judged = self.names if self.system.nz else self.names[:-2]  # without closures there is no lam
+        ns: list[int] = []
+        errors: list[Array] = []
+        floors: list[Array] = []
+        n = self.steps
+        while n * tableau.solves <= LARGEST_RUN:
+            sol = self.run(name, n)
+            if sol is not None:
+                ns.append(n)
+                errors.append(self.difference(self.sample(sol), reference))
+                floors.append(self.floors(name, n, reference, uncertainty))
+                quantities = list(zip(np.array(errors).T, np.array(floors).T, strict=True))[: len(judged)]
+                if all(done(e, f) for e, f in quantities):
+                    break
+            n *= 2
+        return tuple(
+            self._fit(q, claims[i], ns, [e[i] for e in errors], [f[i] for f in floors], float(uncertainty[i]))
+            for i, q in enumerate(judged)
+        )
+
+    def _fit(
+        self, quantity: str, claimed: int, ns: list[int], errors: list[float], floors: list[float], uncertainty: float
+    ) -> Slope:
+        end = above(errors, floors)
+        window = slice(max(0, end - HALVINGS - 1), end)
+        record = (tuple(ns), tuple(float(e) for e in errors), tuple(float(f) for f in floors))
+        if end < HALVINGS + 1:
+            counted = f"only {end - 1} halvings" if end else "no error"
+            if end == len(ns):
+                what = f"{counted} within {LARGEST_RUN} solves" if end else "no run came to its end"
+            elif 2 * ABOVE * uncertainty > floors[end]:
+                what = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
+            else:
+                what = f"{counted} above {ABOVE:g} times rounding"
+            return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
+        slope = -float(np.polyfit(np.log2(ns[window]), np.log2(errors[window]), 1)[0])
+        verdict = "holds" if slope >= claimed - MARGIN else "misses"
+        return Slope(quantity, claimed, slope, verdict, *record, (window.start, end))
+
+
+def above(errors: Sequence[float], floors: Sequence[float]) -> int:
+    """How many of the errors, coarse steps first, stand above the floor; those that rose from it again do not count."""
+    good = [e > f for e, f in zip(errors, floors, strict=True)]
+    return good.index(False) if False in good else len(good)
+
+
+def done(errors: Sequence[float], floors: Sequence[float]) -> bool:
+    """True when an error reached its floor, or the slopes of the four finest halvings agree."""
+    if above(errors, floors) < len(errors):
+        return True
+    slopes = np.diff(np.log2(errors))[-HALVINGS:]
+    return len(slopes) == HALVINGS and float(np.ptp(slopes)) < SETTLED
