@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..mechanism.closures.closure_error import widest
+from ..mechanism.closures.closure_error import largest_error
 from ..mechanism.formulations.index2 import Descriptor
 from ..solution.columns import balance
 from ..solution.solution import Solution
@@ -27,11 +27,11 @@ def doubts(sol: Solution, system: Descriptor) -> str:
     if system.ng:
         g, G = system.closures(q, ts[-1])
         if not system.widest <= OPEN * (reach := float(np.abs(G).max())):
-            which = widest(mech, g)
+            which = largest_error(mech, g)
             opened = f"closures stood open by {system.widest:.2g}, on arms of {reach:.2g} m"
             found.append(f"{opened} ({which.name!r} by {which.text} at the end)")
         if formulation != "index1" and not system.fastest <= SLIPPING:
-            which = widest(mech, G @ v + system.g_t(ts[-1]), "/s")
+            which = largest_error(mech, G @ v + system.g_t(ts[-1]), "/s")
             slipped = f"rows that depended on others are not kept: |G v| reached {system.fastest:.2g} (1 + |v|)"
             found.append(f"{slipped} ({which.name!r} opens by {which.text} at the end)")
     lost = _lost(sol, system)

@@ -8,8 +8,8 @@ import pinocchio as pin
 from scipy.linalg.lapack import dpotrf
 
 from ..errors import AssemblyError, InputError
-from .assembly_mode import Rows, closures, turned_over, upright
-from .closures.closure_error import Gap, widest
+from .assembly_mode import Residuals, closures, turned_over, with_directions
+from .closures.closure_error import ClosureError, largest_error
 from .joints import subspace
 from .start import normalized
 from .workspace import make_data
@@ -88,7 +88,7 @@ def close_position(system: "Descriptor", q: Array, held: Array, t: float) -> Arr
         tries, closed = tries + more, closed + [x for x in more if _closed(system, x, t)]
     if not closed and any(_open(system, x, t) <= ACCEPT for x in tries):  # a frame is turned over: turn it back first
         starts = (q, *(x for width in WIDTHS[1:3] for x in _displaced(mech, q, free, width)))
-        turned = (_gauss_newton(system, _gauss_newton(system, x, free, t, upright), free, t) for x in starts)
+        turned = (_gauss_newton(system, _gauss_newton(system, x, free, t, with_directions), free, t) for x in starts)
         closed = [x for x in turned if _closed(system, x, t)][:1]
     if closed:
         return _slide(system, q, min(closed, key=lambda x: _distance(mech, q, x)), free, t)
@@ -96,10 +96,10 @@ def close_position(system: "Descriptor", q: Array, held: Array, t: float) -> Arr
     if _open(system, best, t) <= ACCEPT:
         name = turned_over(system)
         raise InputError(f"closure {name!r} closes with its second frame turned over: change the guess")
-    raise open_closure(mech, widest(mech, system.closures(best, t)[0]), held, "configuration")
+    raise open_closure(mech, largest_error(mech, system.closures(best, t)[0]), held, "configuration")
 
 
-def _gauss_newton(system: "Descriptor", q: Array, free: Array, t: float, rows: Rows = closures) -> Array:
+def _gauss_newton(system: "Descriptor", q: Array, free: Array, t: float, rows: Residuals = closures) -> Array:
     """Damped steps with line search, at most one radian or metre at a time: stay on the branch."""
     m = system.manifold
     g, G = rows(system, q, t)
@@ -200,7 +200,7 @@ def close_velocity(system: "Descriptor", q: Array, v: Array, held: Array, t: flo
         v = v.copy()
         v[free] -= np.linalg.solve(U, np.linalg.lstsq(scaled, G @ v + g_t, rcond=TRUNCATION)[0])
     if not np.linalg.norm(G @ v + g_t) <= ACCEPT * (1 + np.linalg.norm(v)):
-        raise open_closure(mech, widest(mech, G @ v + g_t, "/s"), held, "velocity")
+        raise open_closure(mech, largest_error(mech, G @ v + g_t, "/s"), held, "velocity")
     return v
 
 
@@ -214,7 +214,7 @@ def refuse_inconsistent(mech: "Mechanism", q: Array, v: Array, t: float, most: f
         return
     g, Gv = mech.residual(q, v, t)
     for residual, per, allowed in ((g, "", most), (Gv, "/s", most * (1 + np.abs(v).max()))):
-        gap = widest(mech, residual, per)
+        gap = largest_error(mech, residual, per)
         if gap.size > allowed:
             raise InputError(
                 f"the start is not consistent: closure {gap.name!r} is open by {gap.text}; "
@@ -227,7 +227,7 @@ def _mass(mech: "Mechanism", q: Array) -> Array:
     return np.triu(M) + np.triu(M, 1).T
 
 
-def open_closure(mech: "Mechanism", gap: Gap, held: Array, what: str) -> AssemblyError:
+def open_closure(mech: "Mechanism", gap: ClosureError, held: Array, what: str) -> AssemblyError:
     """The error that says which closure stays open the most, by how much, and what was held."""
     joints = ", ".join(dict.fromkeys(mech.coordinate_joint(int(i)) for i in held)) or "nothing"
     text = f"no consistent {what}: closure {gap.name!r} stays open by {gap.text} (held: {joints})"

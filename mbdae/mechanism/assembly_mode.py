@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .closures.rows import Axes
+from .closures.rows import DotProduct1
 
 if TYPE_CHECKING:
     from .formulations.index2 import Descriptor
 
 Array = np.ndarray
-Rows = Callable[["Descriptor", Array, float], tuple[Array, Array]]
+Residuals = Callable[["Descriptor", Array, float], tuple[Array, Array]]
 
 
 def closures(system: "Descriptor", q: Array, t: float) -> tuple[Array, Array]:
@@ -19,7 +19,7 @@ def closures(system: "Descriptor", q: Array, t: float) -> tuple[Array, Array]:
     return system.closures(q, t)
 
 
-def upright(system: "Descriptor", q: Array, t: float) -> tuple[Array, Array]:
+def with_directions(system: "Descriptor", q: Array, t: float) -> tuple[Array, Array]:
     """Return g and G with further rows cos - 1 for axes that shall point the same way.
 
     Where all is closed they vanish with their gradient. Where a frame is turned over they do not, and the sum of
@@ -31,7 +31,7 @@ def upright(system: "Descriptor", q: Array, t: float) -> tuple[Array, Array]:
         part = system.constraints.frame_parts.get(closure.name)
         if part is None:
             continue
-        cosines, W = Axes(*closure.agreeing()).value(part.pair)
+        cosines, W = DotProduct1(*closure.agreeing()).value(part.pair)
         values.append(cosines - 1)
         slopes.append(np.array([part.pair.torque(w) for w in W.T]).reshape(-1, system.nv))
     return np.concatenate(values), np.vstack(slopes)

@@ -11,7 +11,7 @@ import pinocchio as pin
 from ..errors import InputError, UnknownNameError
 from .assembly import START, assemble, refuse_inconsistent
 from .closures.closure import Closure
-from .closures.closure_error import Gap, widest
+from .closures.closure_error import ClosureError, largest_error
 from .closures.constraints import Constraints, anchors
 from .closures.driver import Driver
 from .forces.force import Laws, SpringDamper, bind_forces, named_force
@@ -92,7 +92,7 @@ class Mechanism:
         self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
         self.ng = len(self.row_names)
         data = make_data(model)
-        Constraints(model, data, self.constraints)  # wrong names are refused here
+        self.row_units = Constraints(model, data, self.constraints).units()  # wrong names are refused here
         self.manifold = Manifold(model)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
         self.states = self.bind_forces(data).states()  # wrong names are refused here
@@ -251,9 +251,9 @@ class Mechanism:
         return q, self.coordinates({**values.guess_v, **values.v}, of_v=True)[0]
 
     @property
-    def gap_as_given(self) -> Gap | None:
+    def gap_as_given(self) -> ClosureError | None:
         """The closure that the start values leave open the most, before assembly; None without closures."""
-        return widest(self, self.residual(*self.given)[0]) if self.ng else None
+        return largest_error(self, self.residual(*self.given)[0]) if self.ng else None
 
     def point(
         self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None, gap: float = START

@@ -43,8 +43,8 @@ Core::Core(const void* model, bool flat, std::vector<Row> rows, std::vector<std:
   constraints.rows = std::move(rows);
   for (Pair& p : constraints.pairs) p.turns_a = p.turns_b = false;
   for (const Row& r : constraints.rows) {
-    if (r.kind == Row::gap || r.kind == Row::axes) constraints.pairs[r.pair].turns_a = true;
-    if (r.kind == Row::axes) constraints.pairs[r.pair].turns_b = true;
+    if (r.has_a) constraints.pairs[r.pair].turns_a = true;
+    if (r.has_b) constraints.pairs[r.pair].turns_b = true;
   }
   all_.resize(ng), position_.assign(ng, -1), neighbours_.resize(ng);
   std::vector<std::vector<int>> users(nv);

@@ -79,10 +79,9 @@ std::vector<std::pair<Anchor, Anchor>> pairs(const nb::list& list, int joints) {
 }
 
 Row row(const nb::dict& d, const Sizes& n, int pair_count) {
-  static const std::map<std::string, Row::Kind> kinds = {
-      {"gap", Row::gap}, {"axes", Row::axes}, {"distance", Row::distance}, {"coordinate", Row::coordinate}};
   Row r;
-  r.kind = kind(kinds, get<std::string>(d, "kind"));
+  const RowKind k = kind(ROW_KINDS, get<std::string>(d, "kind"));
+  r.kind = k.kind, r.has_a = k.a, r.has_b = k.b;
   if (r.kind == Row::coordinate) {
     const auto joints = get<std::vector<std::vector<int>>>(d, "joints");
     if (joints.empty() || joints.size() > 2) refuse("a coordinate row has one joint or two");
@@ -97,10 +96,14 @@ Row row(const nb::dict& d, const Sizes& n, int pair_count) {
   }
   r.pair = get<int>(d, "pair");
   within({r.pair}, pair_count, "pair");
-  const auto a = get<Numbers>(d, "a"), b = get<Numbers>(d, "b");
-  if (a.size() != 3 || b.size() != 3) refuse("axes have three numbers");
-  std::copy(a.begin(), a.end(), r.a), std::copy(b.begin(), b.end(), r.b);
-  r.length = get<double>(d, "length");
+  auto axis = [&](const char* key, double* out) {
+    const auto x = get<Numbers>(d, key);
+    if (x.size() != 3) refuse("axes have three numbers");
+    std::copy(x.begin(), x.end(), out);
+  };
+  if (k.a) axis("a", r.a);
+  if (k.b) axis("b", r.b);
+  if (k.length) r.length = get<double>(d, "length");
   return r;
 }
 

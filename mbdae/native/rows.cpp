@@ -82,7 +82,7 @@ double unit_gap(const Pair& pair, double* n) {
 
 double Row::wrench(const Pair& pair, double* w) const {
   double g = 0;
-  if (kind == axes) {
+  if (kind == dot_product_1) {
     double x[3], y[3];
     turn(pair.Ra, a, x), turn(pair.Rb, b, y);
     g = dot(x, y);
@@ -90,7 +90,7 @@ double Row::wrench(const Pair& pair, double* w) const {
     cross(y, x, w + 3);
     return g;
   }
-  if (kind == gap) {
+  if (kind == dot_product_2) {
     const double d[3] = {pair.pb[0] - pair.pa[0], pair.pb[1] - pair.pa[1], pair.pb[2] - pair.pa[2]};
     turn(pair.Ra, a, w);
     g = dot(d, w);
@@ -105,7 +105,7 @@ double Row::rate(const Pair& pair) const {
   double w[6], dw[6] = {0, 0, 0, 0, 0, 0}, relative[6], out = 0;
   wrench(pair, w);
   for (int i = 0; i < 6; ++i) relative[i] = pair.Vb[i] - pair.Va[i], out += pair.A[i] * w[i];
-  if (kind == axes) {
+  if (kind == dot_product_1) {
     double x[3], y[3], dx[3], dy[3], s[3], u[3];
     turn(pair.Ra, a, x), turn(pair.Rb, b, y);
     cross(pair.Va + 3, x, dx), cross(pair.Vb + 3, y, dy);
@@ -115,7 +115,7 @@ double Row::rate(const Pair& pair) const {
     double dpb[3], s[3], u[3];
     cross(pair.Vb + 3, pair.pb, dpb);
     for (int i = 0; i < 3; ++i) dpb[i] += pair.Vb[i];
-    if (kind == gap) {
+    if (kind == dot_product_2) {
       cross(pair.Va + 3, w, dw);
     } else {
       double dpa[3], n[3];

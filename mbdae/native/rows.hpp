@@ -1,7 +1,9 @@
-// Rows of closures and drivers, and the frames between which they and forces act (mbdae/mechanism/closure_rows.py).
+// Rows of closures and drivers, and the frames between which they and forces act (mbdae/mechanism/closures/rows.py).
 #pragma once
 
 #include <array>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "mechanics.hpp"
@@ -35,8 +37,9 @@ struct Pair {
 double unit_gap(const Pair& pair, double* n);  // distance, and the unit vector from a to b
 
 struct Row {
-  enum Kind { gap, axes, distance, coordinate } kind = gap;
+  enum Kind { dot_product_1, dot_product_2, distance, coordinate } kind = distance;
   int pair = -1;
+  bool has_a = false, has_b = false;
   double a[3] = {0, 0, 0}, b[3] = {0, 0, 0};  // axes fixed in a and b
   double length = 0;
   int iq[2] = {-1, -1}, iv[2] = {-1, -1}, nq[2] = {1, 1};  // joints of a coordinate row; the second may be missing
@@ -49,6 +52,17 @@ struct Row {
   double coordinate_value(const double* q, double* slope) const;   // g, and p'(x_j)
   double coordinate_bias(const double* q, const double* v) const;  // Gdot v
 };
+
+struct RowKind {  // and what it has: an axis in a, an axis in b, a length
+  Row::Kind kind;
+  bool a, b, length;
+};
+
+inline const std::map<std::string, RowKind> ROW_KINDS = {
+    {"dot_product_1", {Row::dot_product_1, true, true, false}},
+    {"dot_product_2", {Row::dot_product_2, true, false, false}},
+    {"distance", {Row::distance, false, false, true}},
+    {"coordinate", {Row::coordinate, false, false, false}}};
 
 struct Driver {
   int row;

@@ -19,7 +19,7 @@ def arguments(name="four_bar", **options):
     """What `Compiled` hands to the core."""
     mech = mbdae.load(name, **options)
     system = mech.system()
-    pairs, rows, drivers = constraints_of(mech.model, mech.constraints, system.constraints)
+    pairs, rows, drivers = constraints_of(system.constraints)
     law_pairs, laws = laws_of(system.laws)
     flat, turning = system.manifold.flat, system.manifold.turning.astype(int).tolist()
     return [mech.model, flat, pairs, rows, drivers, law_pairs, laws, system.ns, [], turning]

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..tables import Table
-from .rows import Axes, Coordinate, Distance, Gap, Rows
+from .rows import Coordinate, Distance, DotProduct1, DotProduct2, FrameRows
 
 Kind = Literal[
     "point", "revolute", "frame", "prismatic", "cylindrical", "universal", "in_plane", "in_line", "parallel",
@@ -168,7 +168,7 @@ class Closure(Table):
         """Number of rows."""
         return sum(r.m for r in self.rows())
 
-    def rows(self) -> Sequence[Rows | Coordinate]:
+    def rows(self) -> Sequence[FrameRows] | Sequence[Coordinate]:
         """The primitive rows that this closure is composed of."""
         if self.joints:
             return (Coordinate(*self.joints, self.coefficients or ()),)
@@ -202,7 +202,7 @@ class Closure(Table):
 
 
 @lru_cache(maxsize=256)
-def _between_frames(kind: str, axis: Axis, other: Axis) -> tuple[Rows, ...]:
+def _between_frames(kind: str, axis: Axis, other: Axis) -> tuple[FrameRows, ...]:
     """Rows between frames; workspaces share them, and they hold nothing that changes."""
     gap, direction = BETWEEN_FRAMES[kind]
     first, second = _unit(axis), _unit(other)
@@ -213,8 +213,8 @@ def _between_frames(kind: str, axis: Axis, other: Axis) -> tuple[Rows, ...]:
         "frame": (np.array([x, y, z]).T, np.array([y, z, x]).T),
         "cross": (first[:, None], second[:, None]),
     }
-    out: list[Rows] = [Gap(gaps[gap])] if gap else []
-    return (*out, Axes(*axes[direction])) if direction else tuple(out)
+    out: list[FrameRows] = [DotProduct2(gaps[gap])] if gap else []
+    return (*out, DotProduct1(*axes[direction])) if direction else tuple(out)
 
 
 def _unit(axis: Axis) -> np.ndarray:

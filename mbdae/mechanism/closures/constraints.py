@@ -7,18 +7,19 @@ with u = 0 for closures. Neither G nor its rate depends on time, and g_tq = 0.
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError, StepError
+from ...system import Array
 from ..frames import Anchor, Pair, anchor, find_joint
+from ..joints import subspace
 from .closure import Closure
 from .driver import Driver
-from .rows import Coordinate, Rows
+from .rows import Coordinate, FrameRows
 
-Array = np.ndarray
 LARGEST_DENOMINATOR = 1000
 Spec = Closure | Driver
 
@@ -27,7 +28,7 @@ class FramePart(NamedTuple):
     """Rows between two frames: their numbers, what they are, and where their wrenches stand in `Constraints.W`."""
 
     pair: Pair
-    rows: tuple[tuple[slice, Rows, Array], ...]
+    rows: tuple[tuple[slice, FrameRows, Array], ...]
 
 
 class JointPart:
@@ -35,6 +36,7 @@ class JointPart:
 
     Attributes:
         at: number of the row.
+        joints: of Pinocchio's model, (1,) or (2,).
         columns: velocity indices of the joints, (1,) or (2,).
         period: g is known up to multiples of it; 0 where it is known outright.
 
@@ -45,13 +47,23 @@ class JointPart:
     def __init__(self, model: pin.Model, data: pin.Data, row: Coordinate, at: int, name: str) -> None:
         self.at, self.polynomial = at, row.coefficients
         names = [row.joint, row.other] if row.other else [row.joint]
-        joints = [find_joint(model, n) for n in names]
-        for j, n in zip(joints, names, strict=True):
+        self.joints = [find_joint(model, n) for n in names]
+        for j, n in zip(self.joints, names, strict=True):
             if j.nv != 1:
                 raise InputError(f"{name!r} needs joints of one coordinate; joint {n!r} has nv = {j.nv}")
-        self.columns = [j.idx_v for j in joints]
-        self._live = [data.joints[j.id] for j in joints]
-        self.period = _period([j.nq == 2 for j in joints], row.coefficients, name)
+        self.columns = [j.idx_v for j in self.joints]
+        self._live = [data.joints[j.id] for j in self.joints]
+        self.period = _period([j.nq == 2 for j in self.joints], row.coefficients, name)
+
+    @property
+    def unit(self) -> str:
+        """Unit of g: ``"rad"``, or ``"m"`` where the first joint slides."""
+        return "rad" if subspace(self.joints[0])[3:].any() else "m"
+
+    def plain(self) -> dict[str, Any]:
+        """Return what the compiled core is told of the row."""
+        joints = [[j.idx_q, j.nq, j.idx_v] for j in self.joints]
+        return {"kind": "coordinate", "joints": joints, "c": list(self.polynomial), "period": self.period}
 
     def value(self) -> tuple[float, list[float]]:
         """Return g and the entries of G in the columns."""
@@ -78,6 +90,7 @@ class Constraints:
 
     Attributes:
         spans: for each of them, the rows.
+        driven: numbers of the rows that follow functions of time, and their drivers.
         sign: see `mbdae.mechanism.frames.Pair`, (ng, nv).
         W: the wrenches of the rows between frames where G was asked for last, (6, ng).
     """
@@ -86,31 +99,39 @@ class Constraints:
         self.frame_parts: dict[str, FramePart] = {}
         self.joint_parts: list[JointPart] = []
         self.spans: dict[str, slice] = {}
-        self._driven: list[tuple[int, Driver]] = []
-        kinds = [spec.rows() for spec in specs]
-        self.ng = sum(r.m for rows in kinds for r in rows)
+        self.driven: list[tuple[int, Driver]] = []
+        self.ng = sum(spec.m for spec in specs)
         self.sign, self.W = np.zeros((self.ng, model.nv)), np.zeros((6, self.ng))
         at = 0
-        for spec, rows in zip(specs, kinds, strict=True):
-            self.spans[spec.name] = slice(at, at + sum(r.m for r in rows))
+        for spec in specs:
+            numbered: list[tuple[slice, Any]] = []
+            self.spans[spec.name] = slice(at, at + spec.m)
             if isinstance(spec, Driver):
-                self._driven.append((at, spec))
-            numbered = []
-            for r in rows:
-                if isinstance(r, Coordinate):
-                    self.joint_parts.append(JointPart(model, data, r, at, spec.name))
-                else:
-                    numbered.append((slice(at, at + r.m), r, self.W[:, at : at + r.m]))
+                self.driven.append((at, spec))
+            for r in spec.rows():
+                numbered.append((slice(at, at + r.m), r))
                 at += r.m
-            if numbered:
+            if spec.frames:
                 pair = Pair(model, data, *anchors(model, spec))
-                self.frame_parts[spec.name] = FramePart(pair, tuple(numbered))
+                self.frame_parts[spec.name] = FramePart(pair, tuple((s, r, self.W[:, s]) for s, r in numbered))
                 self.sign[self.spans[spec.name]] = pair.sign
+            else:
+                self.joint_parts += [JointPart(model, data, r, s.start, spec.name) for s, r in numbered]
         self._J = data.J.reshape(6, -1)  # with nv = 1 it comes as a vector
         self._still = np.zeros((3, at))
-        self._lengths = [at for at, d in self._driven if d.frames]
+        self._lengths = [at for at, d in self.driven if d.frames]
         self._periodic = np.array([p.at for p in self.joint_parts if p.period], int)
         self._periods = np.array([p.period for p in self.joint_parts if p.period])
+
+    def units(self) -> Array:
+        """Return the unit of each row's g, ``"m"`` or ``"rad"``, (ng,)."""
+        out = np.empty(self.ng, object)
+        for _, rows in self.frame_parts.values():
+            for s, r, _ in rows:
+                out[s] = r.unit
+        for part in self.joint_parts:
+            out[part.at] = part.unit
+        return out
 
     def jacobian(self) -> Array:
         """Return G, (ng, nv); leaves the wrenches of its rows in W."""
@@ -132,7 +153,7 @@ class Constraints:
                 g[s] = r.residual(pair)
         for part in self.joint_parts:
             g[part.at] = part.value()[0]
-        if self._driven:
+        if self.driven:
             g -= self.motion(t)[0]
         if len(self._periodic):
             g[self._periodic] -= self._periods * np.round(g[self._periodic] / self._periods)
@@ -158,16 +179,16 @@ class Constraints:
         Raises:
             StepError: where a driver is not defined, or drives a distance to zero.
         """
-        if not self._driven:
+        if not self.driven:
             return self._still
         out = np.zeros((3, self.ng))
-        for at, driver in self._driven:
+        for at, driver in self.driven:
             out[:, at] = (np.nan,) * 3 if t is None else driver.follow(t)
             if t is not None and not np.isfinite(out[:, at]).all():
                 raise StepError("driver", f"driver {driver.name!r} is not finite at t = {t:.17g}: {out[:, at]}")
         for at in self._lengths:
             if out[0, at] <= 0:
-                name = next(d.name for i, d in self._driven if i == at)
+                name = next(d.name for i, d in self.driven if i == at)
                 raise StepError("driver", f"driver {name!r} asks for a distance of {out[0, at]:.3g} m at t = {t:.9g}")
         return out
 

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from ...errors import InputError, StepError
 from ..signals import Function, Harmonic, Polynomial, Signal, Steps, TimeTable, curve
 from ..tables import Table
-from .rows import Coordinate, Distance, Rows
+from .rows import Coordinate, Distance, FrameRows
 
 Motion = tuple[float, float, float]
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
@@ -80,7 +80,7 @@ class Driver(Table):
         """Number of rows: 1."""
         return 1
 
-    def rows(self) -> Sequence[Rows | Coordinate]:
+    def rows(self) -> Sequence[FrameRows] | Sequence[Coordinate]:
         """The row c(q), without u(t)."""
         if self.frames:
             return [Distance(0.0)]

@@ -7,19 +7,31 @@ Between two frames a row is a scalar g(q) whose rate is the power of a wrench w 
 with spatial velocities V and accelerations A (for v' = 0) taken at the world's origin. So a row needs g, w and dw/dt
 only, and is exact off the manifold. Multipliers: N for rows measured in m, N m for products of axes. A row between
 joint coordinates needs no frames; its multiplier is the torque (N m) or force (N) on the first joint.
+
+Names: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), section 9.4.
 """
 
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from ..frames import Pair, cross, skew, unit_gap
 
 
-class Rows:
-    """m scalar rows between the anchors of a `Pair` that was located."""
+class FrameRows:
+    """m scalar rows between the anchors of a `Pair` that was located.
+
+    Attributes:
+        m: number of rows.
+        unit: of g: ``"m"``, or ``"rad"`` for what is an angle where it is small.
+    """
 
     m: int
+    unit: ClassVar[str]
+
+    def plain(self) -> list[dict[str, Any]]:
+        """Return what the compiled core is told of each row: a kind and its numbers."""
+        raise NotImplementedError
 
     def residual(self, pair: Pair) -> np.ndarray:
         """Return g, (m,)."""
@@ -40,11 +52,40 @@ class Rows:
         return self.residual(pair), w
 
 
-class Gap(Rows):
+class DotProduct1(FrameRows):
+    """g = axis_a . axis_b, the cosine between axes fixed in a and in b; both (3, m)."""
+
+    unit = "rad"
+
+    def __init__(self, a: np.ndarray, b: np.ndarray) -> None:
+        self.a, self.b, self.m = a, b, a.shape[1]
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        both = zip(self.a.T.tolist(), self.b.T.tolist(), strict=True)
+        return [{"kind": "dot_product_1", "a": a, "b": b} for a, b in both]
+
+    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        return (pair.Ra.dot(self.a) * pair.Rb.dot(self.b)).sum(axis=0)
+
+    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
+        w[3:] = cross(pair.Rb.dot(self.b), pair.Ra.dot(self.a))
+
+    def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
+        a, b = pair.Ra @ self.a, pair.Rb @ self.b
+        da, db = skew(pair.Va[3:]) @ a, skew(pair.Vb[3:]) @ b
+        return np.vstack([np.zeros_like(a), cross(db, a) + cross(b, da)])
+
+
+class DotProduct2(FrameRows):
     """g = axis_a . (p_b - p_a), a gap along axes fixed in a; axes (3, m)."""
+
+    unit = "m"
 
     def __init__(self, axes: np.ndarray) -> None:
         self.axes, self.m = axes, axes.shape[1]
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "dot_product_2", "a": a} for a in self.axes.T.tolist()]
 
     def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
         return (pair.pb - pair.pa).dot(pair.Ra.dot(self.axes))
@@ -60,31 +101,16 @@ class Gap(Rows):
         return np.vstack([dn, skew(dp) @ n + skew(pair.pb) @ dn])
 
 
-class Axes(Rows):
-    """g = axis_a . axis_b, the cosine between axes fixed in a and in b; both (3, m)."""
-
-    def __init__(self, a: np.ndarray, b: np.ndarray) -> None:
-        self.a, self.b, self.m = a, b, a.shape[1]
-
-    def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
-        return (pair.Ra.dot(self.a) * pair.Rb.dot(self.b)).sum(axis=0)
-
-    def wrenches(self, pair: Pair, w: np.ndarray) -> None:  # noqa: D102
-        w[3:] = cross(pair.Rb.dot(self.b), pair.Ra.dot(self.a))
-
-    def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
-        a, b = pair.Ra @ self.a, pair.Rb @ self.b
-        da, db = skew(pair.Va[3:]) @ a, skew(pair.Vb[3:]) @ b
-        return np.vstack([np.zeros_like(a), cross(db, a) + cross(b, da)])
-
-
-class Distance(Rows):
+class Distance(FrameRows):
     """g = |p_b - p_a| - length."""
 
-    m = 1
+    m, unit = 1, "m"
 
     def __init__(self, length: float) -> None:
         self.length = length
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "distance", "length": self.length}]
 
     def residual(self, pair: Pair) -> np.ndarray:  # noqa: D102
         return np.array([unit_gap(pair)[0] - self.length])
@@ -102,7 +128,7 @@ class Distance(Rows):
 
 
 class Coordinate(NamedTuple):
-    """One row g = q_i - c_0 - c_1 q_j - c_2 q_j^2 - ..., between joints of one coordinate each.
+    """One row g = q_i - c_0 - c_1 q_j - c_2 q_j^2 - ..., between joints of one coordinate each, in rad or m of joint i.
 
     Attributes:
         joint: name of joint i.

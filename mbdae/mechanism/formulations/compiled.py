@@ -35,7 +35,7 @@ class Compiled(Descriptor):
     def __init__(self, mechanism: "Mechanism", native: ModuleType) -> None:
         super().__init__(mechanism)
         m = self.manifold
-        pairs, rows, drivers = constraints_of(self.model, mechanism.constraints, self.constraints)
+        pairs, rows, drivers = constraints_of(self.constraints)
         law_pairs, laws = laws_of(self.laws)
         blocks = [(GROUPS[ad], s.start) for _, s, ad, _ in m.blocks]
         turning = m.turning.astype(int).tolist()

@@ -3,64 +3,38 @@
 from collections.abc import Callable
 from typing import Any
 
-import pinocchio as pin
 from scipy.interpolate import PPoly
 
 from ...errors import MbdaeError
 from .. import signals
-from ..closures.constraints import Constraints, Spec, anchors
+from ..closures.constraints import Constraints
 from ..closures.driver import Driver
-from ..closures.rows import Axes, Coordinate, Distance, Gap, Rows
 from ..forces.actuators import ActuatorLaw, MotorLaw, ResistanceLaw
 from ..forces.controllers import PDLaw, PIDLaw, SampledLaw
 from ..forces.frame_forces import BushingLaw, SpringDamperLaw, WrenchLaw
 from ..forces.joint_forces import CurveLaw, DampingLaw, FrictionLaw, JointTorqueLaw, SpringLaw
 from ..forces.law import Law, Laws, TorqueLaw
-from ..frames import Anchor, Pair, find_joint
+from ..frames import Anchor, Pair
 
 Plain = dict[str, Any]
-ZERO = [0.0, 0.0, 0.0]
 
 
 class NotCompiled(MbdaeError):
     """Names a part of a mechanism that the core does not have."""
 
 
-def constraints_of(
-    model: pin.Model, specs: tuple[Spec, ...], constraints: Constraints
-) -> tuple[list[Any], list[Plain], list[Plain]]:
-    """Return pairs of frames, rows and drivers; the bound constraints know the periods of couplings."""
+def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], list[Plain]]:
+    """Return pairs of frames, rows and drivers."""
     pairs: list[Any] = []
-    rows: list[Plain] = []
-    drivers: list[Plain] = []
-    periods = {part.at: part.period for part in constraints.joint_parts}
-    for spec in specs:
-        if isinstance(spec, Driver):
-            drivers.append({"row": len(rows), "length": bool(spec.frames), "motion": _motion(spec)})
-        if spec.frames:
-            pairs.append(tuple(map(_frame, anchors(model, spec))))
-        for r in spec.rows():
-            rows += (
-                [_coordinate(model, r, periods[len(rows)])] if isinstance(r, Coordinate) else _rows(r, len(pairs) - 1)
-            )
+    rows: list[Plain] = [{}] * constraints.ng
+    for pair, kinds in constraints.frame_parts.values():
+        for s, r, _ in kinds:
+            rows[s] = [{"pair": len(pairs), **numbers} for numbers in r.plain()]
+        pairs.append((_frame(pair.a), _frame(pair.b)))
+    for part in constraints.joint_parts:
+        rows[part.at] = part.plain()
+    drivers = [{"row": at, "length": bool(d.frames), "motion": _motion(d)} for at, d in constraints.driven]
     return pairs, rows, drivers
-
-
-def _rows(r: Rows, pair: int) -> list[Plain]:
-    if isinstance(r, Distance):
-        return [{"kind": "distance", "pair": pair, "a": ZERO, "b": ZERO, "length": r.length}]
-    if isinstance(r, Gap):
-        return [{"kind": "gap", "pair": pair, "a": a, "b": ZERO, "length": 0.0} for a in r.axes.T.tolist()]
-    if isinstance(r, Axes):
-        both = zip(r.a.T.tolist(), r.b.T.tolist(), strict=True)
-        return [{"kind": "axes", "pair": pair, "a": a, "b": b, "length": 0.0} for a, b in both]
-    raise NotCompiled(f"rows of kind {type(r).__name__}")
-
-
-def _coordinate(model: pin.Model, r: Coordinate, period: float) -> Plain:
-    joints = [find_joint(model, name) for name in (r.joint, r.other) if name]
-    numbers = [[j.idx_q, j.nq, j.idx_v] for j in joints]
-    return {"kind": "coordinate", "joints": numbers, "c": list(r.coefficients), "period": period}
 
 
 def _frame(a: Anchor) -> tuple[int, list[float], list[float]]:

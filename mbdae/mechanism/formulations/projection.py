@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from ...errors import StepError
-from ..closures.closure_error import widest
+from ..closures.closure_error import largest_error
 
 if TYPE_CHECKING:
     from .index2 import Descriptor
@@ -54,7 +54,7 @@ def restore(system: "Descriptor", t: float, y: Array, tight: bool = False) -> Ar
             break
         q, (g, G) = nearer, residual
     if not np.linalg.norm(g) <= OPEN and not move <= STALLED * (1 + np.abs(q).max()):
-        gap = widest(system.mechanism, g)
+        gap = largest_error(system.mechanism, g)
         raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
     rate = G @ v + system.g_t(t)
     if tight or np.linalg.norm(rate) > ROUNDING * (1 + np.abs(v).max()):

@@ -17,7 +17,6 @@ import numpy as np
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...mechanism import Driver, Mechanism
 from ...mechanism.callbacks import function_name
-from ...mechanism.closures.rows import Axes
 from ...solution.columns import coordinates, row_names, signals
 from ...solution.solution import Solution
 
@@ -138,14 +137,10 @@ def columns(sol: Solution, wanted: set[str]) -> dict[str, Array]:
 def force_rows(sol: Solution, name: str) -> Array:
     """The rows of a closure between frames that are forces along directions at right angles, (ng,).
 
-    Those of gaps and distances; the length of their multipliers is that of the force.
+    Those in m; the length of their multipliers is that of the force.
     """
     mech = sol.mechanism
-    out, at = np.zeros(mech.ng, bool), mech.row_names.index(name)
-    for rows in next(c for c in mech.constraints if c.name == name).rows():
-        out[at : at + rows.m] = not isinstance(rows, Axes)
-        at += rows.m
-    return out
+    return (np.array(mech.row_names) == name) & (mech.row_units == "m")
 
 
 def _called(function: Function, sol: Solution) -> dict[str, float]:
