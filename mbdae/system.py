@@ -9,10 +9,14 @@ one such problem: y = (q, v, w) with the work w, z = lam (Hairer, Lubich, Roche 
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
+from types import ModuleType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+
+from .errors import StepError
 
 Array = np.ndarray
 
@@ -107,18 +111,52 @@ class Chart(Protocol):
 
 
 class System(Protocol):
-    """A problem bound to a workspace of one solve (not to be shared between threads)."""
+    """A problem bound to a workspace of one solve (not to be shared between threads).
+
+    What stands here with a body is so for a problem without rows to choose, jumps and a core that computes it.
+
+    Attributes:
+        ny: length of tangent vectors.
+        nz: number of constraints.
+        counts: the work done so far.
+        measured: the components of a tangent vector whose error is controlled.
+        native: the compiled core, where it computes points and steps.
+    """
 
     ny: int
     nz: int
     counts: Counts
-    measured: slice  # the components of a tangent vector whose error is controlled
+    measured: slice
+    native: ModuleType | None = None
+
+    def twin(self) -> "System":
+        """Return another workspace of the problem, computed by the same back end; it counts for itself."""
+
+    def order_of(self, tableau: Any) -> int:
+        """Return the order of y that a method claims on a problem like this."""
+        return tableau.order
+
+    def split(self, y: Array) -> tuple[Array, ...]:
+        """Return what users see of a point: y itself, or q and v of a mechanism."""
+        return (y,)
 
     def chart(self, t: float, y: Array) -> Chart:
         """Open a step at (t, y)."""
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (y' in the tangent at y, z) from g_t + g_y f(t, y, z) = 0, the root near a guess of z."""
+
+    def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
+        """Return y' (n, ny) and z (n, nz) at points (n, ...), see `derivative`; nan where they cannot be found."""
+        F, z = np.full((len(t), self.ny), np.nan), np.full((len(t), self.nz), np.nan)
+        for i in range(len(t)):
+            with suppress(StepError):
+                F[i], z[i] = self.derivative(t[i], y[i], near[i])
+        return F, z
+
+    def whole_step(self, tableau: Any, t: float, h: float, state: State) -> Step | None:
+        """Return a step of a half-explicit method; None where `mbdae.methods.step` goes through its stages."""
+        return None
 
     def carry(self, F: Array, z: Array) -> Any:
         """Return what a method with an explicit first stage keeps of a derivative at the new point."""
@@ -137,25 +175,30 @@ class System(Protocol):
 
         As far as it matters elsewhere, or as closely as rounding allows.
         """
+        return y
 
     @property
     def in_use(self) -> tuple[int, ...]:
         """The constraint rows that are solved for where some depend on others."""
+        return ()
 
     def hold(self, rows: tuple[int, ...]) -> None:
         """Solve for these rows from now on, until `settle` chooses others."""
 
     def settle(self, t: float, state: State) -> State:
         """Choose the rows that the next step solves for, and return the state with them met."""
+        return state
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which f or y may jump; sign * inf if none.
 
         At that very time f belongs to what comes after (in rising t).
         """
+        return sign * np.inf
 
     def jump(self, t: float, y: Array) -> Array:
         """Return y just after time t: y itself, but for what jumps there."""
+        return y
 
     def size(self, y: Array) -> Array:
         """Magnitude of each tangent component for relative tolerances, (ny,); 1 for rotations."""

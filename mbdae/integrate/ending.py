@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import StepError
-from ..mechanism import Mechanism
 from ..mechanism.callbacks import called, checked, function_name
 from ..mechanism.formulations.index2 import Descriptor
-from ..solution.solution import Problem, Solution
-from ..system import Array, State, Step
+from ..solution.solution import Solution
+from ..system import Array, State, Step, System
 from .doubts import doubts
 from .events import Event
 from .run import RunState
@@ -89,13 +88,11 @@ def report(run: RunState, status: str, message: str, seconds: float, times: Arra
     return Solution(run.problem, reached, points, own, status, message, stats, settings, (t, y, z), **rest)
 
 
-def event_value(problem: Problem, event: Event, t: float, y: Array) -> float:
+def event_value(system: System, event: Event, t: float, y: Array) -> float:
     """Evaluate an event function.
 
     Raises:
         StepError: if it fails or does not return a finite number.
     """
-    what, parts = f"event {function_name(event.function)!r}", [y]
-    if isinstance(problem, Mechanism):
-        parts = [y[: problem.nq], y[problem.nq : problem.nq + problem.nv]]
-    return float(checked(called(what, event.function, t, *parts), (), t, what))
+    what = f"event {function_name(event.function)!r}"
+    return float(checked(called(what, event.function, t, *system.split(y)), (), t, what))

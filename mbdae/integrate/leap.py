@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
 from ..mechanism.formulations.index2 import Descriptor
-from ..mechanism.singularity import Singular, crossing, ratio, singular
+from ..mechanism.singularity import Singular, crossing, singular
 from ..system import Array
 
 OFFSETS = (2.0, 5.0, 9.0)  # times the way to the singular configuration: where further states are taken from
@@ -107,10 +107,10 @@ def leap(system: Descriptor, run: Any, way: float, first: int) -> Leap | None:
     us, rates = ys[:, system.nq :], rates[:, system.nv :]
     reach, y = run.sign * REACH * way, run.ys[-1]
     path = Path(system, ts, y, us, rates, reach)
-    here = ratio(system, run.t, y)
+    here = system.pivot_ratio(run.t, y)
 
     def value(dt: float) -> float:
-        return ratio(system, run.t + dt, path(dt))
+        return system.pivot_ratio(run.t + dt, path(dt))
 
     found = _lowest(value, np.linspace(0.0, reach, SAMPLES + 1))
     if found is None or not found[1] < DEPTH * here:

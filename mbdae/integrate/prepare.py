@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..mechanism import Compiled, Mechanism
+from ..mechanism import Mechanism
 from ..mechanism.assembly import START
 from ..mechanism.formulations.index2 import Descriptor
 from ..methods import Tableau
@@ -60,7 +60,7 @@ def prepare(
     system, fallback = bind(problem, tableau, formulation, baumgarte, backend)
     inner = _stepper(system, tableau, formulation, step, control, t0, t1)
     stepper: Stepper = inner
-    if isinstance(system, Compiled):
+    if system.native:
         stepper = NativeStepper(inner, system, tableau, project)
     ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
     y = _start(problem, start, t0, None if step else control[0])
@@ -72,7 +72,7 @@ def prepare(
         "baumgarte": baumgarte,
         "t_span": [t0, t1],
     }
-    run.events = EventWatch(as_events(events), lambda e, t, y: event_value(problem, e, t, y))
+    run.events = EventWatch(as_events(events), lambda e, t, y: event_value(system, e, t, y))
     _set_watches(run, inner, formulation)
     return run
 
@@ -117,9 +117,7 @@ def _start(problem: Problem, start: Start, t: float, rtol: Any) -> Array:
     """The start; under step-size control loops may stand open as after a run that let them drift."""
     q, v, s = start
     drifted = DRIFTED * float(rtol) if isinstance(rtol, Real) else 0.0
-    if isinstance(problem, Mechanism):
-        return problem.point(q, v, t, s, max(START, drifted))
-    return problem.point(q, v, t, s)
+    return problem.point(q, v, t, s, max(START, drifted))
 
 
 def _projected(problem: Problem, project: bool | str, formulation: str, step: float | None) -> bool:
@@ -128,6 +126,8 @@ def _projected(problem: Problem, project: bool | str, formulation: str, step: fl
         raise InputError(f"project is True, False or 'auto', got {project!r}")
     if project == "auto":
         return isinstance(problem, Mechanism) and formulation == "index2" and step is None and problem.ng > 0
+    if project and not isinstance(problem, Mechanism):
+        raise InputError("project=True belongs to mechanisms: 0 = g of a textbook problem is kept by the method")
     if project and formulation != "index2":
         raise InputError(f"project=True belongs to formulation 'index2', got {formulation!r}")
     return bool(project)

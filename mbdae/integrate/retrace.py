@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..mechanism import Compiled
 from ..system import Array
 from .jumps import Jumps
 from .loop import time_loop
@@ -36,14 +35,13 @@ def _retraced(run: RunState, tableau: Any, rtol: float, times: Array) -> tuple[A
     Raises:
         StepError: where they cannot be reached.
     """
-    mechanism: Any = run.problem
-    system = mechanism.system(native=run.system.native if isinstance(run.system, Compiled) else None)
+    system = run.system.twin()
     system.hold(run.system.in_use)
     ts, ys, rates = [run.t], [run.ys[-1]], []
     for t in times.tolist():
         ahead = Jumps(system, (), t, -run.sign)
         control = Adaptive(tableau.error_power, rtol, None, None, np.inf)
-        stepper = NativeStepper(control, system, tableau, True) if isinstance(system, Compiled) else control
+        stepper = NativeStepper(control, system, tableau, True) if system.native else control
         back = RunState(run.problem, tableau, system, stepper, ts[-1], ys[-1], ahead, True)
         back.begin()
         rates.append(back.F)

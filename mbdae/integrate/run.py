@@ -51,7 +51,7 @@ class RunState:
     def begin(self) -> None:
         """Find the derivative at the start; a method with an explicit first stage carries it."""
         y = self.system.jump(self.t, self.ys[-1].copy())
-        if not self.in_use and not hasattr(self.problem, "y0"):
+        if not self.in_use:
             y = self._closed(y)
         self._begin_at(y)
         self.leg = self.ahead.leg(self.t)
@@ -91,8 +91,7 @@ class RunState:
     @property
     def dense_order(self) -> int:
         """Order of the dense output: one below that of the method."""
-        order = self.tableau.order_linear if hasattr(self.problem, "model") else self.tableau.order
-        return max(1, order - 1)
+        return max(1, self.system.order_of(self.tableau) - 1)
 
     @property
     def steps(self) -> int:

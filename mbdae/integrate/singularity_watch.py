@@ -9,9 +9,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..errors import StepError
-from ..mechanism import Compiled
 from ..mechanism.formulations.index2 import Descriptor
-from ..mechanism.singularity import Singular, open_limit, ratio, singular, tangent, turned, turning
+from ..mechanism.singularity import Singular, open_limit, singular, tangent, turned, turning
 from ..system import Array
 from .leap import leap
 
@@ -71,15 +70,14 @@ class SingularWatch:
     def own(self) -> Descriptor:
         """A workspace of the watch's own, made when there is something to look at: what it computes is not counted."""
         if self._own is None:
-            native = self.system.native if isinstance(self.system, Compiled) else None
-            self._own = self.system.mechanism.system(native=native)
+            self._own = self.system.twin()
         if self._own.in_use != self.system.in_use:
             self._own.hold(self.system.in_use)
         return self._own
 
     def _ratio(self, t: float, y: Array) -> float:
-        """See `mbdae.mechanism.singularity.ratio`."""
-        return ratio(self.own, t, y)
+        """See `Descriptor.pivot_ratio`."""
+        return self.own.pivot_ratio(t, y)
 
     def restart(self, first: int) -> None:
         """Forces jump at node ``first``: what was before does not continue."""
@@ -230,12 +228,12 @@ class SingularWatch:
             return paths[i](u - i)
 
         samples = np.linspace(nodes[0], nodes[-1], SAMPLES * len(paths) + 1)
-        padded = np.array([np.inf, *(ratio(self.own, *at(u)) for u in samples), np.inf])
+        padded = np.array([np.inf, *(self._ratio(*at(u)) for u in samples), np.inf])
         lowest = np.flatnonzero((padded[1:-1] < padded[:-2]) & (padded[1:-1] <= padded[2:]))
         for k in lowest.tolist():
             bounds = float(samples[max(0, k - 1)]), float(samples[min(k + 1, len(samples) - 1)])
             best = minimize_scalar(
-                lambda u: ratio(self.own, *at(u)), bounds=bounds, method="bounded", options={"xatol": SHARP}
+                lambda u: self._ratio(*at(u)), bounds=bounds, method="bounded", options={"xatol": SHARP}
             )
             self._judge(run, nodes, int(best.x), *at(float(best.x)))
 

@@ -7,7 +7,6 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from .closures import independent_rows as rowmath
-from .formulations.compiled import Compiled
 from .reactions import scaled
 
 if TYPE_CHECKING:
@@ -49,15 +48,6 @@ class Singular:
         n, names = len(self.closures), self.closures
         where = ", ".join(names) if n <= 4 else f"{n} closures from {names[0]} to {names[-1]}"
         return f"rank {self.rank} falls to {self.rank_there} at t = {self.t:.9g} s ({where})"
-
-
-def ratio(system: "Descriptor", t: float, y: Array) -> float:
-    """Smallest pivot of the independent rows of G M^-1/2 to the largest: 0 in a singular configuration."""
-    found = system.ratio(system.split(y)[0]) if isinstance(system, Compiled) else None
-    if found is not None:
-        return found
-    diagonal = rowmath.pivots(scaled(system, t, system.split(y)[0]).T)[1]
-    return float(diagonal[(system.rank or 1) - 1] / diagonal[0])
 
 
 def singular(

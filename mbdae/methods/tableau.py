@@ -132,9 +132,8 @@ class Tableau:
         return self.order_embedded + 1 + bool(self.b_companion) if self.b_embedded else self.order + 1
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Take one step; see `mbdae.methods.step.half_explicit_step`. A system may have it compiled."""
-        compiled = getattr(system, "compiled_step", None)
-        return (compiled and compiled(self, t, h, state)) or half_explicit_step(system, self, t, h, state)
+        """Take one step; see `mbdae.methods.step.half_explicit_step`."""
+        return system.whole_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate: the embedded formula's, or that of two half steps."""

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..mechanism import Compiled, Mechanism
+from ..mechanism import Mechanism
 from ..mechanism.formulations.interpolation import plain, sampled
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def at_once(sol: "Solution", times: Array) -> Array | None:
     Raises:
         StepError: for a point that cannot be found.
     """
-    ts, ys, _ = map(np.asarray, sol.nodes)
+    ts, ys, zs = map(np.asarray, sol.nodes)
     if not isinstance(sol.problem, Mechanism) or len(ts) < 2 or len(times) < 2:
         return None
     if not plain(sol.system, sol.settings["dense_order"]):
@@ -32,10 +32,9 @@ def at_once(sol: "Solution", times: Array) -> Array | None:
     if len(sol.parts(np.union1d(used, used + 1))) > 1:
         return None
     sol.at(int(used[0]))
-    if isinstance(sol.system, Compiled):
-        nodes = np.union1d(used, used + 1)
-        rates = sol.system.derivatives(ts[nodes], ys[nodes])[0]
-        sol.rates |= {int(i): F for i, F in zip(nodes, rates, strict=True) if not np.isnan(F).any()}
+    nodes = np.setdiff1d(np.union1d(used, used + 1), list(sol.rates))
+    rates = sol.system.derivatives(ts[nodes], ys[nodes], zs[nodes])[0]
+    sol.rates |= {int(i): F for i, F in zip(nodes, rates, strict=True) if not np.isnan(F).any()}
     starts, ends = (np.array([sol.rate(int(i)) for i in nodes]) for nodes in (used, used + 1))
     h, theta = ts[used + 1] - ts[used], (times - ts[step]) / (ts[step + 1] - ts[step])
     out = sampled(sol.system, ts[used], h, (ys[used], ys[used + 1]), (starts, ends), which, theta)

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import backend
 from ..errors import InputError, StepError
-from ..mechanism import Compiled, Effort, Mechanism, NotCompiled, Reaction, Singular, effort, reaction, redundant
+from ..mechanism import Effort, Mechanism, NotCompiled, Reaction, Singular, effort, reaction, redundant
 from ..textbook.hessenberg import Hessenberg
 from .archive import read, write
 from .columns import signals
@@ -155,12 +155,9 @@ class Solution:
         """
         out = np.full((len(self.t), self.system.nz), np.nan)
         nodes = np.arange(len(self.t)) if self.steps is None else self.before(self.t)
-        if isinstance(self.system, Compiled):
-            for part in self.parts(nodes):
-                out[part] = self.at(int(nodes[part[0]])).derivatives(self.t[part], self.y[part])[1]
-        for i in np.flatnonzero(np.isnan(out).any(axis=1)):
-            with suppress(StepError):
-                out[i] = self.at(int(nodes[i])).derivative(self.t[i], self.y[i], self.z_own[i])[1]
+        for part in self.parts(nodes):
+            at = self.at(int(nodes[part[0]]))
+            out[part] = at.derivatives(self.t[part], self.y[part], self.z_own[part])[1]
         return out
 
     @property

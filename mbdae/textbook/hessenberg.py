@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from ..dense import powers, refine
 from ..errors import InputError, StepError
-from ..system import Array, Counts, State
+from ..system import Array, Counts, System
 from .implicit import ImplicitStages
 
 Function = Callable[..., Array]
@@ -45,6 +46,7 @@ class Hessenberg:
     title: str = "textbook problem"
     exact: Callable[[float], tuple[Array, Array]] | None = None
     f_y: Function | None = None
+    drivers: ClassVar[tuple[()]] = ()
 
     def system(self, formulation: str = "index2", baumgarte: tuple[float, float] | None = None) -> "HessenbergSystem":
         """Bind the problem to a workspace of its own.
@@ -57,9 +59,9 @@ class Hessenberg:
         return HessenbergSystem(self)
 
     def point(
-        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None
+        self, q: Array | None = None, v: Array | None = None, t: float = 0.0, s: Array | None = None, gap: float = 0.0
     ) -> Array:
-        """Return the start y0 at time t, (ny,).
+        """Return the start y0 at time t, (ny,); ``gap`` belongs to closures of mechanisms.
 
         Raises:
             InputError: if q, v or s is given, or 0 = g(t, y0) does not hold.
@@ -96,7 +98,7 @@ def hessenberg_a() -> Hessenberg:
 TEXTBOOK: dict[str, Callable[[], Hessenberg]] = {"hessenberg_a": hessenberg_a}
 
 
-class HessenbergSystem:
+class HessenbergSystem(System):
     """`mbdae.system.System` of a textbook problem; stages are solved by Newton's method for z."""
 
     def __init__(self, problem: Hessenberg) -> None:
@@ -112,6 +114,9 @@ class HessenbergSystem:
                 f"f and g of {problem.title!r} return shapes {np.shape(F)} and {np.shape(g)}, "
                 f"expected ({self.ny},) and ({self.nz},)"
             )
+
+    def twin(self) -> "HessenbergSystem":  # noqa: D102
+        return HessenbergSystem(self.problem)
 
     def chart(self, t: float, y: Array) -> "HessenbergChart":  # noqa: D102
         return HessenbergChart(self, t, y, self.near(y))
@@ -152,30 +157,8 @@ class HessenbergSystem:
     def difference(self, y0: Array, y1: Array) -> Array:  # noqa: D102
         return y1 - y0
 
-    def restore(self, t: float, y: Array, tight: bool = False) -> Array:
-        """Refuse: 0 = g is kept by every method.
-
-        Raises:
-            InputError: always.
-        """
-        raise InputError("project=True belongs to mechanisms: 0 = g of a textbook problem is kept by the method")
-
-    def breakpoint(self, t: float, sign: float) -> float:
-        """A textbook problem has no jumps of its own: see ``jumps`` of `mbdae.solve`."""
-        return sign * np.inf
-
-    def jump(self, t: float, y: Array) -> Array:  # noqa: D102
-        return y
-
-    @property
-    def in_use(self) -> tuple[int, ...]:  # noqa: D102
-        return ()
-
     def hold(self, rows: tuple[int, ...]) -> None:
         """All constraints are solved for."""
-
-    def settle(self, t: float, state: State) -> State:  # noqa: D102
-        return state
 
     def size(self, y: Array) -> Array:  # noqa: D102
         return np.abs(y)

@@ -2,7 +2,6 @@
 
 from typing import TYPE_CHECKING, Any
 
-from ...mechanism import Compiled
 from ...system import Array, State, Step
 from .stepper import PythonStepper, Stepper
 
@@ -25,7 +24,7 @@ class NativeStepper(Stepper):
 
     backend = "native"
 
-    def __init__(self, inner: PythonStepper, system: Compiled, tableau: Any, project: bool) -> None:
+    def __init__(self, inner: PythonStepper, system: Any, tableau: Any, project: bool) -> None:
         self.inner, self.system, self.tableau = inner, system, tableau
         self.course = system.native.Course()
         self.course.project, self.course.seconds = project, SECONDS

@@ -32,6 +32,8 @@ class Compiled(Descriptor):
         NotCompiled: names what the core does not have.
     """
 
+    native: ModuleType
+
     def __init__(self, mechanism: "Mechanism", native: ModuleType) -> None:
         super().__init__(mechanism)
         m = self.manifold
@@ -67,7 +69,7 @@ class Compiled(Descriptor):
         self.after_python()
         return found
 
-    def compiled_step(self, tableau: Any, t: float, h: float, state: State) -> Step | None:
+    def whole_step(self, tableau: Any, t: float, h: float, state: State) -> Step | None:
         """See `mbdae.methods.step.half_explicit_step`; None where the core cannot take the step."""
         if not self._begun:
             self.derivative(t, state.y)
@@ -89,15 +91,19 @@ class Compiled(Descriptor):
             if course.changes:
                 self.rows = np.array(self.core.rows, int)
 
-    def derivatives(self, t: Array, y: Array) -> tuple[Array, Array]:
-        """Return y' (n, ny) and lam (n, ng) at points (n, ...), see `derivative`; nan where they cannot be found."""
+    def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
+        """See `mbdae.system.System`."""
         if len(t) and not self._begun:
             self.derivative(float(t[0]), y[0])
-        return self.core.derivatives(np.ascontiguousarray(t), np.ascontiguousarray(y))
+        F, lam = self.core.derivatives(np.ascontiguousarray(t), np.ascontiguousarray(y))
+        left = np.isnan(F).any(axis=1) | np.isnan(lam).any(axis=1)
+        F[left], lam[left] = super().derivatives(t[left], y[left], near[left])
+        return F, lam
 
-    def ratio(self, q: Array) -> float | None:
-        """See `mbdae.mechanism.singularity.ratio`; None where M is singular."""
-        return self.core.ratio(np.ascontiguousarray(q), self.rank or 1)
+    def pivot_ratio(self, t: float, y: Array) -> float:
+        """See `Descriptor.pivot_ratio`."""
+        found = self.core.ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
+        return super().pivot_ratio(t, y) if found is None else found
 
     def after(self) -> None:
         """Take over what the core counted."""

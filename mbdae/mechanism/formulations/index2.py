@@ -4,30 +4,26 @@ q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(
 non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
 """
 
-from collections.abc import Callable
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
 
 from ...errors import StepError
-from ...system import Counts, State
+from ...system import Array, Counts, State, System
 from ..closures import independent_rows as rowmath
 from ..closures.constraints import Constraints
 from ..workspace import make_data
+from . import interpolation, projection
 from .chart import DescriptorChart
-from .interpolation import interpolant
-from .projection import restore
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-Array = np.ndarray
 
-
-class Descriptor:
+class Descriptor(System):
     """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
 
     What is recomputed: one mass matrix, one force and two constraint Jacobians per stage, one factorization of M
@@ -56,8 +52,6 @@ class Descriptor:
         self.widest = self.fastest = 0.0  # largest |g|, and |G v + g_t| / (1 + |v|), over all rows at ends of steps
         self._last_q = np.full(self.nq, np.nan)
         self._last = (np.empty(0), np.empty(0))  # U and G there
-
-    # -- the mechanism's functions -------------------------------------------------------------------------------
 
     def closures(self, q: Array | None = None, t: float | None = None) -> tuple[Array, Array]:
         """Return g(t, q) (ng,) and G (ng, nv) over all rows.
@@ -201,13 +195,23 @@ class Descriptor:
         B = dgesv(U.T, G[rows].T)[2]
         return float(np.linalg.svd(B, compute_uv=False)[-1] ** -2)
 
+    def pivot_ratio(self, t: float, y: Array) -> float:
+        """Smallest pivot of the independent rows of G M^-1/2 to the largest: 0 in a singular configuration."""
+        diagonal = rowmath.pivots(dgesv(self.inertia(t, self.split(y)[0]).T, self.jacobian().T)[2])[1]
+        return float(diagonal[(self.rank or 1) - 1] / diagonal[0])
+
     def own(self, G: Array, rows: Array, lam: Array) -> Array:
         """Multipliers of all rows, (ng,), from those in use: of minimum norm when rows depend on each other."""
         if len(rows) == self.ng:
             return lam
         return rowmath.minimum_norm(G, len(rows), lam.dot(G.take(rows, 0)))
 
-    # -- the contract of mbdae.system ----------------------------------------------------------------------------
+    def twin(self) -> "Descriptor":
+        """See `mbdae.system.System`; it has the index-2 form whatever this one has."""
+        return self.mechanism.system(native=self.native)
+
+    def order_of(self, tableau: Any) -> int:  # noqa: D102
+        return tableau.order_linear
 
     def split(self, y: Array) -> tuple[Array, Array]:
         """Return q (nq,) and v (nv,)."""
@@ -279,8 +283,8 @@ class Descriptor:
             out[: self.nv] = x[: self.nv] - (y1[: self.nq] - y0[: self.nq])
         return out
 
-    def restore(self, t: float, y: Array, tight: bool = False) -> Array:  # noqa: D102
-        return restore(self, t, y, tight)
+    restore = projection.restore
+    interpolant = interpolation.interpolant
 
     def size(self, y: Array) -> Array:  # noqa: D102
         size = np.concatenate([self.manifold.size(y[: self.nq]), np.abs(y[self.nq :])])
@@ -293,8 +297,3 @@ class Descriptor:
         if self.ng:
             out[self.nv : 2 * self.nv] = share * np.abs(self.split(y)[1]).max()
         return out
-
-    def interpolant(  # noqa: D102
-        self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int
-    ) -> Callable[[float], Array]:
-        return interpolant(self, t, h, ends, rates, order)

@@ -118,7 +118,7 @@ class Measurement:
         """Halve the steps of a method until its slopes can be judged, or never will."""
         tableau = find_method(name)
         reference, uncertainty = self.reference(name)
-        order = tableau.order_linear if self.mechanical else tableau.order
+        order = self.system.order_of(tableau)
         claims = [order] * (len(self.names) - 2) + [tableau.order_own, order]
         judged = self.names if self.system.nz else self.names[:-2]  # without closures there is no lam
         ns: list[int] = []
