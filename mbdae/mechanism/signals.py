@@ -36,7 +36,11 @@ class _Signal(Table):
 
 
 class Constant(_Signal):
-    """A number; it stands as such in a file."""
+    """A number; it stands as such in a file.
+
+    Attributes:
+        value: the number.
+    """
 
     kind: Literal["constant"] = "constant"
     value: float
@@ -50,7 +54,14 @@ class Constant(_Signal):
 
 
 class Harmonic(_Signal):
-    """offset + amplitude sin(omega t + phase), omega in rad/s, phase in rad."""
+    """offset + amplitude sin(omega t + phase).
+
+    Attributes:
+        amplitude: in the unit of the value.
+        omega: rad/s.
+        phase: rad.
+        offset: in the unit of the value.
+    """
 
     kind: Literal["harmonic"] = "harmonic"
     amplitude: float
@@ -67,7 +78,11 @@ class Harmonic(_Signal):
 
 
 class Polynomial(_Signal):
-    """sum_i coefficients_i t^i; (c_0, c_1) is a constant speed c_1."""
+    """sum_i coefficients_i t^i.
+
+    Attributes:
+        coefficients: c_0, c_1, ...; two of them are a constant speed c_1.
+    """
 
     kind: Literal["polynomial"] = "polynomial"
     coefficients: tuple[float, ...] = Field(min_length=1)
@@ -82,8 +97,10 @@ class Polynomial(_Signal):
 class TimeTable(_Signal):
     """A smooth curve through points (t, value), t increasing; before and behind them the end values are held.
 
-    ``"spline"`` is the natural cubic spline (two continuous derivatives), ``"monotone"`` a cubic interpolation without
-    overshoot (one continuous derivative).
+    Attributes:
+        points: pairs (t, value) in s.
+        interpolation: ``"spline"``, natural and cubic (two continuous derivatives), or ``"monotone"``, cubic without
+            overshoot (one continuous derivative).
     """
 
     kind: Literal["table"] = "table"
@@ -113,7 +130,11 @@ class TimeTable(_Signal):
 
 
 class Steps(_Signal):
-    """Piecewise constant: from each time of points (t, value) on its value; before the first time the first value."""
+    """Piecewise constant: from each time on its value; before the first time the first value.
+
+    Attributes:
+        points: pairs (t, value) in s, t increasing.
+    """
 
     kind: Literal["steps"] = "steps"
     points: tuple[Point, ...] = Field(min_length=1)

@@ -17,7 +17,12 @@ Value = float | tuple[float, ...]
 class Start(Table):
     """The start state: q and v are held during assembly, guess and guess_v say where other coordinates start.
 
-    With ``assemble = false`` the values are taken as they are, and refused where they leave a closure open.
+    Attributes:
+        q: joint coordinates that assembly holds, in rad or m; the angle of a continuous joint, a list for several.
+        v: joint velocities that assembly holds, in rad/s or m/s.
+        guess: where assembly starts for other coordinates: it decides between branches, such as elbow up and down.
+        guess_v: where assembly starts for other velocities.
+        assemble: make the start consistent; else values are taken as they are, and refused where a closure is open.
     """
 
     q: dict[str, Value] = Field(default_factory=dict)
@@ -33,7 +38,14 @@ class Start(Table):
 
 
 class OrderSettings(Table):
-    """Order study: end time T in s, coarsest number of steps (at least ten), and a start of its own (held values)."""
+    """The order study of the model, `mbdae.check_order`.
+
+    Attributes:
+        T: end time in s.
+        steps: coarsest number of steps.
+        q: held coordinates of a start of its own, instead of ``start``.
+        v: held velocities of a start of its own, instead of ``start``.
+    """
 
     T: float = Field(default=1.0, gt=0)
     steps: int = Field(default=20, ge=10)

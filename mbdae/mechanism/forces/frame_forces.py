@@ -22,8 +22,14 @@ Six = tuple[float, float, float, float, float, float]
 class SpringDamper(Force):
     """A spring, damper and actuator between the origins of two frames.
 
-    The tension is stiffness (d - length) + damping d' - force. d is the distance in m, ``length`` the rest length; N/m
-    and N s/m. ``force``, a constant or a function of time in N, pushes the frames apart.
+    The tension is stiffness (d - length) + damping d' - force, with d the distance in m.
+
+    Attributes:
+        frames: names of both frames.
+        stiffness: N/m.
+        damping: N s/m.
+        length: rest length in m.
+        force: N, a constant or a function of time; it pushes the frames apart.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

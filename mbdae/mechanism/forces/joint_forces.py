@@ -17,7 +17,11 @@ Joints = str | tuple[str, ...]
 
 
 class JointDamping(Force):
-    """tau = -damping * v on each coordinate of the joints, in N m s/rad or N s/m; replaces their URDF damping.
+    """tau = -damping * v on each coordinate of the joints; replaces their URDF damping.
+
+    Attributes:
+        joint: one joint or several.
+        damping: N m s/rad or N s/m.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

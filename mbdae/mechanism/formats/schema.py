@@ -27,7 +27,14 @@ WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
 
 
 class Frame(Table):
-    """An extra frame on a link; xyz in m, rpy in rad (roll, pitch, yaw as in URDF)."""
+    """An extra frame on a link.
+
+    Attributes:
+        name: of the frame.
+        parent: the link, body, joint or frame that carries it, or ``"world"``.
+        xyz: place in the parent frame, in m.
+        rpy: turn in the parent frame, in rad: roll, pitch, yaw as in URDF.
+    """
 
     name: str
     parent: str
@@ -38,8 +45,13 @@ class Frame(Table):
 class Body(Frame):
     """An extra body with the joint that carries it; joint and link get the body's name.
 
-    mass in kg, com in m, inertia (ixx, iyy, izz, ixy, ixz, iyz) about the centre of mass in kg m^2. The axis belongs to
-    revolute, continuous and prismatic joints; that of a planar joint is the normal of its plane.
+    Attributes:
+        name: of joint, link and the frame at the joint.
+        joint: its kind; a continuous joint turns without end, a translation is one along x, y and z.
+        axis: of a revolute, continuous or prismatic joint; the normal of a planar joint's plane; others have none.
+        mass: in kg.
+        com: centre of mass in the body's frame, in m.
+        inertia: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, in kg m^2.
     """
 
     joint: JointKind = "revolute"
@@ -82,8 +94,22 @@ class Source(Table):
 class MechanismFile(Table):
     """Everything that may stand in a mechanism.toml.
 
-    ``source`` is the name of a file or a table; several ``[[source]]`` tables put several robots into one mechanism.
-    ``joint_type`` says what a URDF cannot: other kinds of joints. ``motor`` gives controls to named inputs.
+    Attributes:
+        title: one line for tables and figures.
+        source: name of a file, or tables ``[[source]]``; several put several robots into one mechanism.
+        gravity: acceleration in m/s^2, along the world's axes.
+        free_flyer: put a free joint under the root link of each source.
+        lock: joints that are removed, standing at this value in rad or m.
+        joint_type: joints of a URDF that are of another kind.
+        motor: controls of named inputs.
+        duration: how long a run takes when nobody says, in s.
+        frame: extra frames.
+        body: extra bodies with their joints.
+        closure: loop closures.
+        driver: joints or distances that follow a function of time.
+        force: springs, dampers, motors, controllers.
+        start: the start state.
+        order: the order study.
     """
 
     title: str = ""
