@@ -1,0 +1,217 @@
+"""The pages of documentation: their code runs, shows what they say it shows, and their tables agree with the code.
+
+A page is one session, from top to bottom and in a folder of its own: Python blocks share their names; a block that
+begins with the name of a file in a comment is written there; lines of ``sh`` blocks that call mbdae are run, and end
+with code 0 or with the one of their comment ``# exit N``. A ``text`` block behind one of these is all that it prints,
+"..." standing for anything; only there may a block end in an error or give a warning.
+"""
+
+import re
+import shlex
+import sys
+import warnings
+from contextlib import redirect_stderr, redirect_stdout
+from doctest import ELLIPSIS, OutputChecker
+from io import StringIO
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import key_tables
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae import backend
+from mbdae.__main__ import cli, main
+from mbdae.mechanism.closures.closure import KINDS, keys
+from mbdae.mechanism.forces.force import FORCES
+from mbdae.mechanism.formats.library import MECHANISM, PARAMETRIC, SOURCES
+
+ROOT = Path(__file__).parent.parent
+FOLDERS = (".github", "examples", "mbdae", "models")
+PAGES = ["README.md", *(str(p.relative_to(ROOT)) for f in FOLDERS for p in sorted((ROOT / f).rglob("*.md")))]
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.S | re.M)
+FILE = re.compile(r"(?:#|<!--) (\S+\.(?:toml|py|urdf|xml))( -->)?\n")
+TEXT = {page: (ROOT / page).read_text() for page in PAGES}
+OUTSIDE = ("python3", "pip", ".", "pytest", "python")  # commands of sh blocks that are not run here
+
+
+class Block(NamedTuple):
+    """A block of code, and what stands behind it as its output."""
+
+    language: str
+    code: str
+    shows: str | None
+
+
+def blocks(page: str) -> list[Block]:
+    found = pairwise([*BLOCK.findall(TEXT[page]), ("", "")])
+    return [
+        Block(language, code, after[1] if after[0] == "text" else None)
+        for (language, code), after in found
+        if language != "text"
+    ]
+
+
+def commands(code: str) -> list[tuple[list[str], int]]:
+    """Words and exit code of the last command of each line."""
+    lines = [line.partition(" #") for line in code.splitlines()]
+    codes = [re.fullmatch(r" exit (\d)", comment) for _, _, comment in lines]
+    return [
+        (shlex.split(line.split("&&")[-1]), int(c[1]) if c else 0) for (line, _, _), c in zip(lines, codes, strict=True)
+    ]
+
+
+def run_block(block: Block, names: dict, monkeypatch) -> None:
+    if file := FILE.match(block.code):
+        Path(file[1]).write_text(block.code)
+    elif block.language == "python":
+        try:
+            exec(compile(block.code, "page", "exec"), names)
+        except mbdae.MbdaeError as e:
+            if block.shows is None:
+                raise
+            print(f"{type(e).__module__}.{type(e).__name__}: {e}")
+    elif block.language == "sh":
+        for words, code in commands(block.code):
+            if words[0] != "mbdae":
+                assert words[0] in OUTSIDE, words
+                assert all((ROOT / w).is_file() for w in words if w.endswith(".py")), words
+                continue
+            monkeypatch.setattr(sys, "argv", words)
+            with pytest.raises(SystemExit) as ended:
+                main()
+            assert ended.value.code == code, words
+    else:
+        raise AssertionError(f"a {block.language} block that is neither run nor written: {block.code}")
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)])
+def test_blocks(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names: dict = {"__name__": "page"}
+    files = [file[1] for block in blocks(page) if (file := FILE.match(block.code))]
+    assert all(sum(block.code.count(file) for block in blocks(page)) > 1 for file in files), "a file that nothing reads"
+    for block in blocks(page):
+        said = StringIO()
+        with redirect_stdout(said), redirect_stderr(said), warnings.catch_warnings():
+            warnings.simplefilter("error" if block.shows is None else "always")
+            run_block(block, names, monkeypatch)
+        if block.shows is not None:
+            assert OutputChecker().check_output(block.shows, said.getvalue(), ELLIPSIS), said.getvalue()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_within_sentences_are_complete(page):
+    for command in re.findall(r"`(mbdae [^`-]+ -[^`]+)`", TEXT[page].replace("\n", " ")):
+        name, *words = shlex.split(command)[1:]
+        if "--help" not in words:
+            cli.commands[name].make_context(name, words)
+
+
+# -- links ---------------------------------------------------------------------------------------------------------
+
+
+def anchors(page: Path) -> set[str]:
+    """What GitHub makes of headings: lower case, hyphens for spaces, without punctuation."""
+    headings = re.findall(r"^#+ (.*)$", BLOCK.sub("", page.read_text()), re.M)
+    return {re.sub(r"[^\w\- ]", "", h.lower()).replace(" ", "-") for h in headings}
+
+
+def links(page: str) -> list[tuple[Path, str]]:
+    """Files and anchors that a page links to."""
+    found = [x for x in re.findall(r"\]\(([^)\s]+)\)", BLOCK.sub("", TEXT[page])) if "://" not in x]
+    at = (x.partition("#") for x in found)
+    return [((ROOT / page).parent / path if path else ROOT / page, anchor) for path, _, anchor in at]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_somewhere(page):
+    for path, anchor in links(page):
+        assert path.exists(), path
+        assert not anchor or anchor in anchors(path), f"{path} has no heading {anchor}"
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_paths_named_exist(page):
+    for path in re.findall(r"\b(?:examples|models|tests)/[\w/]+\.\w+", TEXT[page]):
+        assert (ROOT / path).exists(), path
+
+
+def test_every_page_script_and_picture_is_linked():
+    linked = {path.resolve() for page in PAGES for path, _ in links(page)}
+    pages = {ROOT / page for page in PAGES} - {ROOT / "README.md"} - set((ROOT / ".github").rglob("*"))
+    scripts = {*(ROOT / "examples").rglob("*.py"), *(ROOT / "examples" / "pictures").iterdir()}
+    assert {str(p.relative_to(ROOT)) for p in {*pages, *scripts} - linked} == set()
+
+
+# -- tables --------------------------------------------------------------------------------------------------------
+
+
+def table(page: str, header: str) -> dict[str, list[str]]:
+    body = TEXT[page].split(f"| {header} |")[1].split("\n\n")[0].splitlines()[2:]
+    rows = [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in body]
+    return {re.sub(r"\[`(\w+)`\].*", r"\1", row[0]): row[1:] for row in rows}
+
+
+def test_methods_table():
+    assert table("examples/guide/methods.md", "method") == {
+        n: [str(m.order), m.title] for n, m in mbdae.METHODS.items()
+    }
+
+
+def test_models_table():
+    assert table("models/README.md", "model") == {n: [mbdae.load(n).title] for n in mbdae.model_names()}
+
+
+def test_closures_table():
+    found = table("models/README.md", "closure")
+    assert list(found) == list(KINDS)
+    for kind, (rows, needs, more, what) in found.items():
+        needed, possible = (set(k) - {"kind", "name"} for k in keys(kind))
+        assert (set(re.findall(r"\w+", needs)), set(re.findall(r"\w+", more))) == (needed, possible), kind
+        assert int(rows) == mbdae.load(Path(__file__).parent / "data" / "closures" / f"{kind}.toml").ng
+        assert what in mbdae.Closure.__doc__.replace("``", "`"), f"page and docstring say different things of {kind}"
+
+
+def test_files_table():
+    read = [suffix.strip(" `") for row in table("models/README.md", "file") for suffix in row.split(",")]
+    assert read == [MECHANISM, PARAMETRIC, *SOURCES]
+
+
+def test_forces_table():
+    assert list(table("models/README.md", "force")) == [f.model_fields["kind"].default for f in FORCES]
+
+
+def test_key_tables():
+    """`python tests/key_tables.py` writes them; the message of this test shows them."""
+    expected = key_tables.markdown()
+    assert key_tables.BETWEEN.search(TEXT["models/README.md"])[0] == expected, expected
+
+
+# -- what pages tell and no block shows -----------------------------------------------------------------------------
+
+
+def test_the_commands_of_installation_stand_in_the_readme():
+    activate = "python3 -m venv .venv && . .venv/bin/activate && pip install "
+    install, test = (code for language, code, _ in blocks("README.md")[:2])
+    assert install == f"{activate}. && mbdae run slider_crank -t 5 -o run.npz --html run.html\n"
+    assert test == f'{activate}".[test]" && pytest -W error -n 2 --dist worksteal\n'
+    assert test.split("&& ")[-1] in (ROOT / ".ci" / "run").read_text()
+
+
+def test_the_mechanism_with_parameters_moves(tmp_path):
+    code = next(b.code for b in blocks("models/README.md") if b.code.startswith("# tower.py"))
+    (tmp_path / "tower.py").write_text(code)
+    sol = mbdae.solve(mbdae.load(tmp_path / "tower.py", floors=3), (0, 1))
+    assert np.abs(np.diff(sol.q[[0, -1]], axis=0)).max() > 0.1
+
+
+def test_what_is_said_without_the_core(monkeypatch):
+    told = TEXT["examples/guide/messages.md"].split("## mbdae computes in Python\n\n")[1].splitlines()[0]
+    monkeypatch.setattr(backend, "_core", lambda: (None, "python: not built for this Python; " + told.split("; ")[-1]))
+    with pytest.warns(UserWarning, match=backend.SLOW) as found:
+        backend._warn.__wrapped__()
+    assert told == f"    mbdae: warning: {found[0].message}"
+    assert told.split("; ", 1)[1].removeprefix("python: ") == backend._not_built(ROOT / "nowhere")
