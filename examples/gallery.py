@@ -1,4 +1,4 @@
-"""The pictures of the README: replays, and figures of studies.
+"""The pictures of the pages: replays, and figures of studies.
 
 Everything is drawn by mbdae itself: a browser without a window draws the replay pages, matplotlib the figures. Run it
 to make them anew after a change; it takes some minutes.

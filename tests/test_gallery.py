@@ -1,6 +1,5 @@
-"""The script that draws the README's pictures runs, and the pictures that stand there are small."""
+"""The script that draws the pictures of the pages runs, and the pictures that stand there are small."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,7 @@ from browser import Chromium
 from PIL import Image
 from test_examples import example
 
-ROOT = Path(__file__).parent.parent
+PICTURES = list((Path(__file__).parent.parent / "examples" / "pictures").iterdir())
 
 
 def test_the_gallery_is_drawn(tmp_path):
@@ -20,14 +19,12 @@ def test_the_gallery_is_drawn(tmp_path):
     gallery.work_precision(folder, 0.3, ("herk3", "pherk5"), (1e-3, 1e-4))
     gallery.drift(folder, 0.5, ("pherk5",))
     drawn = {path.name for path in folder.iterdir()}
-    shown = re.findall(r"!\[[^\]]+\]\(examples/pictures/([^)]+)\)", (ROOT / "README.md").read_text())
     elsewhere = {"convergence.png", "work_precision_peers.png"}  # take long: tests of figures and benchmarks draw them
-    assert drawn | elsewhere == set(shown)
+    assert drawn | elsewhere == {path.name for path in PICTURES}
     for name in drawn:
         with Image.open(folder / name) as image:
             assert np.ptp(np.asarray(image.convert("L"))) > 150, f"{name} is empty"
 
 
 def test_the_pictures_are_small():
-    pictures = list((ROOT / "examples" / "pictures").iterdir())
-    assert sum(p.stat().st_size for p in pictures) < 350_000
+    assert sum(p.stat().st_size for p in PICTURES) < 350_000
