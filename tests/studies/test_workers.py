@@ -13,6 +13,7 @@ import pytest
 from mbdae.errors import InputError, MbdaeError
 from mbdae.studies.workers import AHEAD, Pool, pool
 
+LONG = 30.0  # s
 STUDY = """
 import multiprocessing, os, time
 from pathlib import Path
@@ -80,7 +81,8 @@ def double(job, task, stop):
         os._exit(3)
     if task == "wrong":
         raise InputError("wrong")
-    while task == "long" and not stop():
+    begun = time.monotonic()
+    while task == "long" and not stop() and time.monotonic() < begun + LONG:
         time.sleep(0.01)
     return [job, 2 * task]
 
@@ -106,8 +108,10 @@ def test_runs_under_way_give_up_when_something_fails(kind):
     def fail(task, found):
         raise ValueError("full")
 
+    begun = time.monotonic()
     with pytest.raises(ValueError, match="full"), pool(kind, 2, double, None, "less") as shop:
         shop.work(["long", 1, "long", "long", "long"], fail)
+    assert time.monotonic() < begun + LONG
 
 
 def test_what_is_finished_is_kept_at_ctrl_c():
