@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 from chains import JOINTS, random_q, tree
 
-from mbdae import backend
 from mbdae.mechanism.formulations import derivatives as slopes
 from mbdae.mechanism.workspace import make_data
 
@@ -45,8 +44,6 @@ def child(program, *arguments):
 
 @pytest.mark.parametrize("name", ["native", "python"])
 def test_three_hundred_loops_take_little_memory(name):
-    if name == "native" and backend.load() is None:
-        pytest.skip(backend.status())
     done = child(RUN, name)
     assert not done.returncode, done.stderr
     end, peak = map(float, done.stdout.split())
