@@ -11,7 +11,7 @@ from math import factorial
 
 import numpy as np
 
-Array = np.ndarray
+from .system import Array
 
 
 def nodes(m: int) -> Array:

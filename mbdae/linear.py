@@ -7,8 +7,7 @@ from scipy.linalg.blas import dtrsv, ztrsv
 from scipy.linalg.lapack import dgetrf, zgetrf
 
 from .errors import StepError
-
-Array = np.ndarray
+from .system import Array
 
 
 def factorized(matrix: Array, message: str) -> Callable[[Array], Array]:

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "mbdae"
 FLOORS = (  # a room, a file or folder of mbdae/, imports from the floors below its own, never from rooms beside it
     ("errors",),
-    ("files", "linear", "dense", "backend", "members"),
     ("system",),
+    ("files", "linear", "dense", "backend", "members"),
     ("mechanism", "methods", "textbook"),
     ("solution",),
     ("integrate",),
@@ -136,6 +137,19 @@ def test_importing_mbdae_stays_light():
 def test_files_are_short(folder):
     long = {str(p): n for p in (ROOT / folder).rglob("*.py") if (n := len(p.read_text().splitlines())) > 300}
     assert not long
+
+
+def test_each_name_means_one_thing():
+    """No class is defined twice, and arrays have one short name."""
+    places = defaultdict(list)
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                places[node.name].append(path.name)
+            elif isinstance(node, ast.Assign) and ast.unparse(node.value) in ("np.ndarray", "numpy.ndarray"):
+                places["Array"].append(path.name)
+    assert places["Array"] == ["system.py"]
+    assert not {name: found for name, found in places.items() if len(found) > 1}
 
 
 def test_every_public_name_is_documented():

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..errors import InputError
+from ..system import Array
 
 if TYPE_CHECKING:
     from ..system import Step
 
-Array = np.ndarray
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
 SAME = 1e-10  # s, or relative to t: an event this close to the start is the start, whose state carries rounding
 Evaluate = Callable[[float, Array], float]

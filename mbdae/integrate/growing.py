@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-Array = np.ndarray
+from ..system import Array
 
 
 class Rows:

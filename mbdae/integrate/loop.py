@@ -18,7 +18,6 @@ from functools import partial
 import numpy as np
 
 from ..errors import STATUS, InputError, StepError
-from ..mechanism import Mechanism
 from ..solution.solution import Problem
 from .ending import end_in_event
 from .run import RunState
@@ -84,5 +83,5 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
 
 def _check_drivers(problem: Problem, t0: float, t1: float) -> None:
     """See that the derivatives of drivers are those of their functions."""
-    for driver in problem.drivers if isinstance(problem, Mechanism) else ():
+    for driver in problem.drivers:
         driver.check_run(t0, t1)

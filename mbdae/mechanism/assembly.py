@@ -8,6 +8,7 @@ import pinocchio as pin
 from scipy.linalg.lapack import dpotrf
 
 from ..errors import AssemblyError, InputError
+from ..system import Array
 from .assembly_mode import Residuals, closures, turned_over, with_directions
 from .closures.closure_error import ClosureError, largest_error
 from .joints import subspace
@@ -29,7 +30,6 @@ STARTS = 6  # of each width
 NEAR = 0.05  # rad or m: what counts as near the guess in any case
 SLIDES = 10
 DAMPING = 0.1
-Array = np.ndarray
 
 
 def assemble(

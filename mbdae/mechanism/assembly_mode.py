@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..system import Array
 from .closures.rows import DotProduct1
 
 if TYPE_CHECKING:
     from .formulations.index2 import Descriptor
 
-Array = np.ndarray
 Residuals = Callable[["Descriptor", Array, float], tuple[Array, Array]]
 
 

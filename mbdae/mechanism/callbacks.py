@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import MbdaeError, StepError
-
-Array = np.ndarray
+from ..system import Array
 
 
 def function_name(function: Any) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import InputError, UnknownNameError
+from ..system import Array
 from .assembly import START, assemble, refuse_inconsistent
 from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
@@ -26,7 +27,6 @@ from .scene.scene import Mark, Scene, make_scene
 from .start import Motor, OrderSettings, Start, coordinates
 from .workspace import make_data
 
-Array = np.ndarray
 Coordinates = Mapping[str, float | Sequence[float]]
 SYSTEMS: dict[str, type[Descriptor]] = {"index2": Descriptor, "ggl": GGL, "index1": Index1}
 

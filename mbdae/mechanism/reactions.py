@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError, UnknownNameError
+from ..system import Array
 from .closures import independent_rows as rowmath
 from .closures.driver import Driver
 from .frames import skew
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from .formulations.index2 import Descriptor
     from .mechanism import Mechanism
 
-Array = np.ndarray
 SAMPLES = 8
 NONE = 1e-6  # a share of a unit multiplier that counts as none
 NOT_UNIQUE = "rows depend on others: the multipliers of minimum norm are shown"

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
+from ..system import Array
 from .closures import independent_rows as rowmath
 from .reactions import scaled
 
 if TYPE_CHECKING:
     from .formulations.index2 import Descriptor
 
-Array = np.ndarray
 SINGULAR = 1e-5  # ratio of pivots, of its usual size, where positions are kept: interpolation finds no smaller for sure
 NEARLY = 1e-2  # what open loops may add to it: where they stand open so wide, a run is of another mechanism
 ROUND = 5.0  # times the square root of the gap: how far from a singular configuration the way round it may pass

@@ -22,7 +22,7 @@ import numpy as np
 
 from ..errors import StepError
 from ..system import Array, Chart, Linearization, Solver, State, Step, System
-from .radau_coefficients import Arrays, lagrange
+from .radau_coefficients import RadauArrays, lagrange
 
 TOLERANCE = 1e-16  # Newton error that is aimed at, relative to the size of y: rounding
 SOON = 1e-13  # above this no prediction is trusted: convergence is not geometric where z lags behind
@@ -43,7 +43,7 @@ class Memory(NamedTuple):
 
 
 def collocation_step(
-    system: System, a: Arrays, t: float, h: float, state: State, patience: int, estimate: bool
+    system: System, a: RadauArrays, t: float, h: float, state: State, patience: int, estimate: bool
 ) -> Step:
     """Advance (t, y) to t + h.
 
@@ -91,11 +91,11 @@ def collocation_step(
     return Step(State(y, found, system.lost(state.y, x, y)), own, errors)
 
 
-def _factorize(slopes: Linearization, a: Arrays, h: float) -> list[Solver]:
+def _factorize(slopes: Linearization, a: RadauArrays, h: float) -> list[Solver]:
     return [slopes.factorize(h * mode.value) for mode in a.modes]
 
 
-def _errors(a: Arrays, F: Array, found: Memory) -> Array:
+def _errors(a: RadauArrays, F: Array, found: Memory) -> Array:
     """Error estimates e, (1 or 2, ny), from F = y'_n and the collocation polynomial u.
 
         (E - h gamma (E f)_x) e - (E f)_z * = E h gamma (y'_n - u'(t_n)),   g_x e = 0.
@@ -113,7 +113,9 @@ def _errors(a: Arrays, F: Array, found: Memory) -> Array:
 class _Stages:
     """The coupled equations of a step."""
 
-    def __init__(self, system: System, chart: Chart, a: Arrays, t: float, h: float, size: Array, patience: int) -> None:
+    def __init__(
+        self, system: System, chart: Chart, a: RadauArrays, t: float, h: float, size: Array, patience: int
+    ) -> None:
         self.chart, self.a, self.t, self.h, self.patience = chart, a, t, h, patience
         self.counts, self.measured, self.size = system.counts, system.measured, size
 

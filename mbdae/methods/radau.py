@@ -14,7 +14,7 @@ import numpy as np
 
 from ..system import State, Step, System
 from .collocation import collocation_step
-from .radau_coefficients import Arrays, coefficients
+from .radau_coefficients import RadauArrays, coefficients
 from .tableau import Row, Tableau
 
 PATIENCE, SHORT_PATIENCE = 60, 15  # iterations for a given step, and where a smaller step can be taken instead
@@ -90,7 +90,7 @@ class RadauIIA:
         return 1 / float(np.abs(np.linalg.inv(self.arrays.A)[-1]).sum())
 
     @cached_property
-    def arrays(self) -> Arrays:
+    def arrays(self) -> RadauArrays:
         """The coefficients in double precision."""
         return coefficients(self.stages).arrays
 

@@ -19,9 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import roots_jacobi
 
+from ..system import Array
+
 DIGITS = 40
 
-Array = np.ndarray
 Polynomial = list[Decimal]  # coefficients of 1, x, x^2, ...
 
 
@@ -44,7 +45,7 @@ class Coefficients:
     A: tuple[tuple[Decimal, ...], ...]
 
     @cached_property
-    def arrays(self) -> "Arrays":
+    def arrays(self) -> "RadauArrays":
         """What a step works with, in double precision."""
         c, A = np.array(self.c, float), np.array(self.A, float)
         values, T = np.linalg.eig(A)
@@ -61,11 +62,11 @@ class Coefficients:
         if len(c) >= 3:
             start.append(np.append(0.0, lagrange(c[1:], np.zeros(1))))
         middle = int(np.argmin(np.abs(c - 0.5)))
-        return Arrays(c, A, tuple(modes), real, gamma, np.array(start), middle)
+        return RadauArrays(c, A, tuple(modes), real, gamma, np.array(start), middle)
 
 
 @dataclass(frozen=True)
-class Arrays:
+class RadauArrays:
     """Double-precision data of a step.
 
     Attributes:

@@ -142,7 +142,7 @@ class Tableau:
         return doubled_step(self.step, self.order, system, t, h, state)
 
     @cached_property
-    def arrays(self) -> "Arrays":
+    def arrays(self) -> "ButcherArrays":
         """The coefficients in double precision, rounded once from the exact ones."""
         c = [sum(r, start=exact("0")) for r in self.exact_A]
         chat = [sum(r, start=exact("0")) for r in self.exact_Ahat]
@@ -150,11 +150,11 @@ class Tableau:
         weights = [_row(w, n) for w in (self.b_embedded, self.b_companion) if w]
         e = [[w - b for w, b in zip(row, self.exact_b, strict=True)] for row in weights]
         A, Ahat, b = _float(self.exact_A), _float(self.exact_Ahat), _float(self.exact_b)
-        return Arrays(A, Ahat, b, _float(c), _float(chat), _float(e).reshape(-1, n))
+        return ButcherArrays(A, Ahat, b, _float(c), _float(chat), _float(e).reshape(-1, n))
 
 
 @dataclass(frozen=True)
-class Arrays:
+class ButcherArrays:
     """Double-precision A (n, n), Ahat (n, n), b (n,), c (n,), chat (n,), error weights e (0 to 2, n)."""
 
     A: np.ndarray

@@ -6,12 +6,12 @@ import numpy as np
 
 from ..errors import InputError
 from ..mechanism.frames import find_joint
+from ..system import Array
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .solution import Solution
 
-Array = np.ndarray
 TURN = 2 * np.pi
 RESTING = 1e-10  # rad/s or m/s: of what does not move, energies are rounding
 PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # joint: names of the coordinates in q and in v

@@ -6,11 +6,11 @@ import numpy as np
 
 from ..mechanism import Mechanism
 from ..mechanism.formulations.interpolation import plain, sampled
+from ..system import Array
 
 if TYPE_CHECKING:
     from .solution import Solution
 
-Array = np.ndarray
 
 
 def at_once(sol: "Solution", times: Array) -> Array | None:

@@ -12,12 +12,11 @@ import numpy as np
 from .. import backend
 from ..errors import InputError, StepError
 from ..mechanism import Effort, Mechanism, NotCompiled, Reaction, Singular, effort, reaction, redundant
+from ..system import Array
 from ..textbook.hessenberg import Hessenberg
 from .archive import read, write
 from .columns import signals
 from .sampling import at_once
-
-Array = np.ndarray
 
 
 class Sample(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 from ..dense import powers, refine
 from ..errors import InputError, StepError
 from ..system import Array, Counts, System
-from .implicit import ImplicitStages
+from .implicit import HessenbergStages
 
 Function = Callable[..., Array]
 REMEMBERED = 8
@@ -222,7 +222,7 @@ class HessenbergSystem(System):
         return self.problem.f_z(t, y, z) if self.problem.f_z else _jacobian(lambda u: self.problem.f(t, y, u), z)
 
 
-class HessenbergChart(ImplicitStages):
+class HessenbergChart(HessenbergStages):
     """A step of a textbook problem; coordinates are x = y - y_n."""
 
     def __init__(self, system: HessenbergSystem, t: float, y: Array, z: Array) -> None:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from .hessenberg import HessenbergSystem
 
 
-class ImplicitStages:
+class HessenbergStages:
     """The part of a textbook problem's chart that serves implicit methods; E is the identity."""
 
     system: "HessenbergSystem"
@@ -26,9 +26,9 @@ class ImplicitStages:
         y = self.y + x
         return self.system.f(t, y, z) - dx, -np.asarray(self.system.problem.g(t, y), float)
 
-    def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":  # noqa: D102
+    def linearize(self, x: Array, dx: Array, z: Array) -> "LinearizedHessenberg":  # noqa: D102
         s, y = self.system, self.y + x
-        return Linearized(s.f_y(self.t, y, z), s.f_z(self.t, y, z), s.g_y(self.t, y), s.counts, self.t)
+        return LinearizedHessenberg(s.f_y(self.t, y, z), s.f_z(self.t, y, z), s.g_y(self.t, y), s.counts, self.t)
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
         """Return y, and z after one iteration more, of x' = f(t, y, z) alone with f_z of the end."""
@@ -38,7 +38,7 @@ class ImplicitStages:
         return y, z
 
 
-class Linearized(NamedTuple):
+class LinearizedHessenberg(NamedTuple):
     """Slopes f_y (ny, ny), f_z (ny, nz) and g_y (nz, ny) at a point: `mbdae.system.Linearization`."""
 
     f_y: Array

@@ -11,11 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
+from ...system import Array
 from ..callbacks import called, checked
 from ..signals import Constant, Signal
 from ..tables import Table
 
-Array = np.ndarray
 Part = np.ndarray | float
 TorqueFunction = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 

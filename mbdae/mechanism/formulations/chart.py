@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
+from ...system import Array
 from .implicit import ImplicitStages
 
 if TYPE_CHECKING:
     from .index2 import Descriptor
 
-Array = np.ndarray
 
 
 class DescriptorChart(ImplicitStages):

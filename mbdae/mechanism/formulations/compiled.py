@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...system import Counts, State, Step
+from ...system import Array, Counts, State, Step
 from ..manifold import GROUPS
 from .compiled_parts import constraints_of, laws_of
 from .index2 import Descriptor
@@ -17,7 +17,6 @@ from .index2 import Descriptor
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-Array = np.ndarray
 COUNTS = tuple(name for name in Counts().to_dict() if name != "newton")  # the core has no iteration of Newton's
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv, dpotrs
 
 from ...errors import StepError
-from ...system import Solver
+from ...system import Array, Solver
 from .chart import DescriptorChart
 from .implicit import Linearized, padded
 from .index2 import Descriptor
@@ -20,7 +20,6 @@ from .index2 import Descriptor
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-Array = np.ndarray
 ITERATIONS = 12
 ROUNDING = 1e-15  # of 1 + |q|: a correction this small is not made, G belongs to the point without it
 STALLED = 1e-10  # of 1 + |q|: nor is one this small that does not shrink

@@ -12,13 +12,12 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ...system import State
+from ...system import Array, State
 from .index2 import Descriptor
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-Array = np.ndarray
 
 
 class Index1(Descriptor):

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...dense import fit, fits, nodes, powers, values
+from ...system import Array
 
 if TYPE_CHECKING:
     from .index2 import Descriptor
 
-Array = np.ndarray
 PLAIN_ORDER = 4  # of v, from q, v and v' at both ends
 TAIL_ORDER = 3  # of s, from s and s' at both ends
 WORK_NODES = 2

@@ -6,12 +6,12 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from ...errors import StepError
+from ...system import Array
 from ..closures.closure_error import largest_error
 
 if TYPE_CHECKING:
     from .index2 import Descriptor
 
-Array = np.ndarray
 TRUNCATION = 1e-7  # of the largest singular value of G M^-1/2
 ITERATIONS = 10
 ROUNDING = 1e-14  # of 1 + |q| or 1 + |v|: residuals below are left alone

@@ -20,14 +20,14 @@ from ..radau import Method
 from ..tableau import Row
 from .assumptions import assumptions
 from .report import Check, ConditionReport, Embedded, Failure
-from .trees import Tree, iterate_y, trees_z
+from .trees import RootedTree, iterate_y, trees_z
 from .weights import Weights
 
 ROUNDED = 1e-20
 """A residual up to this counts as zero for tableaus whose decimals were rounded."""
 
-Weight = Callable[[Tree], Number]
-Trees = Callable[[int], Iterable[Tree]]
+Weight = Callable[[RootedTree], Number]
+Trees = Callable[[int], Iterable[RootedTree]]
 
 
 def check_conditions(tableau: Method, max_order: int | None = None) -> ConditionReport:
@@ -82,7 +82,7 @@ def _search(weight: Weight, trees: Trees, highest: int, tolerance: float) -> Che
     return Check(highest, counted, largest, None)
 
 
-def _linear_y(order: int) -> Iterable[Tree]:
+def _linear_y(order: int) -> Iterable[RootedTree]:
     return (t for t in iterate_y(order) if t.linear)
 
 
@@ -94,7 +94,7 @@ def _projected(weights: Weights, b: Row, row: Row) -> Weight:
     """
 
     @cache
-    def moved(tree: Tree) -> Number:
+    def moved(tree: RootedTree) -> Number:
         value = weights.sum(row, tree)
         for j, u in enumerate(tree.sons_z):
             others = [weights.sum(b, t) for t in tree.sons_y]
@@ -103,7 +103,7 @@ def _projected(weights: Weights, b: Row, row: Row) -> Weight:
         return value
 
     @cache
-    def shift(u: Tree) -> Number:
+    def shift(u: RootedTree) -> Number:
         return prod((moved(t) for t in u.sons_y), start=Fraction(1)) - weights.sum(row, u)
 
     return moved

@@ -20,7 +20,7 @@ from math import prod
 
 
 @dataclass(frozen=True, eq=False)
-class Tree:
+class RootedTree:
     """A tree of DAT2_y or DAT2_z; every tree exists once, so that identity is equality.
 
     Args:
@@ -36,8 +36,8 @@ class Tree:
     """
 
     fat: bool
-    sons_y: tuple["Tree", ...]
-    sons_z: tuple["Tree", ...]
+    sons_y: tuple["RootedTree", ...]
+    sons_z: tuple["RootedTree", ...]
     name: str
     order: int = field(init=False)
     gamma: Fraction = field(init=False)
@@ -59,33 +59,33 @@ class Tree:
         return self.name
 
 
-_KNOWN: dict[str, Tree] = {}
+_KNOWN: dict[str, RootedTree] = {}
 
 
-def _tree(fat: bool, sons: tuple[Tree, ...]) -> Tree:
+def _tree(fat: bool, sons: tuple[RootedTree, ...]) -> RootedTree:
     sons = tuple(sorted(sons, key=lambda t: (t.fat, t.order, t.name)))
     name = f"[{','.join(t.name for t in sons)}]_{'z' if fat else 'y'}" if sons else "t"
     if name not in _KNOWN:
         sons_y, sons_z = (tuple(t for t in sons if t.fat is kind) for kind in (False, True))
-        _KNOWN[name] = Tree(fat, sons_y, sons_z, name)
+        _KNOWN[name] = RootedTree(fat, sons_y, sons_z, name)
     return _KNOWN[name]
 
 
 @cache
-def plain_trees(order: int) -> tuple[Tree, ...]:
+def plain_trees(order: int) -> tuple[RootedTree, ...]:
     """The trees of ordinary differential equations: 1, 1, 2, 4, 9, 20, 48 of orders 1 to 7."""
     return tuple(_tree(False, sons) for sons in _forests(order - 1, plain_trees))
 
 
 @cache
-def trees_y(order: int) -> tuple[Tree, ...]:
+def trees_y(order: int) -> tuple[RootedTree, ...]:
     """DAT2_y of one order, the plain trees first: 1, 3, 22, 192, 1972, 22057 trees of orders 1 to 6."""
     single = tuple(_tree(False, (u,)) for u in trees_z(order - 1))
     return plain_trees(order) + _branched(order) + single
 
 
 @cache
-def trees_z(order: int) -> tuple[Tree, ...]:
+def trees_z(order: int) -> tuple[RootedTree, ...]:
     """DAT2_z of one order: 2, 13, 112, 1131, 12579 trees of orders 1 to 5."""
     if order < 1:
         return ()
@@ -94,14 +94,14 @@ def trees_z(order: int) -> tuple[Tree, ...]:
     return tuple(_tree(True, sons) for sons in chain(((t,) for t in alone), several))
 
 
-def iterate_y(order: int) -> Iterator[Tree]:
+def iterate_y(order: int) -> Iterator[RootedTree]:
     """DAT2_y of one order; nothing but plain trees is built before it is asked for."""
     yield from plain_trees(order)
     yield from trees_y(order)[len(plain_trees(order)) :]
 
 
 @cache
-def _branched(order: int) -> tuple[Tree, ...]:
+def _branched(order: int) -> tuple[RootedTree, ...]:
     """DAT2_y of one order without the plain trees and without the [u]_y, which need DAT2_z of order - 1."""
     pool = _forests(order - 1, lambda k: trees_y(k) + (trees_z(k) if k < order - 1 else ()))
     trees = (_tree(False, sons) for sons in pool)
@@ -109,8 +109,8 @@ def _branched(order: int) -> tuple[Tree, ...]:
 
 
 def _forests(
-    total: int, pool: Callable[[int], tuple[Tree, ...]], largest: int | None = None
-) -> Iterator[tuple[Tree, ...]]:
+    total: int, pool: Callable[[int], tuple[RootedTree, ...]], largest: int | None = None
+) -> Iterator[tuple[RootedTree, ...]]:
     """Every multiset of trees whose orders add up to ``total``."""
     for part in _partitions(total, total if largest is None else largest):
         choices = [combinations_with_replacement(pool(k), part.count(k)) for k in sorted(set(part))]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ..exact import Number, Surd
 from ..radau import Method
 from ..tableau import Row
-from .trees import Tree
+from .trees import RootedTree
 
 
 class Vector(NamedTuple):
@@ -43,11 +43,11 @@ class Weights:
         self.W = _inverse(Ahat, tableau.explicit_first)
         self._A, self._Ahat, self._W = (self._matrix(M) for M in (A, Ahat, self.W))
         self._ones = Vector([1] * self.n + [0] * (self.n if self.d else 0), 1)
-        self._phi: dict[Tree, Vector] = {}
-        self._A_phi: dict[Tree, Vector] = {}
-        self._Ahat_phi: dict[Tree, Vector] = {}
+        self._phi: dict[RootedTree, Vector] = {}
+        self._A_phi: dict[RootedTree, Vector] = {}
+        self._Ahat_phi: dict[RootedTree, Vector] = {}
 
-    def stages(self, tree: Tree) -> Vector:
+    def stages(self, tree: RootedTree) -> Vector:
         """phi(t) of a meagre tree or psi(u) of a fat one at the n stages."""
         if tree not in self._phi:
             if tree.fat:
@@ -58,16 +58,16 @@ class Weights:
                 self._phi[tree] = self._product(factors + [self.stages(u) for u in tree.sons_z])
         return self._phi[tree]
 
-    def sum(self, row: Row, tree: Tree) -> Number:
+    def sum(self, row: Row, tree: RootedTree) -> Number:
         """Return sum_i row_i phi_i(tree) or of psi_i for a fat tree, the row padded with zeros."""
         padded = [*row, *[Fraction(0)] * (self.n - len(row))]
         return self._number(self._apply(self._matrix([padded]), self.stages(tree)), 0)
 
-    def last(self, tree: Tree) -> Number:
+    def last(self, tree: RootedTree) -> Number:
         """Return phi or psi at the last stage."""
         return self._number(self.stages(tree), self.n - 1)
 
-    def _memo(self, known: dict[Tree, Vector], matrix: "_Matrix", tree: Tree) -> Vector:
+    def _memo(self, known: dict[RootedTree, Vector], matrix: "_Matrix", tree: RootedTree) -> Vector:
         if tree not in known:
             known[tree] = self._apply(matrix, self.stages(tree))
         return known[tree]

@@ -16,13 +16,13 @@ from ...solution.archive import versions
 from ..variant import Variant
 from ..workers import Stop, pool
 from .comparison import Comparison, Point, in_order
-from .course import Course, Samples, Task
+from .course import Course, Samples, Trial
 
 LONG = 2.0  # s: a run that takes longer is timed once
 Progress = Callable[[float, str], None]
 
 
-class Job(NamedTuple):
+class TrialConditions(NamedTuple):
     """What the runs share: what is computed, the reference, and whether the first time counts."""
 
     course: Course
@@ -30,17 +30,17 @@ class Job(NamedTuple):
     clock: bool = False
 
 
-def measured(job: Job, task: Task, stop: Stop | None = None) -> Point:
+def measured(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> Point:
     """Make a run and hold it against the reference."""
     assert job.reference is not None
-    sol = job.course.solve(task, stop)
-    point = job.course.measure(task, sol, job.reference)
+    sol = job.course.solve(trial, stop)
+    point = job.course.measure(trial, sol, job.reference)
     return replace(point, times=(sol.stats["seconds"],)) if job.clock and point.success else point
 
 
-def timed(job: Job, task: Task, stop: Stop | None = None) -> float:
+def timed(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> float:
     """Repeat a run for its wall time in s."""
-    return job.course.solve(task, stop).stats["seconds"]
+    return job.course.solve(trial, stop).stats["seconds"]
 
 
 class Bench:
@@ -48,7 +48,7 @@ class Bench:
 
     Args:
         course: what is computed.
-        tasks: the runs.
+        trials: the runs.
         pair: methods of the reference.
         rtol: their tolerance.
         path: the file, if any; it is read when it exists.
@@ -63,7 +63,7 @@ class Bench:
     def __init__(
         self,
         course: Course,
-        tasks: list[Task],
+        trials: list[Trial],
         pair: list[Variant],
         rtol: float,
         path: Path | None,
@@ -71,7 +71,7 @@ class Bench:
         passes: int,
         fresh: bool = False,
     ) -> None:
-        self.course, self.tasks, self.pair, self.rtol, self.path = course, tasks, pair, rtol, path
+        self.course, self.trials, self.pair, self.rtol, self.path = course, trials, pair, rtol, path
         self.tell: Progress = progress or (lambda done, name: None)
         self.passes, self.passed = passes, 0
         self.points: dict[tuple, Point] = {}
@@ -101,9 +101,9 @@ class Bench:
         self.points = {p.label: p for p in old.points}
         self.reference, self.witness, self.uncertainty = old.reference, old.witness, old.uncertainty
 
-    def open(self) -> list[Task]:
+    def open(self) -> list[Trial]:
         """Runs that were not made yet."""
-        return [t for t in self.tasks if t.label not in self.points]
+        return [t for t in self.trials if t.label not in self.points]
 
     def refer(self) -> None:
         """Compute the reference, if any run is still to be held against it."""
@@ -117,47 +117,47 @@ class Bench:
         """Make the runs that are missing, here or in processes."""
         todo = self.open()
         if self.samples is not None and todo:
-            job = Job(self.course, self.samples, clock)
-            self._pass(measured, job, todo, workers, lambda task, point: self._keep(point))
+            job = TrialConditions(self.course, self.samples, clock)
+            self._pass(measured, job, todo, workers, lambda trial, point: self._keep(point))
 
     def time(self, repeats: int, workers: int) -> None:
         """Repeat runs for their times, all of them in turn; those above two seconds once."""
 
-        def keep(task: Task, seconds: float) -> None:
-            point = self.points[task.label]
+        def keep(trial: Trial, seconds: float) -> None:
+            point = self.points[trial.label]
             self._keep(replace(point, times=(*point.times, seconds)))
 
-        labels = {t.label: t for t in self.tasks}
+        labels = {t.label: t for t in self.trials}
         for r in range(repeats):
             short = [labels[k] for k, p in self.points.items() if k in labels and len(p.times) <= r and _again(p)]
             if short:
-                self._pass(timed, Job(self.course), short, workers, keep, f"time {r + 1} of {repeats}: ")
+                self._pass(timed, TrialConditions(self.course), short, workers, keep, f"time {r + 1} of {repeats}: ")
 
     def _pass(
         self,
         function: Callable[..., Any],
-        job: Job,
-        tasks: Sequence[Task],
+        job: TrialConditions,
+        trials: Sequence[Trial],
         workers: int,
-        keep: Callable[[Task, Any], None],
+        keep: Callable[[Trial, Any], None],
         what: str = "",
     ) -> None:
         """Call a function for each of the runs, here or in processes, and keep what it returns."""
         if workers == 1:
-            for i, task in enumerate(tasks):
-                self._say(i / len(tasks), f"{what}{task}")
-                keep(task, function(job, task))
+            for i, trial in enumerate(trials):
+                self._say(i / len(trials), f"{what}{trial}")
+                keep(trial, function(job, trial))
         else:
             finished = []
 
-            def kept(task: Task, found: Any) -> None:
-                finished.append(task)
-                self._say(len(finished) / len(tasks), f"{what}{task} done")
-                keep(task, found)
+            def kept(trial: Trial, found: Any) -> None:
+                finished.append(trial)
+                self._say(len(finished) / len(trials), f"{what}{trial} done")
+                keep(trial, found)
 
             sent = job._replace(course=replace(job.course, mechanism=light(job.course.mechanism)))
             with pool("processes", workers, function, sent, "workers=1") as there:
-                there.work(tasks, kept)
+                there.work(trials, kept)
         self.passed += 1
 
     def _say(self, share: float, name: str) -> None:
@@ -176,7 +176,7 @@ class Bench:
         return self._comparison([], complete)
 
     def _comparison(self, more: list[tuple], complete: bool) -> Comparison:
-        c, labels = self.course, [t.label for t in self.tasks]
+        c, labels = self.course, [t.label for t in self.trials]
         points = in_order(self.points.values(), list(dict.fromkeys([*labels, *more])))
         about = (self.reference, self.witness, self.uncertainty)
         return Comparison(c.mechanism.title, c.t_span, points, *about, complete, self.meta)

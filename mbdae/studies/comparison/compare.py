@@ -12,17 +12,17 @@ from ...integrate.binding import lacking
 from ...integrate.span import checked_span
 from ...integrate.steppers.scipy_ivp import find
 from ...mechanism import Mechanism
+from ...system import Array
 from ..variant import Variant, variants
 from .bench import Bench, Progress
 from .comparison import Comparison
-from .course import Course, Task
+from .course import Course, Trial
 
 __all__ = ["compare"]
 
 METHODS = ("pherk5", "pherk6", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:DOP853")
 TOLERANCES = tuple(10.0**-k for k in range(3, 11))
 REFERENCE = ("pherk6", "radau9")
-Array = np.ndarray
 
 
 def compare(
@@ -85,8 +85,8 @@ def compare(
     """
     require(mech, Mechanism, "compare takes a Mechanism (see mbdae.load)")
     course = _course(mech, t_span, q, v, outputs, max_steps)
-    tasks = _tasks(variants(methods, formulations), rtol, steps)
-    course = replace(course, backend=_backend(mech, tasks, backend))
+    trials = _trials(variants(methods, formulations), rtol, steps)
+    course = replace(course, backend=_backend(mech, trials, backend))
     pair = variants(reference)
     if len(pair) != 2 or not 1e-14 < reference_rtol < 1e-5:
         raise InputError(f"a reference is two methods and a tolerance below 1e-5, got {reference!r}, {reference_rtol}")
@@ -94,7 +94,7 @@ def compare(
         raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")
     clock = repeats > 0 and (timed_together or workers == 1)
     passes = max(1, repeats + (not clock))
-    bench = Bench(course, tasks, pair, reference_rtol, Path(resume) if resume else None, progress, passes, fresh)
+    bench = Bench(course, trials, pair, reference_rtol, Path(resume) if resume else None, progress, passes, fresh)
     complete = False
     try:
         bench.refer()
@@ -107,9 +107,9 @@ def compare(
     return bench.result(complete)
 
 
-def _backend(mech: Mechanism, tasks: list[Task], backend: str) -> str:
+def _backend(mech: Mechanism, trials: list[Trial], backend: str) -> str:
     """One back end for all runs."""
-    kinds = {(t.variant.formulation, t.variant.method) for t in tasks}
+    kinds = {(t.variant.formulation, t.variant.method) for t in trials}
     without = {lacking(mech, find(*kind), kind[0]) for kind in kinds} - {""}
     if backend == "native" and without:
         raise InputError(f"backend='native' does not have {', '.join(sorted(without))}: take 'auto' or 'python'")
@@ -129,16 +129,16 @@ def _course(
     return Course(mech, y[: mech.nq], y[mech.nq : mech.nq + mech.nv], (t0, t1), times, max_steps)
 
 
-def _tasks(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequence[int] | None) -> list[Task]:
+def _trials(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequence[int] | None) -> list[Trial]:
     if rtol is not None and steps is not None:
         raise InputError("a comparison takes tolerances or numbers of steps, not both")
     if steps is not None:
         require(steps, Sequence | np.ndarray, "steps is a list of whole numbers")
         if not len(steps) or any(n < 1 or n != int(n) for n in steps):
             raise InputError(f"steps are whole numbers of at least 1, got {steps!r}")
-        return [Task(m, None, n) for m in methods for n in sorted({int(n) for n in steps})]
+        return [Trial(m, None, n) for m in methods for n in sorted({int(n) for n in steps})]
     chosen = TOLERANCES if rtol is None else rtol
     require(chosen, Sequence | np.ndarray, "rtol is a list of numbers")
     if not len(chosen) or not all(0 < r < 1 for r in chosen):
         raise InputError(f"rtol holds numbers between 0 and 1, got {rtol!r}")
-    return [Task(m, r) for m in methods for r in sorted({float(r) for r in chosen}, reverse=True)]
+    return [Trial(m, r) for m in methods for r in sorted({float(r) for r in chosen}, reverse=True)]

@@ -13,11 +13,11 @@ from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index1 import Index1
 from ...solution.solution import Solution
+from ...system import Array
 from ..drift.drift import drift
 from ..variant import Variant
 from .comparison import Point
 
-Array = np.ndarray
 EPS = float(np.finfo(float).eps)
 TIGHTEST, LOOSEST = 1e-13, 1e-6  # tolerances of a reference
 
@@ -31,7 +31,7 @@ class Samples(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Task:
+class Trial:
     """A run to be made: a method, and its tolerance or number of fixed steps."""
 
     variant: Variant
@@ -69,7 +69,7 @@ class Course:
     max_steps: int
     backend: str = "auto"
 
-    def solve(self, task: Task, stop: Callable[[], bool] | None = None) -> Solution:
+    def solve(self, trial: Trial, stop: Callable[[], bool] | None = None) -> Solution:
         """Run a method.
 
         Raises:
@@ -81,8 +81,9 @@ class Course:
                 raise KeyboardInterrupt
 
         t0, t1 = self.t_span
-        pace = {"rtol": task.rtol, "max_steps": self.max_steps} if task.n is None else {"step": abs(t1 - t0) / task.n}
-        options = {**task.variant.arguments(), **pace, "backend": self.backend}
+        free = {"rtol": trial.rtol, "max_steps": self.max_steps}
+        pace = free if trial.n is None else {"step": abs(t1 - t0) / trial.n}
+        options = {**trial.variant.arguments(), **pace, "backend": self.backend}
         tell = check if stop else None
         sol = solve(self.mechanism, self.t_span, self.q, self.v, progress=tell, **options)  # type: ignore[arg-type]
         if sol.status == "interrupted":
@@ -112,10 +113,10 @@ class Course:
         dv, dlam = (np.abs(x - y).max(axis=1, initial=0.0) for x, y in ((a.v, b.v), (a.lam, b.lam)))
         return np.column_stack([dq, dv, dlam])
 
-    def measure(self, task: Task, sol: Solution, reference: Samples) -> Point:
+    def measure(self, trial: Trial, sol: Solution, reference: Samples) -> Point:
         """The row of a run, without times."""
         counts = {name: sol.stats[name] for name in ("steps", "rejected", "f", "M", "G", "solves", "factorizations")}
-        row = Point(*task.label, sol.status, **counts)
+        row = Point(*trial.label, sol.status, **counts)
         if not sol.ended:
             return row
         errors, kept = self.difference(self.sample(sol), reference), drift(sol)
@@ -126,7 +127,7 @@ class Course:
         found |= {f"end_{x}": float(e) for x, e in zip(names, errors[-1], strict=True)}
         return replace(row, **found, g=kept.g_max, Gv=kept.Gv_max, energy=kept.energy_relative)
 
-    def tightest(self, variant: Variant, rtol: float) -> tuple[Task, Samples]:
+    def tightest(self, variant: Variant, rtol: float) -> tuple[Trial, Samples]:
         """The run of a reference: at ``rtol``, or at the next power of ten that the method can meet.
 
         Where loops have drifted open before a singular configuration it is run again with positions kept.
@@ -135,16 +136,16 @@ class Course:
             InputError: if it meets none.
         """
         while rtol <= LOOSEST:
-            task = Task(variant, rtol)
-            sol = replace(self, max_steps=100 * self.max_steps, backend="auto").solve(task)
+            trial = Trial(variant, rtol)
+            sol = replace(self, max_steps=100 * self.max_steps, backend="auto").solve(trial)
             if sol.success:
-                return task, self.sample(sol)
+                return trial, self.sample(sol)
             if sol.status == "rank" and variant.formulation == "index2" and not variant.project:
                 return self.tightest(replace(variant, project=True), rtol)
             rtol *= 10
         raise InputError(f"no reference for {self.mechanism.title!r}: {variant} ends with {sol.status}, {sol.message}")
 
-    def reference(self, names: Sequence[Variant], rtol: float) -> tuple[list[Task], Samples, Array]:
+    def reference(self, names: Sequence[Variant], rtol: float) -> tuple[list[Trial], Samples, Array]:
         """Two tight runs of different families: what they are, samples of the first, and how far the second differs.
 
         The difference, (3,) for q, v and lam, is at least the rounding of the samples.

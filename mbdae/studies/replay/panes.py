@@ -8,13 +8,13 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError, several
 from ...solution.columns import row_names, signals, units
+from ...system import Array
 from ..figures import NAMES
 
 if TYPE_CHECKING:
     from ...mechanism import Mechanism
     from ...solution.solution import Solution
 
-Array = np.ndarray
 Signal = Callable[[float, Array, Array], float] | Sequence[float] | Array
 Plot = str | Sequence[str]
 POINTS = 1500  # more than a curve has pixels

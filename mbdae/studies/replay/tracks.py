@@ -8,6 +8,7 @@ import numpy as np
 
 from ...errors import InputError, several
 from ...mechanism.frames import paths
+from ...system import Array
 from ..figures import COLOURS
 from .panes import resampled
 from .threejs import node, typed
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
     from ...solution.solution import Solution
 
-Array = np.ndarray
 GHOSTS = ("#e8590c", "#0c8599", "#9c36b5", "#5c940d", "#c2255c")
 ARROW = "#c2185b"
 

@@ -19,8 +19,8 @@ from ...mechanism import Driver, Mechanism
 from ...mechanism.callbacks import function_name
 from ...solution.columns import coordinates, row_names, signals
 from ...solution.solution import Solution
+from ...system import Array
 
-Array = np.ndarray
 Function = Callable[[Solution], Mapping[str, float]]
 Output = str | Function
 REDUCTIONS: dict[str, Callable[[Array, Array], float]] = {

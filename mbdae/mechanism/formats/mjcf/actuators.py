@@ -10,10 +10,10 @@ from ...start import Motor
 from .states import pose
 
 if TYPE_CHECKING:
-    from .read import Compiled
+    from .read import MjcfModel
 
 
-def motors_of(c: "Compiled") -> tuple[dict[int, Motor], list[str], list[str]]:
+def motors_of(c: "MjcfModel") -> tuple[dict[int, Motor], list[str], list[str]]:
     """Motors on hinges and slides by the index of their control, names of other actuators, and of limited motors."""
     m, lib = c.m, c.lib
     motors, others, limited = {}, [], []
@@ -40,18 +40,18 @@ def motors_of(c: "Compiled") -> tuple[dict[int, Motor], list[str], list[str]]:
     return motors, others, limited
 
 
-def actuator_name(c: "Compiled", i: int) -> str:
+def actuator_name(c: "MjcfModel", i: int) -> str:
     """The name of an actuator, or its number where it has none."""
     return c.name("ACTUATOR", i) or f"actuator{i}"
 
 
-def _active(c: "Compiled", i: int) -> bool:
+def _active(c: "MjcfModel", i: int) -> bool:
     """Whether the file's options leave an actuator switched on."""
     group = int(c.m.actuator_group[i])
     return not disabled(c, "ACTUATION") and not (0 <= group < 31 and int(c.m.opt.disableactuator) >> group & 1)
 
 
-def _is_limited(c: "Compiled", i: int, control: int, joint: int) -> bool:
+def _is_limited(c: "MjcfModel", i: int, control: int, joint: int) -> bool:
     """Whether MuJoCo clips the control of a motor, its force, or what all actuators of its joint give, or delays it."""
     m = c.m
     clipped = m.actuator_ctrllimited[control] and not disabled(c, "CLAMPCTRL")
@@ -59,7 +59,7 @@ def _is_limited(c: "Compiled", i: int, control: int, joint: int) -> bool:
     return bool(clipped or delayed or m.actuator_forcelimited[i] or m.jnt_actfrclimited[joint])
 
 
-def _scalar_joint(c: "Compiled", i: int) -> int | None:
+def _scalar_joint(c: "MjcfModel", i: int) -> int | None:
     """The hinge or slide that an actuator acts on."""
     transmission, joint = c.lib.mjtTrn(c.m.actuator_trntype[i]), int(c.m.actuator_trnid[i, 0])
     if transmission not in (c.lib.mjtTrn.mjTRN_JOINT, c.lib.mjtTrn.mjTRN_JOINTINPARENT):
@@ -72,7 +72,7 @@ def _address(m: Any, array: str, i: int) -> int:
     return int(getattr(m, array)[i]) if hasattr(m, array) else i
 
 
-def _reflected(c: "Compiled", i: int, joint: int, gear: float) -> None:
+def _reflected(c: "MjcfModel", i: int, joint: int, gear: float) -> None:
     """Armature and damping that an actuator adds to its joint (MuJoCo 4)."""
     m = c.m
     if hasattr(m, "jnt_actuatorid") and m.jnt_actuatorid[joint] == i:
@@ -82,7 +82,7 @@ def _reflected(c: "Compiled", i: int, joint: int, gear: float) -> None:
             c.model.damping[at] += gear**2 * m.actuator_damping[i]
 
 
-def springs_of(c: "Compiled") -> list[JointSpring | Bushing]:
+def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
     """Springs of hinges and slides, and of ball and free joints as bushings of equal stiffnesses."""
     m = c.m
     out: list[JointSpring | Bushing] = []
@@ -102,7 +102,7 @@ def springs_of(c: "Compiled") -> list[JointSpring | Bushing]:
     return out
 
 
-def weightless(c: "Compiled") -> dict[str, float]:
+def weightless(c: "MjcfModel") -> dict[str, float]:
     """Frames with the masses that stand for armature of free joints: those have inertia and no weight."""
     m, out = c.m, {}
     for j in range(m.njnt):
@@ -112,7 +112,7 @@ def weightless(c: "Compiled") -> dict[str, float]:
     return out
 
 
-def disabled(c: "Compiled", flag: str) -> bool:
+def disabled(c: "MjcfModel", flag: str) -> bool:
     """Whether the file's option disables a part of the dynamics."""
     bits = c.lib.mjtDisableBit
     bit = getattr(bits, f"mjDSBL_{flag}", None) or bits.mjDSBL_PASSIVE

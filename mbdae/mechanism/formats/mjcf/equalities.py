@@ -8,10 +8,10 @@ from ...closures.driver import Driver
 from ...signals import Constant
 
 if TYPE_CHECKING:
-    from .read import Compiled
+    from .read import MjcfModel
 
 
-def loops_of(c: "Compiled") -> tuple[list[Closure], list[Driver], list[str]]:
+def loops_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]:
     """Return closures and drivers of the active equalities, and the names of those left out with the reason.
 
     A joint that is held at a value becomes a driver that stands still.
@@ -43,7 +43,7 @@ def loops_of(c: "Compiled") -> tuple[list[Closure], list[Driver], list[str]]:
     return out, held, unread
 
 
-def _stands(c: "Compiled", i: int) -> bool:
+def _stands(c: "MjcfModel", i: int) -> bool:
     """Whether both sides of an equality are carried by the same joint."""
     sides = int(c.m.eq_obj1id[i]), int(c.m.eq_obj2id[i])
     sites = c.lib.mjtObj(c.m.eq_objtype[i]) == c.lib.mjtObj.mjOBJ_SITE
@@ -51,7 +51,7 @@ def _stands(c: "Compiled", i: int) -> bool:
     return one == two
 
 
-def _closure(c: "Compiled", i: int, name: str) -> Closure:
+def _closure(c: "MjcfModel", i: int, name: str) -> Closure:
     m, data = c.m, c.m.eq_data[i]
     one, two = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
     weld = c.lib.mjtEq(m.eq_type[i]) == c.lib.mjtEq.mjEQ_WELD
@@ -66,11 +66,11 @@ def _closure(c: "Compiled", i: int, name: str) -> Closure:
     return Closure(kind="frame" if turns else "point", frames=frames, name=name)
 
 
-def _held(c: "Compiled", i: int) -> Constant:
+def _held(c: "MjcfModel", i: int) -> Constant:
     return Constant(value=float(c.m.qpos0[c.m.jnt_qposadr[c.m.eq_obj1id[i]]] + c.m.eq_data[i, 0]))
 
 
-def _coupling(c: "Compiled", i: int, name: str) -> Closure:
+def _coupling(c: "MjcfModel", i: int, name: str) -> Closure:
     """q1 - ref1 = polynomial of (q2 - ref2), written as a polynomial of q2."""
     m, one, two = c.m, int(c.m.eq_obj1id[i]), int(c.m.eq_obj2id[i])
     poly, ref1, ref2 = m.eq_data[i, :5], *(float(m.qpos0[m.jnt_qposadr[j]]) for j in (one, two))

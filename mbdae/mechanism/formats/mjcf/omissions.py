@@ -13,12 +13,12 @@ from .actuators import actuator_name
 from .states import pose
 
 if TYPE_CHECKING:
-    from .read import Compiled
+    from .read import MjcfModel
 
 SHOWN_GROUPS = 3  # MuJoCo's viewer shows groups 0, 1 and 2
 
 
-def visuals(c: "Compiled") -> tuple[pin.GeometryModel, list[str]]:
+def visuals(c: "MjcfModel") -> tuple[pin.GeometryModel, list[str]]:
     """The geoms that MuJoCo's own viewer shows, and the names of those that have no shape here."""
     out, missing = pin.GeometryModel(), []
     meshes: dict[int, coal.BVHModelOBBRSS] = {}
@@ -36,7 +36,7 @@ def visuals(c: "Compiled") -> tuple[pin.GeometryModel, list[str]]:
     return out, missing
 
 
-def _shape(c: "Compiled", g: int, meshes: dict[int, coal.BVHModelOBBRSS]) -> Any:
+def _shape(c: "MjcfModel", g: int, meshes: dict[int, coal.BVHModelOBBRSS]) -> Any:
     m, kinds = c.m, c.lib.mjtGeom
     a, b, h = (float(x) for x in m.geom_size[g])
     match kinds(m.geom_type[g]):
@@ -63,7 +63,7 @@ def _shape(c: "Compiled", g: int, meshes: dict[int, coal.BVHModelOBBRSS]) -> Any
 
 
 def left_out(
-    c: "Compiled", equalities: Iterable[str], actuators: Iterable[str], limited: Iterable[str], shapes: Iterable[str]
+    c: "MjcfModel", equalities: Iterable[str], actuators: Iterable[str], limited: Iterable[str], shapes: Iterable[str]
 ) -> list[str]:
     """Everything that moves or shows the file's model and is not carried over, each with its names."""
     m = c.m
@@ -103,12 +103,12 @@ def _rows(m: Any, name: str) -> list[int]:
     return [int(i) for i in np.flatnonzero(values.reshape(len(values), -1).any(axis=1))] if len(values) else []
 
 
-def _joints(c: "Compiled", per_dof: np.ndarray) -> list[str]:
+def _joints(c: "MjcfModel", per_dof: np.ndarray) -> list[str]:
     dofs = np.flatnonzero(per_dof.reshape(c.m.nv, -1).any(axis=1)).tolist() if c.m.nv else []
     return list(dict.fromkeys(c.joints[c.m.dof_jntid[d]] for d in dofs))
 
 
-def _sleepers(c: "Compiled") -> list[str]:
+def _sleepers(c: "MjcfModel") -> list[str]:
     """Bodies whose trees sleep or do not as the file says; a nameless one where it only switches sleeping on."""
     m, own = c.m, getattr(c.lib, "mjtSleepPolicy", None)
     if own is None:
@@ -119,7 +119,7 @@ def _sleepers(c: "Compiled") -> list[str]:
     return [c.name("BODY", b) or f"body{b}" for b in bodies] or ([""] if on else [])
 
 
-def _touching(c: "Compiled") -> bool:
+def _touching(c: "MjcfModel") -> bool:
     """Whether two geoms on bodies that move against each other may touch, as far as their bit masks say."""
     m = c.m
     if c.m.opt.disableflags & (c.lib.mjtDisableBit.mjDSBL_CONTACT | c.lib.mjtDisableBit.mjDSBL_CONSTRAINT):

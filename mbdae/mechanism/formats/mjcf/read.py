@@ -37,7 +37,7 @@ NUMBERS = (
 )  # fmt: skip
 
 
-class Compiled:
+class MjcfModel:
     """A compiled MuJoCo model with names for everything, and the Pinocchio model that grows from it.
 
     Attributes:
@@ -154,7 +154,7 @@ def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
     check_files(path, places)
     m = _compile(mujoco, path)
     _refuse_wild(m, path.name)
-    c = Compiled(mujoco, m, path.stem)
+    c = MjcfModel(mujoco, m, path.stem)
     motors, others, limited = motors_of(c)
     frame = _key(c, key)
     start = _start(c, frame)
@@ -204,7 +204,7 @@ def _refuse_wild(m: Any, name: str) -> None:
         raise InputError(f"{name}: gravity is not finite, or beyond {HUGE:g}")
 
 
-def _key(c: Compiled, key: str) -> int | None:
+def _key(c: MjcfModel, key: str) -> int | None:
     names = [c.name("KEY", k) or f"key{k}" for k in range(c.m.nkey)]
     if key in names:
         return names.index(key)
@@ -213,7 +213,7 @@ def _key(c: Compiled, key: str) -> int | None:
     return 0 if names and not key else None
 
 
-def _start(c: Compiled, key: int | None) -> Start:
+def _start(c: MjcfModel, key: int | None) -> Start:
     qpos, qvel = (c.m.qpos0, np.zeros(c.m.nv)) if key is None else (c.m.key_qpos[key], c.m.key_qvel[key])
     q, v = from_mujoco(c.model, qpos, qvel)
     joints = [(n, c.model.joints[c.model.getJointId(n)]) for n in c.joints]
