@@ -2,6 +2,7 @@
 
 import re
 
+import closure_kinds
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -15,20 +16,7 @@ from mbdae.mechanism.formats.schema import read_toml
 
 JOINTS = ["revolute", "spherical", "prismatic", "free", "universal", "continuous", "planar", "helical", "composite"]
 PARENTS = [0, 1, 2, 0, 4, 5, 4, 0, 8]
-A, B = (0.3, -0.5, 0.8), (-0.4, 0.7, 0.2)
-CLOSURES = {
-    "point": Closure.point("tip_2", "tip_5"),
-    "revolute": Closure.revolute("tip_2", "tip_6", A, second_axis=B),
-    "frame": Closure.frame("tip_8", "tip_5"),
-    "prismatic": Closure.prismatic("tip_1", "tip_4", A),
-    "cylindrical": Closure.cylindrical("tip_5", "tip_8", A, second_axis=B),
-    "universal": Closure.universal("tip_2", "tip_7", A, B),
-    "in_plane": Closure.in_plane("ground", "tip_6", A),
-    "in_line": Closure.in_line("tip_5", "world", A),
-    "parallel": Closure.parallel("tip_8", "tip_2", A, second_axis=B),
-    "distance": Closure.distance("tip_2", "tip_4", 0.4),
-    "coupling": Closure.coupling("revolute_0", "prismatic_2", (0.1, -1.5, 0.7, 0.3)),
-}
+CLOSURES = {name: kind.closure for name, kind in closure_kinds.KINDS.items()}
 DRIVERS = {
     "joint": Driver.harmonic("helical_7", 0.7, 3.0, phase=0.4, offset=0.1),
     "circle": Driver.speed("continuous_5", 2.0, start=0.3),
@@ -82,18 +70,8 @@ def pose(axis=(0, 0, 1), turn=0.0, shift=(0.0, 0.0, 0.0)):
 
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 TURN_Z, TURN_X, LIFT, SIDE = pose(Z, 0.7), pose(X, 0.4), pose(shift=(0, 0, 0.3)), pose(shift=(0.2, 0, 0))
-MOTIONS = {"turn about z": TURN_Z, "turn about x": TURN_X, "slide along z": LIFT, "slide along x": SIDE}
-FREE = {
-    "point": {"turn about z", "turn about x"},
-    "revolute": {"turn about z"},
-    "frame": set(),
-    "prismatic": {"slide along z"},
-    "cylindrical": {"turn about z", "slide along z"},
-    "universal": {"turn about z", "turn about x"},
-    "in_plane": {"turn about z", "turn about x", "slide along x"},
-    "in_line": {"turn about z", "turn about x", "slide along z"},
-    "parallel": {"turn about z", "slide along z", "slide along x"},
-}
+MOTIONS = {"turn z": TURN_Z, "turn x": TURN_X, "slide z": LIFT, "slide x": SIDE}
+FREE = {name: kind.free for name, kind in closure_kinds.KINDS.items() if kind.free is not None}
 
 
 def floating(closure):

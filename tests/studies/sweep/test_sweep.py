@@ -1,10 +1,10 @@
 """Sweeps: what a run computes, values and seeds of runs, failures as rows, and what is refused."""
 
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from closure_kinds import body_and_closure
 from scipy.special import ellipk
 from scipy.stats import norm
 
@@ -14,8 +14,6 @@ from mbdae.mechanism.formats.library import models_directory
 from mbdae.mechanism.formats.template import Template
 from mbdae.studies.sweep.outputs import columns
 from mbdae.studies.sweep.plan import own_seed, tasks
-
-DATA = Path(__file__).parents[2] / "data"
 
 PENDULUM = """
 title = "Pendulum"
@@ -100,8 +98,8 @@ def test_outputs_are_those_of_the_solution():
 
 
 @pytest.mark.parametrize("kind", ["revolute", "universal", "prismatic", "distance", "in_line"])
-def test_forces_of_closures_are_those_of_their_reactions(kind):
-    mech = mbdae.load(DATA / "closures" / f"{kind}.toml")
+def test_forces_of_closures_are_those_of_their_reactions(kind, tmp_path):
+    mech = body_and_closure(kind, tmp_path)
     sol = mbdae.solve(mech, (0, 0.1))
     name = mech.closures[0].name
     reaction = sol.reaction(name)

@@ -1,0 +1,76 @@
+"""Each kind of closure once: far open in a tree of joints, closed between a body and the world, what it leaves free.
+
+A kind that is new is tried by all tests when it stands here.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import pinocchio as pin
+
+import mbdae
+from mbdae import Closure, Mechanism
+
+A, B = (0.3, -0.5, 0.8), (-0.4, 0.7, 0.2)
+TIP = ("tip_8", "tip_2")
+X, Y, Z = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
+TURN_X, TURN_Y, TURN_Z, BALL = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelSpherical
+
+
+class Kind(NamedTuple):
+    """A closure between frames of `test_closure_kinds.mechanism`; joints that leave free what it leaves free.
+
+    Then which of `test_closure_kinds.MOTIONS` those are, and further keys of the closure between a body and the world.
+    """
+
+    closure: Closure
+    joints: tuple[type, ...] = ()
+    free: str | None = None
+    keys: str = ""
+
+
+KINDS = {
+    "point": Kind(Closure.point("tip_2", "tip_5"), (BALL,), "turn z, turn x"),
+    "revolute": Kind(Closure.revolute("tip_2", "tip_6", A, second_axis=B), (TURN_Z,), "turn z"),
+    "frame": Kind(Closure.frame("tip_8", "tip_5"), (), ""),
+    "prismatic": Kind(Closure.prismatic("tip_1", "tip_4", A), (Z,), "slide z"),
+    "cylindrical": Kind(Closure.cylindrical("tip_5", "tip_8", A, second_axis=B), (Z, TURN_Z), "turn z, slide z"),
+    "universal": Kind(Closure.universal("tip_2", "tip_7", A, B), (TURN_Z, TURN_X), "turn z, turn x"),
+    "in_plane": Kind(Closure.in_plane("ground", "tip_6", A), (X, Y, BALL), "turn z, turn x, slide x"),
+    "in_line": Kind(Closure.in_line("tip_5", "world", A), (Z, BALL), "turn z, turn x, slide z"),
+    "parallel": Kind(Closure.parallel(*TIP, A, second_axis=B), (X, Y, Z, TURN_Z), "turn z, slide z, slide x"),
+    "distance": Kind(Closure.distance("tip_2", "tip_4", 0.4), (TURN_Z, TURN_Y, BALL), None, "length = 0.5"),
+    "coupling": Kind(Closure.coupling("revolute_0", "prismatic_2", (0.1, -1.5, 0.7, 0.3))),
+}
+BODY = """
+[[body]]
+name = "body"
+parent = "world"
+joint = "free"
+mass = 2.0
+com = [0.1, -0.05, 0.02]
+inertia = [0.02, 0.05, 0.04, 0.002, 0.0, -0.003]
+[[frame]]
+name = "socket"
+parent = "world"
+xyz = [0.1, -0.2, 0.3]
+rpy = [0.4, -0.3, 0.5]
+[[frame]]
+name = "plug"
+parent = "body"
+xyz = [0.2, 0.1, -0.1]
+rpy = [0.1, 0.2, -0.1]
+[start]
+guess = { body = [-0.1, 0.1, 0.35, 0.25, -0.15, 0.2, 0.9] }
+guess_v = { body = [0.5, -0.3, 0.4, 1.0, -0.7, 0.6] }
+[[closure]]
+name = "joint"
+frames = ["socket", "plug"]
+"""
+
+
+def body_and_closure(kind: str, folder: Path) -> Mechanism:
+    """A body whose frame "plug" is joined to the world's "socket", from a file that is written into a folder."""
+    path = folder / f"{kind}.toml"
+    path.write_text(f"{BODY}kind = {kind!r}\n{KINDS[kind].keys}\n")
+    return mbdae.load(path)
