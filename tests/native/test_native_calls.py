@@ -13,6 +13,7 @@ from test_native import assert_same, both
 import mbdae
 from mbdae import backend
 from mbdae.errors import InputError
+from mbdae.mechanism.closures.rows import DotProduct2, FrameRows
 from mbdae.textbook.hessenberg import hessenberg_a
 
 pytestmark = pytest.mark.native
@@ -121,6 +122,12 @@ def test_what_is_missing_is_named(problem, options, words):
     sol = mbdae.solve(problem, (0, 0.1), **options)
     assert (sol.stats["backend"], sol.stats["fallback"]) == ("python", words)
     assert "fallback" not in mbdae.solve(problem, (0, 0.1), **options, backend="python").stats
+
+
+def test_rows_that_the_core_lacks_run_in_python(monkeypatch):
+    monkeypatch.setattr(DotProduct2, "plain", FrameRows.plain)
+    sol = mbdae.solve(mbdae.load("four_bar"), (0, 0.1))
+    assert (sol.stats["backend"], sol.stats["fallback"]) == ("python", "rows of kind DotProduct2")
 
 
 def test_one_solution_read_in_several_threads():

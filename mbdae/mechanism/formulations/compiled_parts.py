@@ -24,12 +24,18 @@ class NotCompiled(MbdaeError):
 
 
 def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], list[Plain]]:
-    """Return pairs of frames, rows and drivers."""
+    """Return pairs of frames, rows and drivers.
+
+    Raises:
+        NotCompiled: for rows that the core does not have.
+    """
     pairs: list[Any] = []
     rows: list[Plain] = [{}] * constraints.ng
     for pair, kinds in constraints.frame_parts.values():
         for s, r, _ in kinds:
-            rows[s] = [{"pair": len(pairs), **numbers} for numbers in r.plain()]
+            rows[s] = found = [{"pair": len(pairs), **numbers} for numbers in r.plain()]
+            if len(found) != r.m:
+                raise NotCompiled(f"rows of kind {type(r).__name__}")
         pairs.append((_frame(pair.a), _frame(pair.b)))
     for part in constraints.joint_parts:
         rows[part.at] = part.plain()
