@@ -19,7 +19,9 @@ from .frames import skew
 
 TERMS = 40
 LARGEST_TURN = 3.0  # rad within one step: below pi, so that both ends of a step determine it
-_EVEN = [-2 * (-1) ** k * float(zeta(2 * k)) / (2 * np.pi) ** (2 * k) for k in range(1, TERMS)]  # B_2k/(2k)!
+SERIES = [-2 * (-1) ** k * float(zeta(2 * k)) / (2 * np.pi) ** (2 * k) for k in range(1, TERMS)]  # B_2k/(2k)!
+SAME_POINT = 1e-15  # of 1 + |q|: configurations so near are one
+SERIES_END = 1e-17  # of a sum: smaller terms end it
 
 Ad = Callable[[np.ndarray], np.ndarray]
 
@@ -88,6 +90,10 @@ class Manifold:
             x[self.circles] += 2 * np.pi * np.round((guess - x)[self.circles] / (2 * np.pi))
         return x
 
+    def same(self, q0: np.ndarray, q1: np.ndarray) -> bool:
+        """Say whether two configurations are one but for rounding; nan is none."""
+        return bool(np.abs(q0 - q1).max() <= SAME_POINT * (1 + np.abs(q0).max()))
+
     def within(self, x: np.ndarray) -> None:
         """Refuse coordinates of a step in which a joint turns too far.
 
@@ -127,7 +133,7 @@ class Manifold:
             square, dsquare = X @ X, dX @ X + X @ dX
             out[s] += 0.5 * (dX @ v[s])
             term, dterm = v[s], np.zeros_like(v[s])
-            for b in _EVEN:
+            for b in SERIES:
                 term, dterm = square @ term, dsquare @ term + square @ dterm
                 out[s] += b * dterm
         return out
@@ -148,10 +154,10 @@ class Manifold:
 def inverse_jacobian(X: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return J v = v + X v/2 + sum_k B_2k/(2k)! X^2k v, the inverse right Jacobian of exp for X = ad_x."""
     out = v + 0.5 * X.dot(v)
-    term, square, small = v, X.dot(X), 1e-17 * (1e-300 + np.abs(v).max())
-    for b in _EVEN:
+    term, square, small = v, X.dot(X), SERIES_END * np.abs(v).max()
+    for b in SERIES:
         term = square.dot(term)
         out += b * term
-        if np.abs(term).max() * abs(b) < small:
+        if np.abs(term).max() * abs(b) <= small:
             break
     return out

@@ -1,11 +1,12 @@
 """Step-size control: sees error vectors and step sizes, knows no problem and no method."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 SAFETY, SMALLEST, LARGEST, BETA = 0.9, 0.2, 10.0, 0.04
+SMALLEST_ERROR, SMALLEST_LAST = 1e-10, 1e-4  # errors below count as these: of a step, and of the one before
+COMPANION = 0.01  # weight of the second of two error estimates
 
 
 def error_norm(errors: np.ndarray, scale: np.ndarray) -> float:
@@ -18,7 +19,7 @@ def error_norm(errors: np.ndarray, scale: np.ndarray) -> float:
     norms = np.sqrt(np.mean((errors / scale) ** 2, axis=1))
     if len(norms) == 1 or norms[0] == 0:
         return float(norms[0])
-    return float(norms[0] ** 2 / (norms[0] + 0.01 * norms[1]))
+    return float(norms[0] ** 2 / (norms[0] + COMPANION * norms[1]))
 
 
 @dataclass
@@ -30,7 +31,7 @@ class Controller:
     """
 
     power: int
-    last: float = 1e-4
+    last: float = SMALLEST_LAST
     rejected: bool = False
 
     @property
@@ -38,10 +39,10 @@ class Controller:
         """The exponent of the last error; 0 for estimates of low order."""
         return BETA if self.power > 2 else 0.0
 
-    def lend(self, course: Any) -> None:
-        """Hand constants and memory over to the compiled core, which computes what `next_step` does."""
-        course.power, course.beta, course.last, course.was_rejected = self.power, self.beta, self.last, self.rejected
-        course.safety, course.smallest_factor, course.largest_factor = SAFETY, SMALLEST, LARGEST
+    @property
+    def exponent(self) -> float:
+        """The exponent of the error of an accepted step."""
+        return 0.75 * self.beta - 1 / self.power
 
     def next_step(self, h: float, err: float) -> float:
         """Return the step to take after one of size h with error norm err (accepted when err <= 1)."""
@@ -49,9 +50,8 @@ class Controller:
             self.rejected = True
             shrink = SAFETY * err ** (-1 / self.power) if np.isfinite(err) else 0.0
             return h * max(SMALLEST, shrink)
-        err = max(err, 1e-10)
-        beta = self.beta
-        factor = SAFETY * err ** (0.75 * beta - 1 / self.power) * self.last**beta
+        err = max(err, SMALLEST_ERROR)
+        factor = SAFETY * err**self.exponent * self.last**self.beta
         factor = min(1.0 if self.rejected else LARGEST, max(SMALLEST, factor))
-        self.last, self.rejected = max(err, 1e-4), False
+        self.last, self.rejected = max(err, SMALLEST_LAST), False
         return h * factor

@@ -2,74 +2,63 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <initializer_list>
 #include <thread>
 
-#include "description.hpp"
+#include "bindings.hpp"
 #include "model.hpp"
 
 using namespace mbdae;
 
 namespace {
 
-Numbers numbers(const Array& x, size_t n, const char* name) {
-  if (x.size() != n)
-    refuse(std::string(name) + " has " + std::to_string(x.size()) + " numbers, expected " + std::to_string(n));
-  return Numbers(x.data(), x.data() + n);
-}
-
-nb::object array(const Numbers& x, std::initializer_list<size_t> shape) {
-  auto* data = new Numbers(x);
-  nb::capsule owner(data, [](void* p) noexcept { delete static_cast<Numbers*>(p); });
-  return nb::cast(nb::ndarray<nb::numpy, double>(data->data(), shape, owner));
-}
-
-nb::object vector(const Numbers& x) { return array(x, {x.size()}); }
+struct Core {
+  Core(const void* model, const Limits& limits, Description d) : system(model, limits, std::move(d)), step(system) {}
+  Index2System system;
+  HalfExplicitStep step;
+};
 
 struct PyCore {
-  PyCore(nb::handle model_, bool flat, const nb::list& pair_list, const nb::list& row_list, const nb::list& driver_list,
-         const nb::list& law_pair_list, const nb::list& law_list, int ns, const nb::list& block_list,
-         std::vector<int> turning)
+  PyCore(nb::handle model_, const Limits& limits, bool flat, const nb::list& pair_list, const nb::list& row_list,
+         const nb::list& driver_list, const nb::list& law_pair_list, const nb::list& law_list, int ns,
+         const nb::list& block_list, std::vector<int> turning, std::vector<double> probe)
       : model(nb::borrow(model_)), callbacks(new Callbacks) {
     const void* m = model_pointer(model_.ptr());
     const auto size = model_sizes(m);
     const Sizes n{size[0], size[1], size[2]};
-    if (ns < 0 || ns > 1000000 || static_cast<int>(turning.size()) != n.nv) refuse("sizes do not fit the model");
+    if (ns < 0 || ns > 1000000 || static_cast<int>(turning.size()) != n.nv || probe.size() != turning.size())
+      refuse("sizes do not fit the model");
     if (flat && n.nq != n.nv) refuse("a flat manifold has nq = nv");
-    auto closure_pairs = pairs(pair_list, n.joints), force_pairs = pairs(law_pair_list, n.joints);
-    std::vector<Row> rows;
-    for (nb::handle h : row_list) rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(closure_pairs.size())));
-    std::vector<Driver> drivers;
+    Description out;
+    out.flat = flat, out.ns = ns, out.turning = std::move(turning), out.probe = std::move(probe);
+    out.pairs = pairs(pair_list, n.joints), out.law_pairs = pairs(law_pair_list, n.joints);
+    for (nb::handle h : row_list) out.rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(out.pairs.size())));
     for (nb::handle h : driver_list) {
       auto d = nb::cast<nb::dict>(h);
       const int at = get<int>(d, "row");
-      within({at}, static_cast<int>(rows.size()), "row");
-      drivers.push_back({at, get<bool>(d, "length"), signal(nb::cast<nb::dict>(d["motion"]), *callbacks)});
+      within({at}, static_cast<int>(out.rows.size()), "row");
+      out.drivers.push_back({at, get<bool>(d, "length"), signal(nb::cast<nb::dict>(d["motion"]), *callbacks)});
     }
-    std::vector<Law> laws;
-    std::vector<int> pair_of;
     for (nb::handle h : law_list) {
       int pair;
-      laws.push_back(law(nb::cast<nb::dict>(h), n, ns, static_cast<int>(force_pairs.size()), pair, *callbacks));
-      pair_of.push_back(pair);
+      out.laws.push_back(law(nb::cast<nb::dict>(h), n, ns, static_cast<int>(out.law_pairs.size()), pair, *callbacks));
+      out.pair_of_law.push_back(pair);
     }
     static const std::map<std::string, Block::Kind> kinds = {
         {"so3", Block::so3}, {"se3", Block::se3}, {"se2", Block::se2}};
-    std::vector<Block> blocks;
     for (nb::handle h : block_list) {
       auto x = nb::cast<std::pair<std::string, int>>(h);
       const Block b{kind(kinds, x.first), x.second};
       within({b.at, b.at + (b.kind == Block::se3 ? 5 : 2)}, n.nv, "block");
-      blocks.push_back(b);
+      out.blocks.push_back(b);
     }
-    core.reset(new Core(m, flat, rows, closure_pairs, drivers, laws, force_pairs, pair_of, ns, blocks, turning));
+    core.reset(new Core(m, limits, std::move(out)));
   }
 
   void check(const State& s, const Tableau& t) const {
-    if (static_cast<int>(s.y.size()) != core->length) refuse("y has the wrong length");
-    if (t.first && static_cast<int>(s.carry.size()) != core->ny - core->nv)
-      refuse("the method needs a carried derivative");
-    if (!s.low.empty() && static_cast<int>(s.low.size()) != core->ny) refuse("low has the wrong length");
+    const Index2System& x = core->system;
+    if (static_cast<int>(s.y.size()) != x.length) refuse("y has the wrong length");
+    if (t.first && static_cast<int>(s.carry.size()) != x.ny - x.nv) refuse("the method needs a carried derivative");
+    if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) refuse("low has the wrong length");
   }
 
   nb::object model;   // kept alive
@@ -112,61 +101,125 @@ int clear(PyObject* self) {
 PyType_Slot collected[] = {
     {Py_tp_traverse, reinterpret_cast<void*>(traverse)}, {Py_tp_clear, reinterpret_cast<void*>(clear)}, {0, nullptr}};
 
-Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat,
-                     const Array& e, bool first, bool project, int doubled, double noise) {
-  Tableau t;
-  t.n = static_cast<int>(b.size());
-  const size_t n = t.n;
-  if (!n) refuse("a tableau has stages");
-  t.A = numbers(A, n * n, "A"), t.Ahat = numbers(Ahat, n * n, "Ahat"), t.b = numbers(b, n, "b");
-  t.c = numbers(c, n, "c"), t.chat = numbers(chat, n, "chat");
-  if (e.size() % n || e.size() / n > 2) refuse("error weights: none, one or two rows of as many numbers as stages");
-  t.errors = static_cast<int>(e.size() / n);
-  t.e = numbers(e, e.size(), "e");
-  t.first = first, t.project = project, t.doubled = doubled;
-  for (const Numbers* x : {&t.A, &t.Ahat, &t.b, &t.c, &t.chat, &t.e})
-    for (double v : *x)
-      if (!std::isfinite(v)) refuse("a tableau is finite");
-  for (size_t i = 0; i < n; ++i)
-    for (size_t j = i; j < n; ++j)
-      if (t.A[i * n + j] != 0 || (j > i && t.Ahat[i * n + j] != 0))
-        refuse("A is strictly lower triangular, Ahat lower");
-  for (size_t i = first; i < n; ++i)
-    if (t.Ahat[i * n + i] == 0) refuse("Ahat has a regular diagonal");
-  if (!(noise >= 0) || !std::isfinite(noise)) refuse("noise is finite and not negative");
-  t.noise = noise;
-  if (doubled < 0) refuse("an order is not negative");
-  return t;
+// Compute something, in turn; what the core cannot go on with gives None, and Ctrl-C in a Python function is raised.
+template <class F>
+nb::object attempt(PyCore& c, F&& compute) {
+  const Turn turn(c);
+  c.callbacks->interrupted = false;
+  try {
+    return compute(c.core->system);
+  } catch (const Trouble&) {
+    if (c.callbacks->interrupted) throw nb::python_error();
+    return nb::none();
+  }
 }
 
-State state(const Array& y, const nb::object& carry, const nb::object& low) {
-  State s;
-  s.y = numbers(y, y.size(), "y");
-  for (auto [from, to] : {std::pair<const nb::object&, Numbers&>(carry, s.carry), {low, s.low}})
-    if (!from.is_none()) {
-      auto x = nb::cast<Array>(from);
-      to.assign(x.data(), x.data() + x.size());
-    }
-  return s;
+// The same for many points or steps, beside other threads; what ends them is seen in the results.
+template <class F>
+void many(PyCore& c, F&& compute) {
+  c.callbacks->interrupted = false;
+  {
+    nb::gil_scoped_release release;
+    compute();
+  }
+  if (c.callbacks->interrupted) throw nb::python_error();
 }
 
-nb::object maybe(const Numbers& x) { return x.empty() ? nb::none() : vector(x); }
+nb::object settle(PyCore& c, double t, const Array& y, const nb::object& carry) {
+  return attempt(c, [&](Index2System& s) {
+    State x = state(y, carry, nb::none());
+    if (static_cast<int>(x.y.size()) != s.length) refuse("y has the wrong length");
+    if (!x.carry.empty() && static_cast<int>(x.carry.size()) != s.ny - s.nv) refuse("carry has the wrong length");
+    const bool changed = s.settle(t, x);
+    return nb::make_tuple(changed, vector(x.y), maybe(x.carry));
+  });
+}
+
+nb::object step(PyCore& c, const Tableau& tableau, double t, double h, const Array& y, const nb::object& carry,
+                const nb::object& low) {
+  return attempt(c, [&](Index2System& s) {
+    State in = state(y, carry, low), out;
+    c.check(in, tableau);
+    Numbers z(s.ng), errors;
+    c.core->step.take(tableau, t, h, in, out, z.data(), errors);
+    const size_t ny = s.ny;
+    return nb::make_tuple(vector(out.y), maybe(out.carry), maybe(out.low), vector(z),
+                          array(errors, {errors.size() / ny, ny}));
+  });
+}
+
+void advance(PyCore& c, const Tableau& tableau, Run& run) {
+  const Turn turn(c);
+  c.check(run.state, tableau);
+  const size_t n = run.control.atol.size();
+  if (run.adaptive && n != 1 && n != static_cast<size_t>(c.core->system.measured()))
+    refuse("atol has the wrong length");
+  if (run.adaptive && !tableau.doubled && !tableau.errors) refuse("the tableau has no error estimate");
+  run.steps = Steps(), run.taken = run.rejected = 0, run.stuck = false;
+  many(c, [&] { TimeLoop(c.core->step, c.core->system, tableau, run).advance(); });
+}
+
+nb::object derivative(PyCore& c, double t, const Array& y) {
+  return attempt(c, [&](Index2System& s) {
+    Numbers at = numbers(y, s.length, "y"), F(s.ny), z(s.ng);
+    s.derivative(t, at.data(), F.data(), z.data());
+    return nb::make_tuple(vector(F), vector(z));
+  });
+}
+
+nb::object derivatives(PyCore& c, const Array& t, const Array& y) {
+  const Turn turn(c);
+  Index2System& s = c.core->system;
+  const size_t n = t.size(), length = s.length, ng = s.ng, ny = s.ny;
+  Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
+  many(c, [&] {
+    for (size_t i = 0; i < n; ++i) try {
+        s.derivative(ts[i], &at[i * length], &F[i * ny], z.data() + i * ng);
+      } catch (const Trouble&) {
+        std::fill_n(F.begin() + i * ny, ny, NAN), std::fill_n(z.begin() + i * ng, ng, NAN);
+        if (c.callbacks->interrupted) break;
+      }
+  });
+  return nb::make_tuple(array(F, {n, ny}), array(z, {n, ng}));
+}
+
+nb::object ratio(PyCore& c, const Array& q, int rank) {
+  Index2System& s = c.core->system;
+  Numbers at = numbers(q, s.nq, "q");
+  if (rank < 1 || rank > std::min(s.ng, s.nv)) refuse("rank out of range");
+  try {
+    return nb::float_(s.ratio(at.data(), rank));
+  } catch (const Trouble&) {
+    return nb::none();
+  }
+}
+
+double bare(PyCore& c, const Array& q, const Array& v, int repetitions) {
+  const Turn turn(c);
+  Index2System& s = c.core->system;
+  Numbers a = numbers(q, s.nq, "q"), b = numbers(v, s.nv, "v");
+  try {
+    return s.bare(a.data(), b.data(), repetitions);
+  } catch (const Trouble&) {
+    refuse("the point is singular");
+  }
+}
+
+void use(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool held) {
+  const Turn turn(c);
+  within(rows, c.core->system.ng, "row");
+  if (rank != static_cast<int>(rows.size()) || !std::is_sorted(rows.begin(), rows.end()) ||
+      std::adjacent_find(rows.begin(), rows.end()) != rows.end())
+    refuse("rows are sorted, different, and as many as the rank");
+  c.core->system.use(rows, rank, floor, held);
+}
 
 }  // namespace
 
 NB_MODULE(_native, m) {
   m.doc() = "The compiled core of mbdae.";
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
-
-  nb::class_<Tableau>(m, "Tableau", "Coefficients of a half-explicit method.")
-      .def(
-          "__init__",
-          [](Tableau* self, const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat,
-             const Array& e, bool first, bool project, int doubled, double noise) {
-            new (self) Tableau(make_tableau(A, Ahat, b, c, chat, e, first, project, doubled, noise));
-          },
-          nb::arg("A"), nb::arg("Ahat"), nb::arg("b"), nb::arg("c"), nb::arg("chat"), nb::arg("e"), nb::arg("first"),
-          nb::arg("project"), nb::arg("doubled"), nb::arg("noise"));
+  bind_limits(m), bind_tableau(m), bind_run(m);
 
   nb::class_<Counts>(m, "Counts", "Work done so far.")
       .def_ro("f", &Counts::f)
@@ -177,181 +230,33 @@ NB_MODULE(_native, m) {
       .def_ro("projections", &Counts::projections)
       .def_ro("state_projections", &Counts::state_projections);
 
-  auto course =
-      nb::class_<Course>(m, "Course", "A run's state and pace, and the steps that were taken.").def(nb::init<>());
-#define FIELD(name) course.def_rw(#name, &Course::name)
-  FIELD(t), FIELD(t1), FIELD(sign), FIELD(stop), FIELD(end), FIELD(project), FIELD(adaptive), FIELD(watched);
-  FIELD(seconds), FIELD(budget), FIELD(h), FIELD(largest), FIELD(cut), FIELD(last), FIELD(rtol), FIELD(atol);
-  FIELD(was_rejected), FIELD(power), FIELD(safety), FIELD(smallest_factor), FIELD(largest_factor), FIELD(beta);
-  FIELD(step), FIELD(t0), FIELD(near), FIELD(tolerated), FIELD(n), FIELD(i), FIELD(on_grid);
-  FIELD(usual), FIELD(before), FIELD(suspect), FIELD(landed), FIELD(zone);
-  FIELD(changes), FIELD(taken), FIELD(rejected), FIELD(stuck);
-#undef FIELD
-  course.def(
-      "begin",
-      [](Course& c, const Array& y, const nb::object& carry, const nb::object& low) { c.state = state(y, carry, low); },
-      nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none(), "Set the state.");
-  course.def(
-      "state",
-      [](const Course& c) { return nb::make_tuple(vector(c.state.y), maybe(c.state.carry), maybe(c.state.low)); },
-      "Return y, carry and low.");
-  course.def(
-      "steps",
-      [](const Course& c) {
-        const size_t n = c.ts.size();
-        return nb::make_tuple(vector(c.ts), array(c.ys, {n, n ? c.ys.size() / n : 0}),
-                              array(c.zs, {n, n ? c.zs.size() / n : 0}), vector(c.weakest));
-      },
-      "Return t (n,), y (n, ...), z (n, ng) and the smallest ratios of pivots (n,) of the steps taken.");
-
   nb::class_<PyCore>(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.")
-      .def(nb::init<nb::handle, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
-                    const nb::list&, int, const nb::list&, std::vector<int>>(),
-           nb::arg("model"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"),
-           nb::arg("law_pairs"), nb::arg("laws"), nb::arg("ns"), nb::arg("blocks"), nb::arg("turning"))
-      .def_prop_ro("rows", [](const PyCore& c) { return c.core->rows(); })
-      .def_prop_ro("rank", [](const PyCore& c) { return c.core->rank; })
-      .def_prop_ro("counts", [](const PyCore& c) { return c.core->counts; })
+      .def(nb::init<nb::handle, const Limits&, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
+                    const nb::list&, int, const nb::list&, std::vector<int>, std::vector<double>>(),
+           nb::arg("model"), nb::arg("limits"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"),
+           nb::arg("law_pairs"), nb::arg("laws"), nb::arg("ns"), nb::arg("blocks"), nb::arg("turning"),
+           nb::arg("probe"))
+      .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })
+      .def_prop_ro("rank", [](const PyCore& c) { return c.core->system.rows.rank; })
+      .def_prop_ro("counts", [](const PyCore& c) { return c.core->system.counts; })
       .def_prop_rw(
-          "weakest", [](const PyCore& c) { return c.core->weakest; }, [](PyCore& c, double x) { c.core->weakest = x; })
-      .def(
-          "use",
-          [](PyCore& c, const std::vector<int>& rows, int rank, double floor, bool held) {
-            const Turn turn(c);
-            within(rows, c.core->ng, "row");
-            if (rank != static_cast<int>(rows.size()) || !std::is_sorted(rows.begin(), rows.end()) ||
-                std::adjacent_find(rows.begin(), rows.end()) != rows.end())
-              refuse("rows are sorted, different, and as many as the rank");
-            c.core->use(rows, rank, floor, held);
-          },
-          nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
-          "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
-      .def_prop_ro("widest", [](const PyCore& c) { return c.core->widest; })
-      .def_prop_ro("fastest", [](const PyCore& c) { return c.core->fastest; })
-      .def(
-          "settle",
-          [](PyCore& c, double t, const Array& y, const nb::object& carry) -> nb::object {
-            const Turn turn(c);
-            State s = state(y, carry, nb::none());
-            if (static_cast<int>(s.y.size()) != c.core->length) refuse("y has the wrong length");
-            if (!s.carry.empty() && static_cast<int>(s.carry.size()) != c.core->ny - c.core->nv)
-              refuse("carry has the wrong length");
-            c.callbacks->interrupted = false;
-            try {
-              const bool changed = c.core->settle(t, s);
-              return nb::make_tuple(changed, vector(s.y), maybe(s.carry));
-            } catch (const Trouble&) {
-              if (c.callbacks->interrupted) throw nb::python_error();
-              return nb::none();
-            }
-          },
-          nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),
-          "Choose the rows of the next step: say whether others are taken, and return y and carry, or None.")
-      .def(
-          "step",
-          [](PyCore& c, const Tableau& tableau, double t, double h, const Array& y, const nb::object& carry,
-             const nb::object& low) -> nb::object {
-            const Turn turn(c);
-            State in = state(y, carry, low), out;
-            c.check(in, tableau);
-            Numbers z(c.core->ng), errors;
-            c.callbacks->interrupted = false;
-            try {
-              c.core->step(tableau, t, h, in, out, z.data(), errors);
-            } catch (const Trouble&) {
-              if (c.callbacks->interrupted) throw nb::python_error();
-              return nb::none();
-            }
-            return nb::make_tuple(vector(out.y), maybe(out.carry), maybe(out.low), vector(z),
-                                  array(errors, {errors.size() / c.core->ny, static_cast<size_t>(c.core->ny)}));
-          },
-          nb::arg("tableau"), nb::arg("t"), nb::arg("h"), nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none(),
-          "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
-      .def(
-          "march",
-          [](PyCore& c, const Tableau& tableau, Course& course) {
-            const Turn turn(c);
-            c.check(course.state, tableau);
-            const size_t m = c.core->ny - c.core->constraints.drivers.empty();
-            if (course.adaptive && course.atol.size() != 1 && course.atol.size() != m)
-              refuse("atol has the wrong length");
-            if (course.adaptive && !tableau.doubled && !tableau.errors) refuse("the tableau has no error estimate");
-            course.ts.clear(), course.ys.clear(), course.zs.clear(), course.weakest.clear();
-            course.changes.clear(), course.taken = course.rejected = 0, course.stuck = false;
-            c.callbacks->interrupted = false;
-            {
-              nb::gil_scoped_release release;  // other threads may go on; not for single points, which take less
-              c.core->march(tableau, course);
-            }
-            if (c.callbacks->interrupted) throw nb::python_error();
-          },
-          nb::arg("tableau"), nb::arg("course"), "Take many steps.")
-      .def(
-          "derivative",
-          [](PyCore& c, double t, const Array& y) -> nb::object {
-            const Turn turn(c);
-            Numbers at = numbers(y, c.core->length, "y"), F(c.core->ny), z(c.core->ng);
-            c.callbacks->interrupted = false;
-            try {
-              c.core->derivative(t, at.data(), F.data(), z.data());
-            } catch (const Trouble&) {
-              if (c.callbacks->interrupted) throw nb::python_error();
-              return nb::none();
-            }
-            return nb::make_tuple(vector(F), vector(z));
-          },
-          nb::arg("t"), nb::arg("y"), "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
-      .def(
-          "derivatives",
-          [](PyCore& c, const Array& t, const Array& y) -> nb::object {
-            const Turn turn(c);
-            const size_t n = t.size(), len = c.core->length, ng = c.core->ng, ny = c.core->ny;
-            Numbers at = numbers(y, n * len, "y"), F(n * ny, NAN), z(n * ng, NAN);
-            std::vector<double> ts(t.data(), t.data() + n);
-            c.callbacks->interrupted = false;
-            {
-              nb::gil_scoped_release release;
-              for (size_t i = 0; i < n; ++i) try {
-                  c.core->derivative(ts[i], &at[i * len], &F[i * ny], z.data() + i * ng);
-                } catch (const Trouble&) {
-                  std::fill_n(F.begin() + i * ny, ny, NAN), std::fill_n(z.begin() + i * ng, ng, NAN);
-                  if (c.callbacks->interrupted) break;
-                }
-            }
-            if (c.callbacks->interrupted) throw nb::python_error();
-            return nb::make_tuple(array(F, {n, ny}), array(z, {n, ng}));
-          },
-          nb::arg("t"), nb::arg("y"),
-          "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be found.")
-      .def(
-          "ratio",
-          [](PyCore& c, const Array& q, int rank) -> nb::object {
-            Numbers a = numbers(q, c.core->nq, "q");
-            if (rank < 1 || rank > std::min(c.core->ng, c.core->nv)) refuse("rank out of range");
-            const int before = c.core->rank;
-            c.core->rank = rank;
-            try {
-              const double r = c.core->ratio(a.data());
-              c.core->rank = before;
-              return nb::float_(r);
-            } catch (const Trouble&) {
-              c.core->rank = before;
-              return nb::none();
-            }
-          },
-          nb::arg("q"), nb::arg("rank"),
-          "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
-      .def(
-          "bare",
-          [](PyCore& c, const Array& q, const Array& v, int repetitions) {
-            const Turn turn(c);
-            Numbers a = numbers(q, c.core->nq, "q"), b = numbers(v, c.core->nv, "v");
-            try {
-              return c.core->bare(a.data(), b.data(), repetitions);
-            } catch (const Trouble&) {
-              refuse("the point is singular");
-            }
-          },
-          nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
-          "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
+          "weakest", [](const PyCore& c) { return c.core->system.rows.weakest; },
+          [](PyCore& c, double x) { c.core->system.rows.weakest = x; })
+      .def_prop_ro("widest", [](const PyCore& c) { return c.core->system.widest; })
+      .def_prop_ro("fastest", [](const PyCore& c) { return c.core->system.fastest; })
+      .def("use", use, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
+           "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
+      .def("settle", settle, nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),
+           "Choose the rows of the next step: say whether others are taken, and return y and carry, or None.")
+      .def("step", step, nb::arg("tableau"), nb::arg("t"), nb::arg("h"), nb::arg("y"), nb::arg("carry").none(),
+           nb::arg("low").none(), "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
+      .def("advance", advance, nb::arg("tableau"), nb::arg("run"), "Take many steps.")
+      .def("derivative", derivative, nb::arg("t"), nb::arg("y"),
+           "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
+      .def("derivatives", derivatives, nb::arg("t"), nb::arg("y"),
+           "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be found.")
+      .def("ratio", ratio, nb::arg("q"), nb::arg("rank"),
+           "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
+      .def("bare", bare, nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
+           "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
 }

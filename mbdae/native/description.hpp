@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "core.hpp"
+#include "time_loop.hpp"
 
 namespace mbdae {
 

@@ -3,14 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "small.hpp"
+#include "manifold.hpp"
+#include "vec3.hpp"
 
 namespace mbdae {
 
 namespace {
-
-constexpr double LARGEST_TURN = 3.0;  // rad, of a bushing
-constexpr int TERMS = 40;
 
 void turn_back(const double* R, const double* x, double* out) {
   for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
@@ -36,45 +34,7 @@ void rotation_vector(const double* A, const double* B, double* theta) {  // log(
     for (int i = 0; i < 3; ++i) theta[i] *= angle / sine;
 }
 
-// B_2k/(2k)! = -2 (-1)^k zeta(2k) / (2 pi)^2k
-const std::vector<double>& even() {
-  static const std::vector<double> numbers = [] {
-    std::vector<double> out;
-    for (int k = 1; k < TERMS; ++k) {
-      double zeta = 1, term;
-      if (k == 1)
-        zeta = 1.6449340668482264;  // pi^2/6
-      else if (k == 2)
-        zeta = 1.0823232337111382;  // pi^4/90
-      else
-        for (int n = 2; (term = std::pow(n, -2.0 * k)) > 1e-17; ++n) zeta += term;
-      out.push_back((k % 2 ? 2 : -2) * zeta / std::pow(6.283185307179586, 2.0 * k));
-    }
-    return out;
-  }();
-  return numbers;
-}
-
 }  // namespace
-
-void inverse_jacobian(int n, const double* ad, const double* x, double* y) {
-  double term[6], next[6], size = 0;
-  auto apply = [&](const double* in, double* out) {
-    for (int i = 0; i < n; ++i) {
-      double s = 0;
-      for (int j = 0; j < n; ++j) s += ad[i * n + j] * in[j];
-      out[i] = s;
-    }
-  };
-  apply(x, next);
-  for (int i = 0; i < n; ++i) y[i] = x[i] + 0.5 * next[i], size = std::max(size, std::fabs(x[i])), term[i] = x[i];
-  for (double b : even()) {
-    apply(term, next), apply(next, term);
-    double largest = 0;
-    for (int i = 0; i < n; ++i) y[i] += b * term[i], largest = std::max(largest, std::fabs(term[i]));
-    if (largest * std::fabs(b) < 1e-17 * (1e-300 + size)) break;
-  }
-}
 
 void Law::add(const Mechanics& m, double t, const double* q, const double* v, const double* s, double* conservative,
               double* other, double* ds) const {
@@ -139,12 +99,12 @@ void Law::add(const Mechanics& m, double t, const double* q, const double* v, co
       for (int i = 0; i < 3; ++i) moved[i] = pair->pb[i] - pair->pa[i];
       turn_back(pair->Ra, moved, gap);
       rotation_vector(pair->Ra, pair->Rb, theta);
-      if (!(theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2] <= LARGEST_TURN * LARGEST_TURN))
-        throw Trouble();
+      const double most = m.limits.bushing_turn;
+      if (!(theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2] <= most * most)) throw Trouble();
       const double cross_theta[9] = {0, -theta[2], theta[1], theta[2], 0, -theta[0], -theta[1], theta[0], 0};
       std::copy(cross_theta, cross_theta + 9, ad);
       for (int i = 0; i < 3; ++i) moved[i] = -a[3 + i] * theta[i], force[i] = -a[i] * gap[i];
-      inverse_jacobian(3, ad, moved, moment);
+      inverse_jacobian(m.limits, 3, ad, moved, moment);
       on_b(m, *pair, force, moment, conservative);
       if (!flag) return;
       double twist[6], arm[3], velocity[3], spin[3];

@@ -42,7 +42,4 @@ struct Law {
            double* other, double* ds) const;
 };
 
-// y = J x, J = 1 + X/2 + sum B_2k/(2k)! X^2k with X = ad (n, n) by rows: the inverse right Jacobian of exp.
-void inverse_jacobian(int n, const double* ad, const double* x, double* y);
-
 }  // namespace mbdae

@@ -5,6 +5,8 @@
 
 namespace mbdae {
 
+using Numbers = std::vector<double>;
+
 // LU of a banded matrix with partial pivoting; a full matrix is a band as wide as the matrix.
 class BandLU {
  public:

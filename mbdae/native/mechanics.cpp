@@ -43,14 +43,14 @@ pinocchio::Data lean(const pinocchio::Model& model) {
 }  // namespace
 
 struct Mechanics::Workspace {
-  explicit Workspace(const pinocchio::Model& m)
-      : model(m), data(lean(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)) {}
+  explicit Workspace(const pinocchio::Model& m) : model(m), data(lean(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)) {}
   const pinocchio::Model& model;
   pinocchio::Data data;
   VectorXd q, v, a;
 };
 
-Mechanics::Mechanics(const void* model) : w(new Workspace(*static_cast<const pinocchio::Model*>(model))) {
+Mechanics::Mechanics(const void* model, const Limits& limits_)
+    : limits(limits_), w(new Workspace(*static_cast<const pinocchio::Model*>(model))) {
   nq = w->model.nq, nv = w->model.nv, joints = w->model.njoints;
   ancestors.resize(nv);
   const auto above = supports();

@@ -4,14 +4,17 @@
 #include <memory>
 #include <vector>
 
+#include "limits.hpp"
+
 namespace mbdae {
 
 class Mechanics {
  public:
   // model points to a pinocchio::Model that outlives this object.
-  explicit Mechanics(const void* model);
+  Mechanics(const void* model, const Limits& limits);
   ~Mechanics();
 
+  const Limits limits;
   int nq, nv, joints;
   std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
 

@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <set>
 
-#include "small.hpp"
+#include "vec3.hpp"
 
 namespace mbdae {
 
@@ -149,6 +150,30 @@ double Row::coordinate_bias(const double* q, const double* v) const {
   double p, slope, curve;
   horner(c, angle(q + iq[1], nq[1]), p, slope, curve);
   return -curve * v[iv[1]] * v[iv[1]];
+}
+
+Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
+                         const std::vector<std::pair<Anchor, Anchor>>& anchors, std::vector<Driver> drivers_)
+    : rows(std::move(rows_)), all(rows.size()), drivers(std::move(drivers_)) {
+  std::iota(all.begin(), all.end(), 0);
+  const std::vector<std::vector<int>> supports = m.supports();
+  for (const auto& x : anchors) {
+    pairs.emplace_back(x.first, x.second, supports);
+    pairs.back().turns_a = pairs.back().turns_b = false;
+  }
+  for (Row& r : rows) {
+    if (r.kind == Row::coordinate) {
+      std::set<int> columns;
+      for (int i : r.iv)
+        if (i >= 0) columns.insert(i), columns.insert(m.ancestors[i].begin(), m.ancestors[i].end());
+      r.columns.assign(columns.begin(), columns.end());
+      continue;
+    }
+    Pair& pair = pairs[r.pair];
+    r.columns = pair.columns;
+    if (r.has_a) pair.turns_a = true;
+    if (r.has_b) pair.turns_b = true;
+  }
 }
 
 void Constraints::value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g) {

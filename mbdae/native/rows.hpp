@@ -4,8 +4,10 @@
 #include <array>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "linear.hpp"
 #include "mechanics.hpp"
 #include "signals.hpp"
 
@@ -73,8 +75,12 @@ struct Driver {
 // All rows of a mechanism, where the kinematics of its workspace stand.
 class Constraints {
  public:
+  Constraints(const Mechanics& m, std::vector<Row> rows, const std::vector<std::pair<Anchor, Anchor>>& pairs,
+              std::vector<Driver> drivers);
+
   std::vector<Pair> pairs;
-  std::vector<Row> rows;
+  std::vector<Row> rows;  // (ng,)
+  std::vector<int> all;   // (ng,) 0, 1, ...
   std::vector<Driver> drivers;
 
   // Entries of G for some rows, into G + row * nv (zero outside row.columns), and g where asked for.

@@ -10,7 +10,7 @@ double Signal::at(double t, int k) const {
     case constant:
       return k ? 0.0 : a[0];
     case harmonic: {  // amplitude, omega, phase, offset
-      const double value = a[0] * std::sin(a[1] * t + a[2] + k * 1.5707963267948966);
+      const double value = a[0] * std::sin(a[1] * t + a[2] + k * M_PI_2);
       return k ? value * (k == 1 ? a[1] : a[1] * a[1]) : value + a[3];
     }
     case polynomial: {

@@ -1,284 +1,157 @@
-// Steps: the manifold, stages, whole steps, and the projection of their ends.
+#include "step.hpp"
+
 #include <algorithm>
 #include <cmath>
 
-#include "core.hpp"
-#include "small.hpp"
+#include "vec3.hpp"
 
 namespace mbdae {
 
-namespace {
+HalfExplicitStep::HalfExplicitStep(Index2System& s)
+    : s_(s),
+      nq_(s.nq),
+      nv_(s.nv),
+      ns_(s.ns),
+      ny_(s.ny),
+      stride_((s.ny + 3) / 4 * 4),
+      x_(stride_),
+      xhat_(stride_),
+      dx_(nv_),
+      q0_(nq_),
+      v0_(nv_),
+      s0_(ns_),
+      q_(nq_),
+      v_(nv_),
+      q_met_(nq_),
+      s_in_(ns_),
+      f_(nv_),
+      lam_(s.ng),
+      gt_(s.ng),
+      gt_met_(s.ng),
+      work_(s.ng),
+      Ghat_(s.point.G.size()),
+      Zhat_(Ghat_.size()) {}
 
-constexpr double LARGEST_TURN = 3.0;  // rad within one step (mbdae/mechanism/manifold.py)
-constexpr double TRUNCATION = 1e-7, ROUNDING = 1e-14, OPEN = 1e-9, STALLED = 1e-9;  // mbdae/mechanism/project.py
-constexpr int ITERATIONS = 10;
-
-}  // namespace
-
-// -- the manifold -----------------------------------------------------------------------------------------------------
-
-void Core::integrate(const double* q, const double* x, double* out) {
-  if (!flat_) return m.integrate(q, x, out);
-  for (int i = 0; i < nq; ++i) out[i] = q[i] + x[i];
-}
-
-void Core::within(const double* x) const {
-  for (const Block& b : blocks_) {
-    const double turn =
-        b.kind == Block::se2 ? std::fabs(x[b.at + 2]) : norm(x + b.at + (b.kind == Block::se3 ? 3 : 0), 3);
-    if (turn > LARGEST_TURN) throw Trouble();
-  }
-}
-
-void Core::tangent(const double* x, double* dx) const {  // dx: v becomes J(x) v
-  if (blocks_.empty()) return;
-  within(x);
-  for (const Block& b : blocks_) {
-    const double* p = x + b.at;
-    double ad[36] = {0}, out[6];
-    int n = 3;
-    auto skew = [&](const double* w, int row, int column, int width) {
-      ad[row * width + column + 1] = -w[2], ad[row * width + column + 2] = w[1];
-      ad[(row + 1) * width + column] = w[2], ad[(row + 1) * width + column + 2] = -w[0];
-      ad[(row + 2) * width + column] = -w[1], ad[(row + 2) * width + column + 1] = w[0];
-    };
-    if (b.kind == Block::so3) {
-      skew(p, 0, 0, 3);
-    } else if (b.kind == Block::se3) {
-      n = 6, skew(p + 3, 0, 0, 6), skew(p, 0, 3, 6), skew(p + 3, 3, 3, 6);
-    } else {
-      ad[1] = -p[2], ad[2] = p[1], ad[3] = p[2], ad[5] = -p[0];
-    }
-    inverse_jacobian(n, ad, dx + b.at, out);
-    std::copy(out, out + n, dx + b.at);
-  }
-}
-
-void Core::add(const double* y, const double* x, double* out) {
-  integrate(y, x, out);
-  for (int i = 0; i < nv + ns + 1; ++i) out[nq + i] = y[nq + i] + x[nv + i];
-}
-
-void Core::difference(const double* y0, const double* y1, double* out) {
-  if (flat_)
-    for (int i = 0; i < nv; ++i) out[i] = y1[i] - y0[i];
-  else
-    m.difference(y0, y1, out);
-  for (int i = 0; i < nv + ns + 1; ++i) out[nv + i] = y1[nq + i] - y0[nq + i];
-}
-
-void Core::size(const double* y, double* out) {
-  if (flat_)
-    for (int i = 0; i < nv; ++i) out[i] = std::fabs(y[i]);
-  else {
-    m.difference(neutral_.data(), y, out);
-    for (int i = 0; i < nv; ++i) out[i] = turning_[i] ? 1.0 : std::fabs(out[i]);
-  }
-  for (int i = 0; i < nv + ns + 1; ++i) out[nv + i] = std::fabs(y[nq + i]);
-  if (constraints.drivers.empty()) return;
-  m.inertia(y);  // the kinetic energy
-  const double *M = m.M(), *v = y + nq;
-  for (int k = 0; k < nv; ++k) {
-    const double* c = M + static_cast<size_t>(k) * nv;
-    double s = 0.5 * c[k] * v[k];
-    for (int i : m.ancestors[k]) s += c[i] * v[i];
-    out[ny - 1] += s * v[k];
-  }
-}
-
-// -- a step -----------------------------------------------------------------------------------------------------------
-
-void Core::stage(double t, const double* x, double that, const double* xhat, double factor, double* F, double* lam,
-                 bool last) {
-  integrate(q0_.data(), x, q_.data());
-  for (int i = 0; i < nv; ++i) v_[i] = v0_[i] + x[nv + i];
-  for (int i = 0; i < ns; ++i) s_[i] = s0_[i] + x[2 * nv + i];
-  inertia(q_.data());
-  counts.M += 1, counts.factorizations += 1;
-  const std::vector<int>& which = last && !dropped_.empty() ? all_ : rows_;
-  if (ng) counts.G += 2;
-  constraints.value(m, q_.data(), which, G_.data(), g_.data());
-  double* rates = F + 2 * nv;
-  forces(t, q_.data(), v_.data(), s_.data(), f_.data(), rates);
+void HalfExplicitStep::stage(double t, double that, double factor, double* F, bool last) {
+  Point& point = s_.point;
+  Mechanics& m = s_.mechanics;
+  Constraints& constraints = s_.constraints;
+  const std::vector<int>& rows = s_.rows.in_use();
+  s_.manifold.integrate(q0_.data(), x_.data(), q_.data());
+  for (int i = 0; i < nv_; ++i) v_[i] = v0_[i] + x_[nv_ + i];
+  for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
+  point.inertia(q_.data());
+  s_.counts.M += 1, s_.counts.factorizations += 1;
+  const std::vector<int>& which = last && !s_.rows.others().empty() ? constraints.all : rows;
+  if (s_.ng) s_.counts.G += 2;
+  constraints.value(m, q_.data(), which, point.G.data(), point.g.data());
+  double* rates = F + 2 * nv_;
+  s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates);
   std::copy(v_.begin(), v_.end(), F);
-  tangent(x, F);
-  if (!rows_.empty()) {
-    for (int i = 0; i < nv; ++i) dx_[i] = xhat[i] + factor * F[i];
-    integrate(q0_.data(), dx_.data(), qhat_.data());
-    m.poses(qhat_.data());
-    constraints.value(m, qhat_.data(), rows_, Ghat_.data());
-    if (!constraints.drivers.empty()) constraints.speed(that, gthat_.data()), constraints.speed(t, gt_.data());
-    for (int k : which) {
-      const size_t at = static_cast<size_t>(k) * nv;
+  s_.manifold.tangent(x_.data(), F);
+  if (!rows.empty()) {
+    for (int i = 0; i < nv_; ++i) dx_[i] = xhat_[i] + factor * F[i];
+    s_.manifold.integrate(q0_.data(), dx_.data(), q_met_.data());
+    m.poses(q_met_.data());
+    constraints.value(m, q_met_.data(), rows, Ghat_.data());
+    constraints.speed(that, gt_met_.data()), constraints.speed(t, gt_.data());
+    for (int k : which) point.scale(k);
+    for (int k : rows) {
+      const size_t at = static_cast<size_t>(k) * nv_;
       const std::vector<int>& columns = constraints.rows[k].columns;
-      for (int c : columns) Z_[at + c] = G_[at + c];
-      half(&Z_[at], columns);
-    }
-    for (int k : rows_) {
-      const size_t at = static_cast<size_t>(k) * nv;
-      const std::vector<int>& columns = constraints.rows[k].columns;
-      double s = gthat_[k];
+      double rate = gt_met_[k];
       for (int c : columns) {
         Zhat_[at + c] = Ghat_[at + c];
-        s += Ghat_[at + c] * (v0_[c] + xhat[nv + c]);
+        rate += Ghat_[at + c] * (v0_[c] + xhat_[nv_ + c]);
       }
-      half(&Zhat_[at], columns);
-      lam[k] = -s / factor;
+      point.half(&Zhat_[at], columns);
+      lam_[k] = -rate / factor;
     }
   }
-  solve(Zhat_.data(), lam, f_.data());
-  for (int k : rows_) rates[ns] -= lam[k] * gt_[k];
-  std::copy(f_.begin(), f_.end(), F + nv);
-  if (last) {
-    std::copy(q_.begin(), q_.end(), last_q_.begin());
-    stands_ = true;
-  }
+  s_.saddle.solve(Zhat_, lam_.data(), f_.data());
+  for (int k : rows) rates[ns_] -= lam_[k] * gt_[k];
+  std::copy(f_.begin(), f_.end(), F + nv_);
+  if (last) point.stand(q_.data());
 }
 
-void Core::step(const Tableau& a, double t, double h, const State& in, State& out, double* z, Numbers& errors) {
-  const int n = a.n;
-  const double* y = in.y.data();
-  std::copy(y, y + nq, q0_.begin()), std::copy(y + nq, y + nq + nv, v0_.begin());
-  std::copy(y + nq + nv, y + nq + nv + ns, s0_.begin());
-  if (ng && !held_) {
-    if (!at_last(q0_.data())) evaluate(q0_.data(), true);
-    choose();
+void HalfExplicitStep::combine(const double* weights, int count, double h, Numbers& to) const {
+  double* __restrict x = to.data();
+  const int stride = stride_;
+  for (int k = 0; k < stride; ++k) x[k] = 0;
+  for (int j = 0; j < count; ++j) {
+    const double w = weights[j];
+    if (w == 0) continue;
+    const double* __restrict from = F_.data() + static_cast<size_t>(j) * stride;
+    for (int k = 0; k < stride; k += 4)
+      x[k] += w * from[k], x[k + 1] += w * from[k + 1], x[k + 2] += w * from[k + 2], x[k + 3] += w * from[k + 3];
   }
-  const int stride = stride_;  // ny and some zeros: loops without remainders
+  for (int k = 0; k < stride; ++k) x[k] *= h;
+}
+
+void HalfExplicitStep::project(double* e) {
+  s_.counts.projections += 1;
+  for (int k : s_.rows.in_use()) {
+    work_[k] = 0;
+    for (int c : s_.constraints.rows[k].columns) work_[k] += s_.point.G[static_cast<size_t>(k) * nv_ + c] * e[nv_ + c];
+  }
+  s_.saddle.normal(work_.data(), f_.data());
+  for (int i = 0; i < nv_; ++i) e[nv_ + i] -= f_[i];
+}
+
+void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& in, State& out, double* z,
+                            Numbers& errors) {
+  const int n = a.n, stride = stride_;
+  const double* y = in.y.data();
+  std::copy(y, y + nq_, q0_.begin()), std::copy(y + nq_, y + nq_ + nv_, v0_.begin());
+  std::copy(y + nq_ + nv_, y + nq_ + nv_ + ns_, s0_.begin());
+  IndependentRows& rows = s_.rows;
+  if (s_.ng && !rows.held) {
+    if (!s_.point.near(y)) s_.point.evaluate(y, true);
+    rows.choose_with_reason(s_.point.Z.data());
+  }
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
   double* F = F_.data();
-  if (a.first) std::copy(v0_.begin(), v0_.end(), F), std::copy(in.carry.begin(), in.carry.end(), F + nv);
-  auto combine = [=](const double* w, int count, double* __restrict x) {
-    for (int k = 0; k < stride; ++k) x[k] = 0;
-    for (int j = 0; j < count; ++j) {
-      const double f = w[j];
-      if (f == 0) continue;
-      const double* __restrict from = F + static_cast<size_t>(j) * stride;
-      for (int k = 0; k < stride; k += 4)
-        x[k] += f * from[k], x[k + 1] += f * from[k + 1], x[k + 2] += f * from[k + 2], x[k + 3] += f * from[k + 3];
-    }
-    for (int k = 0; k < stride; ++k) x[k] *= h;
-  };
+  if (a.first) std::copy(v0_.begin(), v0_.end(), F), std::copy(in.carry.begin(), in.carry.end(), F + nv_);
   for (int i = a.first; i < n; ++i) {
-    combine(&a.A[i * n], i, x_.data()), combine(&a.Ahat[i * n], i, xhat_.data());
-    stage(t + a.c[i] * h, x_.data(), t + a.chat[i] * h, xhat_.data(), h * a.Ahat[i * n + i],
-          F + static_cast<size_t>(i) * stride, lam_.data(), i == n - 1);
+    combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
+    stage(t + a.c[i] * h, t + a.chat[i] * h, h * a.Ahat[i * n + i], F + static_cast<size_t>(i) * stride, i == n - 1);
   }
-  combine(a.b.data(), n, x_.data());
+  combine(a.b.data(), n, h, x_);
   if (!in.low.empty())
-    for (int k = 0; k < ny; ++k) x_[k] += in.low[k];
-  within(x_.data());
-  out.y.resize(length), out.low.assign(ny, 0.0);
-  add(y, x_.data(), out.y.data());
-  const int skip = flat_ ? 0 : nv;
-  for (int k = skip; k < ny; ++k) {
-    const int i = k < nv ? k : k - nv + nq;
+    for (int k = 0; k < ny_; ++k) x_[k] += in.low[k];
+  s_.manifold.within(x_.data());
+  out.y.resize(s_.length), out.low.assign(ny_, 0.0);
+  s_.add(y, x_.data(), out.y.data());
+  for (int k = s_.manifold.flat ? 0 : nv_; k < ny_; ++k) {
+    const int i = k < nv_ ? k : k - nv_ + nq_;
     out.low[k] = x_[k] - (out.y[i] - y[i]);
   }
-  if (a.first)
-    out.carry.assign(F + static_cast<size_t>(n - 1) * stride + nv, F + static_cast<size_t>(n - 1) * stride + ny);
-  const bool dependent = !dropped_.empty() && !rows_.empty();
-  if (!rows_.empty() && (a.project || dependent)) symmetric();
-  errors.resize(static_cast<size_t>(a.errors) * ny);
-  for (int e = 0; e < a.errors; ++e) {
-    double* x = &errors[static_cast<size_t>(e) * ny];
-    combine(&a.e[e * n], n, xhat_.data());
-    std::copy_n(xhat_.data(), ny, x);
-    if (!a.project || rows_.empty()) continue;
-    counts.projections += 1;
-    for (int k : rows_) {
-      lam_work_[k] = 0;
-      for (int c : constraints.rows[k].columns) lam_work_[k] += G_[static_cast<size_t>(k) * nv + c] * x[nv + c];
-    }
-    normal(lam_work_, f_.data());
-    for (int i = 0; i < nv; ++i) x[nv + i] -= f_[i];
+  const double* end = F + static_cast<size_t>(n - 1) * stride;
+  if (a.first) out.carry.assign(end + nv_, end + ny_);
+  const bool projected = a.project && !rows.in_use().empty();
+  if (projected || rows.dependent()) s_.saddle.symmetric();
+  errors.resize(static_cast<size_t>(a.errors) * ny_);
+  for (int i = 0; i < a.errors; ++i) {
+    double* e = &errors[static_cast<size_t>(i) * ny_];
+    combine(&a.e[i * n], n, h, xhat_);
+    std::copy_n(xhat_.data(), ny_, e);
+    if (projected) project(e);
   }
-  own(lam_.data(), z);
-  if (large_ && dependent) probe();
+  s_.saddle.all_multipliers(lam_.data(), z);
+  s_.probe();
 }
 
-void Core::controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z, Numbers& errors) {
-  if (!a.doubled) return step(a, t, h, in, out, z, errors);
+void HalfExplicitStep::controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z,
+                                  Numbers& errors) {
+  if (!a.doubled) return take(a, t, h, in, out, z, errors);
   State full, middle;
   Numbers none;
-  step(a, t, h, in, full, z, none);
-  step(a, t, h / 2, in, middle, z, none);
-  step(a, t + h / 2, h / 2, middle, out, z, none);
-  errors.resize(ny);
-  difference(full.y.data(), out.y.data(), errors.data());
+  take(a, t, h, in, full, z, none);
+  take(a, t, h / 2, in, middle, z, none);
+  take(a, t + h / 2, h / 2, middle, out, z, none);
+  errors.resize(ny_);
+  s_.difference(full.y.data(), out.y.data(), errors.data());
   for (double& e : errors) e /= std::pow(2.0, a.doubled) - 1;
-}
-
-void Core::derivative(double t, const double* y, double* F, double* z) {
-  const double *q = y, *v = y + nq;
-  if (stands_ && std::equal(q, q + nq, last_q_.begin()))
-    m.inertia(q), counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;  // poses and J
-  else
-    evaluate(q, true);
-  double* rates = F + 2 * nv;
-  forces(t, q, v, v + nv, f_.data(), rates);
-  if (ng) {
-    if (!held_ && (!large_ || fallen())) choose_all();
-    m.motions(q, v);
-    std::fill(gt_.begin(), gt_.end(), 0.0);
-    constraints.acceleration(t, gt_.data());
-    Numbers gamma(ng);
-    constraints.bias(m, q, v, rows_, gamma.data());
-    for (int k : rows_) lam_[k] = -(gamma[k] + gt_[k]);
-    std::fill(gt_.begin(), gt_.end(), 0.0);
-    constraints.speed(t, gt_.data());
-  }
-  solve(Z_.data(), lam_.data(), f_.data());
-  for (int k : rows_) rates[ns] -= lam_[k] * gt_[k];
-  std::copy(v, v + nv, F), std::copy(f_.begin(), f_.end(), F + nv);
-  own(lam_.data(), z);
-}
-
-// -- projection (mbdae/mechanism/project.py) --------------------------------------------------------------------------
-
-void Core::smallest(const double* r, double* x) {
-  least(nv, ng, Z_.data(), r, TRUNCATION, x);
-  back(x);
-}
-
-void Core::restore(double t, double* y) {
-  if (!ng) return;
-  double *q = y, *v = y + nq;
-  if (!at_last(q)) evaluate(q, true);
-  counts.state_projections += 1;
-  Numbers g(g_), gap(ng), x(nv), nearer(nq);
-  constraints.gaps(t, g.data());
-  const bool stood = stands_;
-  stands_ = false;
-  double move = 0;
-  bool moved = false;
-  for (int i = 0; i < ITERATIONS; ++i) {
-    if (norm(g.data(), ng) <= ROUNDING * (1 + largest(q, nq))) break;
-    smallest(g.data(), x.data());
-    move = largest(x.data(), nv);
-    for (double& c : x) c = -c;
-    integrate(q, x.data(), nearer.data());
-    m.poses(nearer.data());
-    counts.G += 1;
-    constraints.value(m, nearer.data(), all_, Ghat_.data(), gap.data());
-    constraints.gaps(t, gap.data());
-    if (!(norm(gap.data(), ng) < 0.5 * norm(g.data(), ng))) break;
-    std::copy(nearer.begin(), nearer.end(), q);
-    g = gap, moved = true;
-    std::swap(G_, Ghat_);
-    std::copy(G_.begin(), G_.end(), Z_.begin());
-    for (int k : all_) half(&Z_[static_cast<size_t>(k) * nv], constraints.rows[k].columns);
-  }
-  if (!(norm(g.data(), ng) <= OPEN) && !(move <= STALLED * (1 + largest(q, nq)))) throw Trouble();
-  Numbers rate(ng, 0.0);
-  constraints.speed(t, rate.data());
-  for (int k = 0; k < ng; ++k) rate[k] += dot(&G_[static_cast<size_t>(k) * nv], v, nv);
-  if (norm(rate.data(), ng) > ROUNDING * (1 + largest(v, nv))) {
-    smallest(rate.data(), x.data());
-    for (int i = 0; i < nv; ++i) v[i] -= x[i];
-  }
-  stands_ = stood && !moved;
-  if (!finite(y, length)) throw Trouble();
 }
 
 }  // namespace mbdae

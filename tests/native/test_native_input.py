@@ -1,5 +1,7 @@
 """Wrong input to the compiled core itself: exceptions, or runs that end; never a crash."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 
 import mbdae
 from mbdae import backend
-from mbdae.mechanism.formulations.compiled_parts import constraints_of, laws_of
+from mbdae.mechanism.formulations.compiled_parts import constraints_of, laws_of, limits_of
 from mbdae.methods import METHODS
 
 pytestmark = pytest.mark.native
@@ -16,13 +18,18 @@ REFUSED = (ValueError, TypeError, RuntimeError, OverflowError, IndexError, KeyEr
 
 
 def arguments(name="four_bar", **options):
-    """What `Compiled` hands to the core."""
+    """What `Compiled` hands to the core, beside thresholds."""
     mech = mbdae.load(name, **options)
     system = mech.system()
     pairs, rows, drivers = constraints_of(system.constraints)
     law_pairs, laws = laws_of(system.laws)
     flat, turning = system.manifold.flat, system.manifold.turning.astype(int).tolist()
-    return [mech.model, flat, pairs, rows, drivers, law_pairs, laws, system.ns, [], turning]
+    return [mech.model, flat, pairs, rows, drivers, law_pairs, laws, system.ns, [], turning, [1.0] * mech.nv]
+
+
+def make_core(model, *rest):
+    native = backend.load()
+    return native.Core(model, limits_of(native), *rest)
 
 
 def tableau_arrays(name="pherk5"):
@@ -108,42 +115,64 @@ def test_wrong_states_are_refused(system):
     np.testing.assert_array_equal(core.derivative(0.0, y)[0][3:], carry)
 
 
-def test_wrong_courses_are_refused_or_end(system):
-    course, tableau = backend.load().Course(), system.tableau(METHODS["pherk5"])
+def test_wrong_limits_are_refused():
+    """Missing ones, others, and numbers that are none: a core never computes with what nobody said."""
+    make = backend.load().Limits
+    seen = {}
+    limits_of(SimpleNamespace(Limits=lambda **given: seen.update(given)))
+    make(**seen)
+    for wrong in ({k: x for k, x in seen.items() if k != "grown"}, seen | {"grow": 1.0}, seen | {"open": "wide"}):
+        with pytest.raises(REFUSED):
+            make(**wrong)
+
+
+def test_wrong_runs_are_refused_or_end(system):
+    run, tableau = backend.load().Run(), system.tableau(METHODS["pherk5"])
     y = system.mechanism.point()
     carry = system.core.derivative(0.0, y)[0][3:]
 
-    def march(**fields):
-        base = {"t": 0.0, "t1": 1.0, "sign": 1.0, "stop": 1.0, "end": 1.0, "adaptive": True, "rtol": 1e-6, "h": 1e-3}
-        base |= {"largest": np.inf, "power": 5.0, "safety": 0.9, "smallest_factor": 0.2, "largest_factor": 5.0}
-        base |= {"beta": 0.08, "budget": 20, "atol": [1e-8], "step": 0.01, "n": 100, "near": 1e-9, "i": 0}
-        for key, value in (base | fields).items():
-            setattr(course, key, value)
-        course.begin(y, carry, None)
-        system.core.march(tableau, course)
-        ts, ys, zs, weakest = course.steps()
-        assert len(ts) == len(ys) == len(zs) == len(weakest) == course.taken
-        return course.taken + course.rejected
+    def advance(**fields):
+        base = {
+            "adaptive": True,
+            "budget": 20,
+            "seconds": 0.05,
+            "leg": {"t": 0.0, "t1": 1.0, "sign": 1.0, "stop": 1.0, "end": 1.0},
+        }
+        base["control"] = {"rtol": 1e-6, "h": 1e-3, "largest": np.inf, "power": 5.0, "exponent": -0.14, "safety": 0.9}
+        base["control"] |= {"last_exponent": 0.08, "smallest_factor": 0.2, "largest_factor": 5.0, "atol": [1e-8]}
+        base["grid"] = {"step": 0.01, "n": 100, "near": 1e-9, "i": 0}
+        for key, value in base.items():
+            for name, x in value.items() if isinstance(value, dict) else ():
+                setattr(getattr(run, key), name, fields.pop(name, x))
+            if not isinstance(value, dict):
+                setattr(run, key, fields.pop(key, value))
+        for key, value in fields.items():
+            setattr(run, key, value)
+        run.begin(y, carry, None)
+        system.core.advance(tableau, run)
+        ts, ys, zs, weakest = run.steps()
+        assert len(ts) == len(ys) == len(zs) == len(weakest) == run.taken
+        return run.taken + run.rejected
 
-    assert march() == 20
-    assert march(adaptive=False) == 20
+    assert advance() == 20
+    assert advance(adaptive=False) == 20
     for fields in ({"atol": [1e-8] * 5}, {"atol": []}, {"atol": None}, {"budget": 10**40}, {"i": "x"}, {"h": None}):
         with pytest.raises(REFUSED):
-            march(**fields)
+            advance(**fields)
     with pytest.raises(REFUSED):
-        system.core.march(tableau, None)
-    fresh = backend.load().Course()
+        system.core.advance(tableau, None)
+    fresh = backend.load().Run()
     with pytest.raises(REFUSED):
-        system.core.march(tableau, fresh)
+        system.core.advance(tableau, fresh)
     wild = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e300, 5e-324)
-    for key in ("t", "t1", "sign", "stop", "end", "rtol", "h", "largest", "power", "safety", "step", "near", "seconds"):
+    keys = ("t", "t1", "sign", "stop", "end", "rtol", "h", "largest", "power", "exponent", "safety", "step", "near")
+    for key in (*keys, "seconds"):
         for value in wild:
             for adaptive in (True, False):
-                assert march(**{key: value, "adaptive": adaptive}) <= 20
-        setattr(course, key, 0.05)
+                assert advance(**{key: value, "adaptive": adaptive}) <= 20
     for budget in (0, -1, -(2**62)):
-        assert march(budget=budget) == 0
-    assert march(budget=2**62, adaptive=False, seconds=np.nan) < 2000
+        assert advance(budget=budget) == 0
+    assert advance(budget=2**62, adaptive=False, seconds=np.nan) < 2000
 
 
 def wild(right):
@@ -189,7 +218,7 @@ RIGHT = arguments(forces=FORCES, drivers=DRIVERS)
 def test_wrong_mechanisms_are_refused_or_computed(given):
     """Indices out of range, missing keys, wrong kinds, numbers of any size: an exception, or a core that computes."""
     try:
-        core = backend.load().Core(*given)
+        core = make_core(*given)
         y = np.concatenate([[1.2, -0.9, 1.4, 0.1, 0.2, 0.3], np.zeros(RIGHT[7] + 1)])
         found = core.derivative(0.0, y)
     except REFUSED:
@@ -198,25 +227,25 @@ def test_wrong_mechanisms_are_refused_or_computed(given):
 
 
 def test_indices_that_overflow_are_refused():
-    for index, change in ((6, {"state": 2**31 - 1, "states": 1}), (6, {"state": 1, "states": 2**31 - 1})):
+    for change in ({"state": 2**31 - 1, "states": 1}, {"state": 1, "states": 2**31 - 1}):
         wrong = [list(x) if isinstance(x, list) else x for x in RIGHT]
-        wrong[index] = [{**law, **change} for law in wrong[index]]
+        wrong[6] = [{**law, **change} for law in wrong[6]]
         with pytest.raises(ValueError, match="out of range"):
-            backend.load().Core(*wrong)
+            make_core(*wrong)
     for frame in ((), (0,), (0, [1.0] * 9)):
         wrong = [*RIGHT[:2], [(frame, frame)], *RIGHT[3:]]
         with pytest.raises(ValueError, match="a frame is"):
-            backend.load().Core(*wrong)
+            make_core(*wrong)
     with pytest.raises(ValueError, match="sizes"):
-        backend.load().Core(*RIGHT[:7], 2**31 - 1, *RIGHT[8:])
+        make_core(*RIGHT[:7], 2**31 - 1, *RIGHT[8:])
 
 
 @pytest.mark.parametrize("model", [None, 3, "four_bar", object(), pin.Data(pin.Model()), pin.Model])
 def test_what_is_no_model_is_refused(model):
     with pytest.raises(REFUSED):
-        backend.load().Core(model, *RIGHT[1:])
+        make_core(model, *RIGHT[1:])
 
 
 def test_a_model_without_joints():
-    core = backend.load().Core(pin.Model(), True, [], [], [], [], [], 0, [], [])
+    core = make_core(pin.Model(), True, [], [], [], [], [], 0, [], [], [])
     assert core.derivative(0.0, np.zeros(1))[0].tolist() == [0.0]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ..run import RunState
 
 SMALLEST_RTOL = 100 * np.finfo(float).eps
+NEARLY = 1e-10  # of the way left: a step so near to it takes all of it
 NOTHING = 1e-100  # keeps the scale of a component positive where neither tolerance does
 
 
@@ -28,14 +29,14 @@ class Adaptive(PythonStepper):
         self.h: Any = first
         self.cap = np.inf  # of the next step, near singular configurations
         self.reason = self._reason = ""  # why a step could not be taken, this one or the one before
-        self._cut = 0.0  # the step that would have been taken, had there not been the end of a leg
+        self.cut = 0.0  # the step that would have been taken, had there not been the end of a leg
 
     def propose(self, run: "RunState") -> tuple[float, float]:
         """Return the size of the next step and the time where it ends."""
         self.ready(run)
         h, left = min(self.h, self.largest, self.cap), run.left()
-        self._cut = self.h if h > left else 0.0
-        if h >= left * (1 - 1e-10):
+        self.cut = self.h if h > left else 0.0
+        if h >= left * (1 - NEARLY):
             return left, run.leg.end
         if h < smallest(run.t, run.t1):
             limit = f"{smallest(run.t, run.t1):.1e} s, where t + h rounds to t"
@@ -62,7 +63,7 @@ class Adaptive(PythonStepper):
         """Say whether a step is accepted, and choose the next one."""
         self.h = self.controller.next_step(h, error)
         if error <= 1:
-            self.h, self.reason, self._reason = max(self.h, self._cut), self._reason, ""
+            self.h, self.reason, self._reason = max(self.h, self.cut), self._reason, ""
         return error <= 1
 
     def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:
@@ -79,17 +80,6 @@ class Adaptive(PythonStepper):
             self.h = max(self._first(run), smallest(run.t, run.t1))
             self._scale(run, run.state.y)
         return True
-
-    def lend(self, course: Any) -> None:
-        """Hand over tolerances, step size and controller."""
-        course.adaptive, course.rtol, course.atol = True, float(self.rtol), self.atol.ravel().tolist()
-        course.h, course.largest, course.cut = self.h, min(self.largest, self.cap), self._cut
-        self.controller.lend(course)
-
-    def take_back(self, course: Any) -> None:
-        """Take back step size and controller."""
-        self.h, self._cut = course.h, course.cut
-        self.controller.last, self.controller.rejected = course.last, course.was_rejected
 
     def settings(self) -> dict[str, Any]:
         """What is recorded with the solution."""

@@ -86,15 +86,6 @@ class Fixed(PythonStepper):
         """Say whether the compiled core may take the next steps: on the grid only."""
         return not self.detour
 
-    def lend(self, course: Any) -> None:
-        """Hand over the grid and where the run stands on it."""
-        course.adaptive, course.near, course.tolerated = False, NEAR, TOLERATED
-        course.step, course.t0, course.n, course.i, course.on_grid = self.step, self.t0, self.n, self.i, self.on_grid
-
-    def take_back(self, course: Any) -> None:
-        """Take back where the run stands on the grid."""
-        self.i, self.on_grid = course.i, course.on_grid
-
     def settings(self) -> dict[str, Any]:
         """What is recorded with the solution."""
         return {"step": float(self.step)}

@@ -2,10 +2,14 @@
 
 from typing import TYPE_CHECKING, Any
 
+from ...methods.controller import COMPANION, LARGEST, SAFETY, SMALLEST, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
-from .stepper import PythonStepper, Stepper
+from .adaptive import NEARLY, NOTHING, Adaptive
+from .fixed import NEAR, TOLERATED, Fixed
+from .stepper import SPACINGS, PythonStepper, Stepper
 
 if TYPE_CHECKING:
+    from ..._native import Run
     from ..run import RunState
 
 SECONDS = 0.05  # of computing between looks at progress and Ctrl-C
@@ -26,15 +30,15 @@ class NativeStepper(Stepper):
 
     def __init__(self, inner: PythonStepper, system: Any, tableau: Any, project: bool) -> None:
         self.inner, self.system, self.tableau = inner, system, tableau
-        self.course = system.native.Course()
-        self.course.project, self.course.seconds = project, SECONDS
+        self.run: Run = system.native.Run()
+        self.run.project, self.run.seconds = project, SECONDS
 
     def advance(self, run: "RunState", most: int | None = None) -> None:
         """Take steps until something asks for Python, for `SECONDS` or little more; one in Python where it is needed.
 
         Steps, rejections and the state are those of the run afterwards, also when this is interrupted.
         """
-        if not (self.inner.ready(run) and self._march(run, MANY if most is None else min(most, MANY))):
+        if not (self.inner.ready(run) and self._try(run, MANY if most is None else min(most, MANY))):
             self.inner.advance(run)
 
     def take(self, run: "RunState", h: float) -> Step:  # noqa: D102
@@ -49,32 +53,54 @@ class NativeStepper(Stepper):
     def restart(self) -> None:  # noqa: D102
         self.inner.restart()
 
-    def _march(self, run: "RunState", most: int) -> int:
+    def _try(self, run: "RunState", most: int) -> int:
         """Let the core try steps; return how many, 0 where the next one is one for Python."""
-        c, state, watch = self.course, run.state, run.singular
-        c.t, c.t1, c.sign, c.stop, c.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
-        c.budget = most
-        c.begin(state.y, state.carry, state.low)
-        c.watched = watch is not None
-        if watch:
-            c.usual, c.before, c.suspect, c.landed, c.zone = watch.limits()
-        self.inner.lend(c)
+        self._hand_over(run, most)
         try:
-            self.system.march(self.tableau, c)
+            self.system.advance(self.tableau, self.run)
         finally:
-            self.inner.take_back(c)
-            run.rejected = (run.rejected or 0) + c.rejected
+            self._take_back()
+            run.rejected = (run.rejected or 0) + self.run.rejected
             self._record(run)
-        return c.taken + c.rejected
+        return self.run.taken + self.run.rejected
+
+    def _hand_over(self, run: "RunState", most: int) -> None:
+        """Say where the run stands, how long its steps are, and every threshold of both."""
+        r, leg, watch, inner = self.run, self.run.leg, run.singular, self.inner
+        r.begin(run.state.y, run.state.carry, run.state.low)
+        r.budget, r.watched, r.adaptive = most, watch is not None, isinstance(inner, Adaptive)
+        leg.t, leg.t1, leg.sign, leg.stop, leg.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
+        if watch:
+            w = r.watch
+            w.usual, w.before, w.suspect, w.landed, w.zone = watch.limits()
+        if isinstance(inner, Adaptive):
+            c, pi = r.control, inner.controller
+            c.h, c.cut, c.last, c.rejected = inner.h, inner.cut, pi.last, pi.rejected
+            c.largest, c.nearly, c.spacings = min(inner.largest, inner.cap), NEARLY, SPACINGS
+            c.rtol, c.atol, c.nothing, c.companion = float(inner.rtol), inner.atol.ravel().tolist(), NOTHING, COMPANION
+            c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
+            c.safety, c.smallest_factor, c.largest_factor = SAFETY, SMALLEST, LARGEST
+            c.smallest_error, c.smallest_last = SMALLEST_ERROR, SMALLEST_LAST
+        elif isinstance(inner, Fixed):
+            g = r.grid
+            g.step, g.t0, g.n, g.i, g.on_grid = inner.step, inner.t0, inner.n, inner.i, inner.on_grid
+            g.near, r.tolerated = NEAR, TOLERATED
+
+    def _take_back(self) -> None:
+        c, g, inner = self.run.control, self.run.grid, self.inner
+        if isinstance(inner, Adaptive):
+            inner.h, inner.cut, inner.controller.last, inner.controller.rejected = c.h, c.cut, c.last, c.rejected
+        elif isinstance(inner, Fixed):
+            inner.i, inner.on_grid = g.i, g.on_grid
 
     def _record(self, run: "RunState") -> None:
-        c, watch, first = self.course, run.singular, len(run.ts) - 1
-        if not c.taken:
+        r, watch, first = self.run, run.singular, len(run.ts) - 1
+        if not r.taken:
             return
-        run.in_use += [(first + k, tuple(rows)) for k, rows in c.changes]
-        state = State(*c.state())
-        ts, ys, zs, weakest = c.steps()
-        times, i, n = ts.tolist(), 0, c.taken
+        run.in_use += [(first + k, tuple(rows)) for k, rows in r.changes]
+        state = State(*r.state())
+        ts, ys, zs, weakest = r.steps()
+        times, i, n = ts.tolist(), 0, r.taken
         finished = times[-1] == run.t1
         if watch:
             watch.begin_step()

@@ -11,6 +11,8 @@ from ...system import Array, Step
 if TYPE_CHECKING:
     from ..run import RunState
 
+SPACINGS = 16  # of the times of a run: a step below is too small
+
 
 class Stepper(ABC):
     """What the time loop asks for steps."""
@@ -86,15 +88,7 @@ class PythonStepper(Stepper):
     def ready(self, run: "RunState") -> bool:
         """Say whether the compiled core may take the next steps."""
 
-    @abstractmethod
-    def lend(self, course: Any) -> None:
-        """Hand over to the compiled core."""
-
-    @abstractmethod
-    def take_back(self, course: Any) -> None:
-        """Take back after its steps."""
-
 
 def smallest(t: float, t1: float) -> float:
     """A step that is well above the rounding of times from t to t1."""
-    return 16 * float(np.spacing(max(abs(t), abs(t1))))
+    return SPACINGS * float(np.spacing(max(abs(t), abs(t1))))

@@ -9,8 +9,18 @@ RANK_TOLERANCE = 1e-8
 WORST_CONDITIONING = 0.1
 GROWN = 1e-2
 ROUNDING = 1e-14
+SMALLEST_PIVOT = 1e-14  # of the largest, in the system of the rows in use: below, it is singular
 BESIDE = 1e-5  # of the largest pivot: rows that depend on each other but for that leave the branch to rounding
+MANY = 32  # rows: beyond, all of them are looked at where there is reason to
+REASON = 0.01  # of the best ratio of pivots since the last choice: below, there is
+PROBED = 0.1 * GROWN  # of the largest row: so much of a probe in a row that was dependent is reason, too
+CONVERGED, SPARE = 1e-32, 20  # of a squared residual, and more iterations than exact numbers need: the core's alone
 FALLEN = 100.0  # of the ratio of pivots at the start: what less of it still counts as small
+
+
+def probe(nv: int) -> np.ndarray:
+    """Any vector in general position, (nv,), of unit variance."""
+    return np.random.default_rng(0).standard_normal(nv)
 
 
 def pivots(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

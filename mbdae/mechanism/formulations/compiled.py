@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...system import Array, Counts, State, Step
+from ..closures.independent_rows import probe
 from ..manifold import GROUPS
-from .compiled_parts import constraints_of, laws_of
+from .compiled_parts import constraints_of, laws_of, limits_of
 from .index2 import Descriptor
 
 if TYPE_CHECKING:
+    from ..._native import Core, Run
     from ..mechanism import Mechanism
 
 COUNTS = tuple(name for name in Counts().to_dict() if name != "newton")  # the core has no iteration of Newton's
@@ -41,9 +43,8 @@ class Compiled(Descriptor):
         blocks = [(GROUPS[ad], s.start) for _, s, ad, _ in m.blocks]
         turning = m.turning.astype(int).tolist()
         self.native = native
-        self.core = native.Core(
-            mechanism.model, m.flat, pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning
-        )
+        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, probe(self.nv).tolist()
+        self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables)
         self._seen = [0] * len(COUNTS)
         self._begun = False
         self._tableau: tuple[Any, Any] = (None, None)
@@ -81,13 +82,13 @@ class Compiled(Descriptor):
         y, carry, low, z, errors = found
         return Step(State(y, carry, low), z, errors)
 
-    def march(self, tableau: Any, course: Any) -> None:
-        """Take many steps, see `mbdae.integrate.steppers.native`; the course has them even if this is interrupted."""
+    def advance(self, tableau: Any, run: "Run") -> None:
+        """Take many steps, see `mbdae.integrate.steppers.native`; the run has them even if this is interrupted."""
         try:
-            self.core.march(self.tableau(tableau), course)
+            self.core.advance(self.tableau(tableau), run)
         finally:
             self.after()
-            if course.changes:
+            if run.changes:
                 self.rows = np.array(self.core.rows, int)
 
     def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:

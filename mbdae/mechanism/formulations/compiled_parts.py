@@ -1,26 +1,58 @@
-"""Closures, drivers and forces as the plain numbers that the compiled core takes."""
+"""Closures, drivers, forces and thresholds as the plain numbers that the compiled core takes."""
 
 from collections.abc import Callable
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from scipy.interpolate import PPoly
 
 from ...errors import MbdaeError
-from .. import signals
+from .. import manifold, signals
+from ..closures import independent_rows as rowmath
 from ..closures.constraints import Constraints
 from ..closures.driver import Driver
+from ..forces import frame_forces
 from ..forces.actuators import ActuatorLaw, MotorLaw, ResistanceLaw
 from ..forces.controllers import PDLaw, PIDLaw, SampledLaw
 from ..forces.frame_forces import BushingLaw, SpringDamperLaw, WrenchLaw
 from ..forces.joint_forces import CurveLaw, DampingLaw, FrictionLaw, JointTorqueLaw, SpringLaw
 from ..forces.law import Law, Laws, TorqueLaw
 from ..frames import Anchor, Pair
+from . import projection
+
+if TYPE_CHECKING:
+    from ..._native import Limits
 
 Plain = dict[str, Any]
 
 
 class NotCompiled(MbdaeError):
     """Names a part of a mechanism that the core does not have."""
+
+
+def limits_of(native: ModuleType) -> "Limits":
+    """Return all thresholds of points and steps; those of step-size control come with a run."""
+    limits: Limits = native.Limits(
+        largest_turn=manifold.LARGEST_TURN,
+        bushing_turn=frame_forces.LARGEST_TURN,
+        series=manifold.SERIES,
+        series_end=manifold.SERIES_END,
+        same_point=manifold.SAME_POINT,
+        smallest_pivot=rowmath.SMALLEST_PIVOT,
+        worst_conditioning=rowmath.WORST_CONDITIONING,
+        grown=rowmath.GROWN,
+        many=rowmath.MANY,
+        reason=rowmath.REASON,
+        probed=rowmath.PROBED,
+        converged=rowmath.CONVERGED,
+        spare=rowmath.SPARE,
+        truncation=projection.TRUNCATION,
+        rounding=projection.ROUNDING,
+        open=projection.OPEN,
+        stalled=projection.STALLED,
+        iterations=projection.ITERATIONS,
+    )
+    return limits
 
 
 def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], list[Plain]]:

@@ -179,7 +179,7 @@ class Descriptor(System):
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
         """Return U and G at q, with the kinematics there; those of the last stage where it ended here."""
-        if np.abs(q - self._last_q).max() <= 1e-15 * (1 + np.abs(q).max()):
+        if self.manifold.same(q, self._last_q):
             pin.computeJointJacobians(self.model, self.data, q)
             return self._last
         U = self.inertia(t, q)
@@ -261,7 +261,7 @@ class Descriptor(System):
         pivot = np.abs(lu.diagonal())
         i, largest = pivot.argmin(), pivot[pivot.argmax()]
         self.weakest = min(self.weakest, pivot[i] / largest)
-        if info or not pivot[i] > 1e-14 * largest:
+        if info or not pivot[i] > rowmath.SMALLEST_PIVOT * largest:
             name = self.mechanism.row_closure(int(self.rows[i] if self.rows is not None else 0))
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
         return X[-1] + lam.dot(X[:-1]), lam

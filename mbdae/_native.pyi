@@ -1,0 +1,163 @@
+"""The compiled core for type checkers; what fields mean stands in mbdae/native/*.hpp."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+Array = np.ndarray
+
+def version() -> str: ...
+
+class Limits:
+    def __init__(
+        self,
+        *,
+        largest_turn: float,
+        bushing_turn: float,
+        series: Sequence[float],
+        series_end: float,
+        same_point: float,
+        smallest_pivot: float,
+        worst_conditioning: float,
+        grown: float,
+        many: int,
+        reason: float,
+        probed: float,
+        converged: float,
+        spare: int,
+        truncation: float,
+        rounding: float,
+        open: float,
+        stalled: float,
+        iterations: int,
+    ) -> None: ...
+
+class Tableau:
+    def __init__(
+        self,
+        A: Array,
+        Ahat: Array,
+        b: Array,
+        c: Array,
+        chat: Array,
+        e: Array,
+        first: bool,
+        project: bool,
+        doubled: int,
+        noise: float,
+    ) -> None: ...
+
+class Counts:
+    f: int
+    M: int
+    G: int
+    solves: int
+    factorizations: int
+    projections: int
+    state_projections: int
+
+class Leg:
+    t: float
+    sign: float
+    stop: float
+    end: float
+    t1: float
+
+class StepControl:
+    h: float
+    cut: float
+    last: float
+    rejected: bool
+    largest: float
+    rtol: float
+    atol: list[float]
+    nothing: float
+    companion: float
+    power: float
+    exponent: float
+    last_exponent: float
+    safety: float
+    smallest_factor: float
+    largest_factor: float
+    smallest_error: float
+    smallest_last: float
+    nearly: float
+    spacings: float
+
+class Grid:
+    i: int
+    on_grid: bool
+    step: float
+    t0: float
+    n: int
+    near: float
+
+class SingularWatch:
+    usual: float
+    before: float
+    suspect: float
+    landed: float
+    zone: float
+
+class Run:
+    leg: Leg
+    control: StepControl
+    grid: Grid
+    watch: SingularWatch
+    adaptive: bool
+    project: bool
+    watched: bool
+    tolerated: float
+    seconds: float
+    budget: int
+    @property
+    def taken(self) -> int: ...
+    @property
+    def rejected(self) -> int: ...
+    @property
+    def stuck(self) -> bool: ...
+    @property
+    def changes(self) -> list[tuple[int, list[int]]]: ...
+    def begin(self, y: Array, carry: Array | None, low: Array | None) -> None: ...
+    def state(self) -> tuple[Array, Array | None, Array | None]: ...
+    def steps(self) -> tuple[Array, Array, Array, Array]: ...
+
+class Core:
+    weakest: float
+    def __init__(
+        self,
+        model: pin.Model,
+        limits: Limits,
+        flat: bool,
+        pairs: list[Any],
+        rows: list[dict[str, Any]],
+        drivers: list[dict[str, Any]],
+        law_pairs: list[Any],
+        laws: list[dict[str, Any]],
+        ns: int,
+        blocks: list[tuple[str, int]],
+        turning: list[int],
+        probe: list[float],
+    ) -> None: ...
+    @property
+    def rows(self) -> list[int]: ...
+    @property
+    def rank(self) -> int: ...
+    @property
+    def counts(self) -> Counts: ...
+    @property
+    def widest(self) -> float: ...
+    @property
+    def fastest(self) -> float: ...
+    def use(self, rows: list[int], rank: int, floor: float, held: bool) -> None: ...
+    def settle(self, t: float, y: Array, carry: Array | None) -> tuple[bool, Array, Array | None] | None: ...
+    def step(
+        self, tableau: Tableau, t: float, h: float, y: Array, carry: Any, low: Array | None
+    ) -> tuple[Array, Array | None, Array | None, Array, Array] | None: ...
+    def advance(self, tableau: Tableau, run: Run) -> None: ...
+    def derivative(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
+    def derivatives(self, t: Array, y: Array) -> tuple[Array, Array]: ...
+    def ratio(self, q: Array, rank: int) -> float | None: ...
+    def bare(self, q: Array, v: Array, repetitions: int) -> float: ...

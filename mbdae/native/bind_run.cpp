@@ -1,0 +1,113 @@
+// What a run hands over: thresholds, the tableau, and its own state. Fields and units: limits.hpp, step.hpp,
+// step_control.hpp, time_loop.hpp; for type checkers: mbdae/_native.pyi.
+#include <cmath>
+
+#include "bindings.hpp"
+
+namespace mbdae {
+
+namespace {
+
+Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat,
+                     const Array& e, bool first, bool project, int doubled, double noise) {
+  Tableau t;
+  t.n = static_cast<int>(b.size());
+  const size_t n = t.n;
+  if (!n) refuse("a tableau has stages");
+  t.A = numbers(A, n * n, "A"), t.Ahat = numbers(Ahat, n * n, "Ahat"), t.b = numbers(b, n, "b");
+  t.c = numbers(c, n, "c"), t.chat = numbers(chat, n, "chat");
+  if (e.size() % n || e.size() / n > 2) refuse("error weights: none, one or two rows of as many numbers as stages");
+  t.errors = static_cast<int>(e.size() / n);
+  t.e = numbers(e, e.size(), "e");
+  t.first = first, t.project = project, t.doubled = doubled;
+  for (const Numbers* x : {&t.A, &t.Ahat, &t.b, &t.c, &t.chat, &t.e})
+    for (double v : *x)
+      if (!std::isfinite(v)) refuse("a tableau is finite");
+  for (size_t i = 0; i < n; ++i)
+    for (size_t j = i; j < n; ++j)
+      if (t.A[i * n + j] != 0 || (j > i && t.Ahat[i * n + j] != 0))
+        refuse("A is strictly lower triangular, Ahat lower");
+  for (size_t i = first; i < n; ++i)
+    if (t.Ahat[i * n + i] == 0) refuse("Ahat has a regular diagonal");
+  if (!(noise >= 0) || !std::isfinite(noise)) refuse("noise is finite and not negative");
+  t.noise = noise;
+  if (doubled < 0) refuse("an order is not negative");
+  return t;
+}
+
+Limits make_limits(const nb::kwargs& given) {
+  Limits out;
+  size_t known = 0;
+#define TAKE(name) out.name = get<decltype(out.name)>(given, #name), ++known
+  TAKE(largest_turn), TAKE(bushing_turn), TAKE(series), TAKE(series_end), TAKE(same_point), TAKE(smallest_pivot);
+  TAKE(worst_conditioning), TAKE(grown), TAKE(many), TAKE(reason), TAKE(probed), TAKE(converged), TAKE(spare);
+  TAKE(truncation), TAKE(rounding), TAKE(open), TAKE(stalled), TAKE(iterations);
+#undef TAKE
+  if (given.size() != known) refuse("a limit that is not known");
+  return out;
+}
+
+}  // namespace
+
+void bind_limits(nb::module_& m) {
+  nb::class_<Limits>(m, "Limits", "Thresholds of points and steps.")
+      .def("__init__", [](Limits* self, const nb::kwargs& given) { new (self) Limits(make_limits(given)); });
+}
+
+void bind_tableau(nb::module_& m) {
+  nb::class_<Tableau>(m, "Tableau", "Coefficients of a half-explicit method.")
+      .def(
+          "__init__",
+          [](Tableau* self, const Array& A, const Array& Ahat, const Array& b, const Array& c, const Array& chat,
+             const Array& e, bool first, bool project, int doubled, double noise) {
+            new (self) Tableau(make_tableau(A, Ahat, b, c, chat, e, first, project, doubled, noise));
+          },
+          nb::arg("A"), nb::arg("Ahat"), nb::arg("b"), nb::arg("c"), nb::arg("chat"), nb::arg("e"), nb::arg("first"),
+          nb::arg("project"), nb::arg("doubled"), nb::arg("noise"));
+}
+
+void bind_run(nb::module_& m) {
+#define FIELD(of, name) .def_rw(#name, &of::name)
+  nb::class_<Leg>(m, "Leg", "Where a leg of a run stands, and where it ends.") FIELD(Leg, t) FIELD(Leg, sign)
+      FIELD(Leg, stop) FIELD(Leg, end) FIELD(Leg, t1);
+  nb::class_<StepControl>(m, "StepControl", "Steps under error control.") FIELD(StepControl, h) FIELD(StepControl, cut)
+      FIELD(StepControl, last) FIELD(StepControl, rejected) FIELD(StepControl, largest) FIELD(StepControl, rtol)
+          FIELD(StepControl, atol) FIELD(StepControl, nothing) FIELD(StepControl, companion) FIELD(StepControl, power)
+              FIELD(StepControl, exponent) FIELD(StepControl, last_exponent) FIELD(StepControl, safety)
+                  FIELD(StepControl, smallest_factor) FIELD(StepControl, largest_factor)
+                      FIELD(StepControl, smallest_error) FIELD(StepControl, smallest_last) FIELD(StepControl, nearly)
+                          FIELD(StepControl, spacings);
+  nb::class_<Grid>(m, "Grid", "Steps of equal size.") FIELD(Grid, i) FIELD(Grid, on_grid) FIELD(Grid, step)
+      FIELD(Grid, t0) FIELD(Grid, n) FIELD(Grid, near);
+  nb::class_<SingularWatch>(m, "SingularWatch", "Ratios of pivots.") FIELD(SingularWatch, usual) FIELD(
+      SingularWatch, before) FIELD(SingularWatch, suspect) FIELD(SingularWatch, landed) FIELD(SingularWatch, zone);
+  nb::class_<Run>(m, "Run", "What a run hands over, and the steps that were taken.")
+      .def(nb::init<>()) FIELD(Run, leg) FIELD(Run, control) FIELD(Run, grid) FIELD(Run, watch) FIELD(Run, adaptive)
+          FIELD(Run, project) FIELD(Run, watched) FIELD(Run, tolerated) FIELD(Run, seconds) FIELD(Run, budget)
+      .def_ro("taken", &Run::taken)
+      .def_ro("rejected", &Run::rejected)
+      .def_ro("stuck", &Run::stuck)
+      .def_prop_ro("changes", [](const Run& r) { return r.steps.changes; })
+      .def(
+          "begin",
+          [](Run& r, const Array& y, const nb::object& carry, const nb::object& low) {
+            r.state = state(y, carry, low);
+          },
+          nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none(), "Set the state.")
+      .def(
+          "state",
+          [](const Run& r) { return nb::make_tuple(vector(r.state.y), maybe(r.state.carry), maybe(r.state.low)); },
+          "Return y, carry and low.")
+      .def(
+          "steps",
+          [](const Run& r) {
+            const Steps& s = r.steps;
+            const size_t n = s.t.size();
+            return nb::make_tuple(vector(s.t), array(s.y, {n, n ? s.y.size() / n : 0}),
+                                  array(s.z, {n, n ? s.z.size() / n : 0}), vector(s.weakest));
+          },
+          "Return t (n,), y (n, ...), z (n, ng) and the smallest ratios of pivots (n,) of the steps taken.");
+#undef FIELD
+}
+
+}  // namespace mbdae

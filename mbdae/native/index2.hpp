@@ -1,0 +1,82 @@
+// A mechanism in index-2 descriptor form, in a workspace of its own (mbdae/mechanism/descriptor.py).
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "independent_rows.hpp"
+#include "laws.hpp"
+#include "manifold.hpp"
+#include "mechanics.hpp"
+#include "point.hpp"
+#include "rows.hpp"
+#include "saddle.hpp"
+
+namespace mbdae {
+
+struct State {
+  Numbers y;           // (nq + nv + ns + 1,): q, v, s, w
+  Numbers carry, low;  // (nv + ns + 1,): v', s', w', and (ny,): what rounding took off y; both may be empty
+};
+
+// What Python says of a mechanism.
+struct Description {
+  bool flat = false;
+  std::vector<Row> rows;
+  std::vector<std::pair<Anchor, Anchor>> pairs, law_pairs;
+  std::vector<Driver> drivers;
+  std::vector<Law> laws;
+  std::vector<int> pair_of_law;  // -1: none
+  int ns = 0;
+  std::vector<Block> blocks;
+  std::vector<int> turning;  // (nv,)
+  Numbers probe;             // (nv,) in general position, of unit variance
+};
+
+class Index2System {
+ public:
+  Index2System(const void* model, const Limits& limits, Description d);
+
+  Mechanics mechanics;
+  Constraints constraints;
+  Manifold manifold;
+  Counts counts;
+  IndependentRows rows;
+  Point point;
+  SaddleSystem saddle;
+  const int nq, nv, ng, ns;
+  const int ny, length;            // of the tangent (x, v, s, w), and of y
+  double widest = 0, fastest = 0;  // largest |g|, and |G v + g_t| / (1 + |v|), over all rows at the ends of steps
+
+  bool driven() const { return !constraints.drivers.empty(); }
+  int measured() const { return driven() ? ny : ny - 1; }  // components under error control
+  // Where `saddle.symmetric` was called: do rows that are not in use still depend on the others? Else a reason to look.
+  void probe();
+  void use(const std::vector<int>& in_use, int rank, double floor, bool held);
+
+  // f (nv,) and the rates (s', power in W), (ns + 1,), where the kinematics stand at q.
+  void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates);
+  // y' (ny,) and lam (ng,) from the hidden constraint.
+  void derivative(double t, const double* y, double* F, double* z);
+  // Between two steps: which rows serve, and how far all of them are kept. True where others are taken; v is brought
+  // onto them then, and the carried derivative is found anew.
+  bool settle(double t, State& s);
+
+  void add(const double* y, const double* x, double* out) const;  // y (+) x
+  void difference(const double* y0, const double* y1, double* out) const;
+  void size(const double* y, double* out);  // magnitudes in the tangent, (ny,)
+
+  double ratio(const double* q, int rank);                         // see mbdae/mechanism/singular.py; uncounted
+  double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
+
+ private:
+  void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, where G stands
+
+  std::vector<Pair> law_pairs_;
+  std::vector<Law> laws_;
+  const Numbers probe_;               // (nv,)
+  Numbers conservative_, other_, f_;  // (nv,)
+  Numbers lam_, gt_, gap_, rate_;     // (ng,)
+};
+
+}  // namespace mbdae

@@ -1,0 +1,10 @@
+// Projection of a state on its closures, as an option at the ends of steps (mbdae/mechanism/project.py).
+#pragma once
+
+#include "index2.hpp"
+
+namespace mbdae {
+
+void restore(Index2System& system, double t, double* y);  // y: the nearest point with g = 0 and G v + g_t = 0
+
+}  // namespace mbdae

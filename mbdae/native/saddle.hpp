@@ -1,0 +1,46 @@
+// The saddle-point system M v' = f + G^T lam, Ghat v' = rhs of the rows in use, by S = Ghat M^-1 G^T = Zhat Z^T.
+#pragma once
+
+#include <vector>
+
+#include "independent_rows.hpp"
+#include "point.hpp"
+
+namespace mbdae {
+
+class SaddleSystem {
+ public:
+  SaddleSystem(const Point& point, const Constraints& constraints, IndependentRows& rows, const Limits& limits,
+               Counts& counts, int nv);
+
+  // rhs (ng,) by row becomes lam, f (nv,) becomes v'.
+  void solve(const Numbers& Zhat, double* rhs, double* f);
+  void symmetric();  // factorize G M^-1 G^T where Z stands
+  // Where `symmetric` was called last:
+  void normal(const double* by_row, double* out);  // M^-1 G^T (G M^-1 G^T)^-1 times a vector (ng,) by row, (nv,)
+  bool others_depend(const Numbers& probe);        // do the rows that are not in use? Seen on one vector (nv,)
+  // Multipliers of all rows (ng,) from those in use, of minimum norm.
+  void all_multipliers(const double* lam, double* z);
+
+ private:
+  struct Entry {
+    int i, j;
+    double s;
+  };
+  void assemble(const Numbers& Zhat);  // S of the rows in use
+  double product(int k, int l) const;  // of two rows of Z
+
+  const Point& point_;
+  const Constraints& constraints_;
+  IndependentRows& rows_;
+  const Limits& limits_;
+  Counts& counts_;
+  const int nv_;
+  BandLU lu_;                          // of S, (r, r)
+  long version_ = -1;                  // of the rows for which it has its size
+  Numbers x_;                          // (max(nv, r),) right-hand side, and solution
+  std::vector<Entry> cross_;           // of Z_others Z_in_use^T, (ng - r, r)
+  Numbers u_, n_, residual_, p_, Ap_;  // conjugate gradients: (r,), and (ng - r,) four times
+};
+
+}  // namespace mbdae

@@ -1,0 +1,40 @@
+"""No threshold of the compiled core is a literal: Python has them all."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+NATIVE = Path(__file__).parents[2] / "mbdae" / "native"
+SOURCES = sorted([*NATIVE.rglob("*.cpp"), *NATIVE.rglob("*.hpp")])
+EXACT = {0.0, 0.5, 1.0, 2.0}  # that stand in formulas
+LARGEST_INTEGER = 9  # of indices and sizes of vectors and matrices in space
+SIZES = {
+    12,
+    36,
+    50,
+    1000000,
+}  # numbers of a bushing; a matrix (6, 6); microseconds between looks at a lock; states that fit into memory
+NOT_NUMBERS = re.compile(r'//[^\n]*|"[^"\n]*"|^#[^\n]*', re.MULTILINE)
+NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?[uUlLfF]*\b\.?")
+
+
+def literals(text):
+    """Numbers in C++ other than exact ones and small integers."""
+    for found in NUMBER.findall(NOT_NUMBERS.sub("", text)):
+        value = float(found.rstrip("uUlLfF"))
+        if re.fullmatch(r"\d+", found):
+            if value > LARGEST_INTEGER and value not in SIZES:
+                yield found
+        elif value not in EXACT:
+            yield found
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.name)
+def test_no_threshold_is_a_literal(path):
+    assert not list(literals(path.read_text()))
+
+
+def test_the_test_sees_literals():
+    text = 'x < 1e-3; y * 0.25f + .75; z(3.); n = 32u; // 0.1\n"0.2" a1e5 b[36] * 0.5 + 2.0 * w3.x + 1 / 6'
+    assert list(literals(text)) == ["1e-3", "0.25f", ".75", "3.", "32u"]
