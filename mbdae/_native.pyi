@@ -139,6 +139,7 @@ class Core:
         ns: int,
         blocks: list[tuple[str, int]],
         turning: list[int],
+        place: list[int],
         probe: list[float],
     ) -> None: ...
     @property

@@ -89,6 +89,7 @@ class Pair:
 
     ``sign`` (nv,) is +1 where a joint moves b alone, -1 where it moves a alone and 0 elsewhere: a wrench w (6,) on b
     and -w on a, both taken at the world's origin, is the generalised force sign * (J^T w).
+    ``columns`` (nv,) says where a joint moves a or b or both.
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
@@ -96,7 +97,8 @@ class Pair:
         self._Ra, self._Rb = data.oMi[a.joint].rotation, data.oMi[b.joint].rotation  # live views
         self._pa, self._pb = data.oMi[a.joint].translation, data.oMi[b.joint].translation
         self._data, self._J = data, data.J.reshape(6, -1)  # with nv = 1 it comes as a vector
-        self.sign = _support(model, b.joint) - _support(model, a.joint)
+        of_a, of_b = support(model, a.joint), support(model, b.joint)
+        self.sign, self.columns = of_b - of_a, (of_a + of_b) > 0
 
     def locate(self) -> None:
         """Read rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""
@@ -127,7 +129,8 @@ class Pair:
         return self.sign * wrench.dot(self._J)
 
 
-def _support(model: pin.Model, joint: int) -> np.ndarray:
+def support(model: pin.Model, joint: int) -> np.ndarray:
+    """Which velocities move a joint, (nv,): 1 there, 0 elsewhere."""
     mask = np.zeros(model.nv)
     starts, sizes, parents = model.idx_vs, model.nvs, model.parents
     while joint:

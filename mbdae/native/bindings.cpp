@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <set>
 #include <thread>
 
 #include "bindings.hpp"
@@ -20,7 +21,7 @@ struct Core {
 struct PyCore {
   PyCore(nb::handle model_, const Limits& limits, bool flat, const nb::list& pair_list, const nb::list& row_list,
          const nb::list& driver_list, const nb::list& law_pair_list, const nb::list& law_list, int ns,
-         const nb::list& block_list, std::vector<int> turning, std::vector<double> probe)
+         const nb::list& block_list, std::vector<int> turning, std::vector<int> place, std::vector<double> probe)
       : model(nb::borrow(model_)), callbacks(new Callbacks) {
     const void* m = model_pointer(model_.ptr());
     const auto size = model_sizes(m);
@@ -30,6 +31,12 @@ struct PyCore {
     if (flat && n.nq != n.nv) refuse("a flat manifold has nq = nv");
     Description out;
     out.flat = flat, out.ns = ns, out.turning = std::move(turning), out.probe = std::move(probe);
+    std::vector<int> places(place);
+    std::sort(places.begin(), places.end());
+    for (size_t i = 0; i < places.size(); ++i)
+      if (places[i] != static_cast<int>(i)) refuse("places are 0, 1, ... in some order");
+    if (place.size() != row_list.size()) refuse("as many places as rows");
+    out.place = std::move(place);
     out.pairs = pairs(pair_list, n.joints), out.law_pairs = pairs(law_pair_list, n.joints);
     for (nb::handle h : row_list) out.rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(out.pairs.size())));
     for (nb::handle h : driver_list) {
@@ -208,9 +215,8 @@ double bare(PyCore& c, const Array& q, const Array& v, int repetitions) {
 void use(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool held) {
   const Turn turn(c);
   within(rows, c.core->system.ng, "row");
-  if (rank != static_cast<int>(rows.size()) || !std::is_sorted(rows.begin(), rows.end()) ||
-      std::adjacent_find(rows.begin(), rows.end()) != rows.end())
-    refuse("rows are sorted, different, and as many as the rank");
+  if (rank != static_cast<int>(rows.size()) || std::set<int>(rows.begin(), rows.end()).size() != rows.size())
+    refuse("rows are different, and as many as the rank");
   c.core->system.use(rows, rank, floor, held);
 }
 
@@ -232,10 +238,10 @@ NB_MODULE(_native, m) {
 
   nb::class_<PyCore>(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.")
       .def(nb::init<nb::handle, const Limits&, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
-                    const nb::list&, int, const nb::list&, std::vector<int>, std::vector<double>>(),
+                    const nb::list&, int, const nb::list&, std::vector<int>, std::vector<int>, std::vector<double>>(),
            nb::arg("model"), nb::arg("limits"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"),
            nb::arg("law_pairs"), nb::arg("laws"), nb::arg("ns"), nb::arg("blocks"), nb::arg("turning"),
-           nb::arg("probe"))
+           nb::arg("place"), nb::arg("probe"))
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })
       .def_prop_ro("rank", [](const PyCore& c) { return c.core->system.rows.rank; })
       .def_prop_ro("counts", [](const PyCore& c) { return c.core->system.counts; })

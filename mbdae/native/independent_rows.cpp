@@ -7,8 +7,12 @@
 
 namespace mbdae {
 
-IndependentRows::IndependentRows(const Constraints& constraints, int nv, const Limits& limits)
-    : limits_(limits), nv_(nv), neighbours_(constraints.rows.size()), position_(constraints.rows.size(), -1) {
+IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Limits& limits)
+    : limits_(limits),
+      nv_(nv),
+      place_(std::move(place)),
+      neighbours_(constraints.rows.size()),
+      position_(constraints.rows.size(), -1) {
   std::vector<std::vector<int>> users(nv);
   for (int k : constraints.all)
     for (int c : constraints.rows[k].columns) users[c].push_back(k);
@@ -28,32 +32,14 @@ void IndependentRows::met(double ratio) { now_ = ratio, weakest = std::min(weake
 
 void IndependentRows::set(std::vector<int> rows) {
   rows_ = std::move(rows);
-  ++version_, suspicious = false, best_ = 0;
+  ++version_, estranged = false, best_ = 0;
   std::fill(position_.begin(), position_.end(), -1);
   const int r = static_cast<int>(rows_.size());
   for (int i = 0; i < r; ++i) position_[rows_[i]] = i;
-  std::vector<std::vector<int>> graph(r);
+  half_bandwidth_ = 0;
   for (int i = 0; i < r; ++i)
     for (int l : neighbours_[rows_[i]])
-      if (position_[l] >= 0 && l != rows_[i]) graph[i].push_back(position_[l]);
-  auto width = [&] {
-    int w = 0;
-    for (int i = 0; i < r; ++i)
-      for (int j : graph[i]) w = std::max(w, std::abs(position_[rows_[i]] - position_[rows_[j]]));
-    return w;
-  };
-  half_bandwidth_ = width();
-  if (r > limits_.many) {
-    const std::vector<int> order = cuthill_mckee(graph);
-    std::vector<int> old(r);
-    for (int i = 0; i < r; ++i) old[i] = position_[rows_[i]];
-    for (int i = 0; i < r; ++i) position_[rows_[order[i]]] = i;
-    const int other = width();
-    if (other < half_bandwidth_)
-      half_bandwidth_ = other;
-    else
-      for (int i = 0; i < r; ++i) position_[rows_[i]] = old[i];
-  }
+      if (position_[l] >= 0) half_bandwidth_ = std::max(half_bandwidth_, std::abs(i - position_[l]));
   others_.clear();
   for (size_t k = 0; k < position_.size(); ++k)
     if (position_[k] < 0) others_.push_back(static_cast<int>(k));
@@ -75,20 +61,19 @@ bool IndependentRows::choose(const double* Z) {
     if (pivots_in_use_[rank - 1] >= limits_.worst_conditioning * pivots_[rank - 1]) return false;
   }
   std::vector<int> rows(order_.begin(), order_.begin() + rank);
-  std::sort(rows.begin(), rows.end());
+  std::sort(rows.begin(), rows.end(), [&](int k, int l) { return place_[k] < place_[l]; });
   if (version_ && rows == rows_) return false;
   set(std::move(rows));
   return true;
 }
 
 bool IndependentRows::choose_with_reason(const double* Z) {
-  if (many()) {
-    best_ = std::max(best_, now_);
-    if (!suspicious && !fallen()) return false;
-  }
-  const bool changed = choose(Z);
-  suspicious = false, best_ = 0;
-  return changed;
+  const double now = now_;
+  now_ = NAN;
+  best_ = std::max(best_, now);
+  if (many() && !estranged && now >= limits_.reason * best_) return false;
+  estranged = false, best_ = 0;
+  return choose(Z);
 }
 
 double IndependentRows::ratio(const double* Z, int rank) {

@@ -1,6 +1,8 @@
-// The rows in use: independent ones, chosen anew where they become worse than others (mbdae/mechanism/rows.py).
+// The rows in use: independent ones, chosen anew where they become worse than others
+// (mbdae/mechanism/closures/independent_rows.py).
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "rows.hpp"
@@ -9,16 +11,16 @@ namespace mbdae {
 
 class IndependentRows {
  public:
-  IndependentRows(const Constraints& constraints, int nv, const Limits& limits);
+  IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Limits& limits);
 
-  int rank = -1;            // -1: not known yet
-  double floor = 0;         // of the ratio of pivots: below, the rank has fallen
-  bool held = false;        // the rows in use stay as they are, but for `settle`
-  double weakest = 1;       // smallest ratio of pivots of G M^-1 G^T met since Python looked
-  bool suspicious = false;  // other rows than those in use may be independent of them
+  int rank = -1;           // -1: not known yet
+  double floor = 0;        // of the ratio of pivots: below, the rank has fallen
+  bool held = false;       // the rows in use stay as they are, but for `settle`
+  double weakest = 1;      // smallest ratio of pivots of G M^-1 G^T met since Python looked
+  bool estranged = false;  // other rows than those in use may be independent of them
 
   const std::vector<int>& neighbours(int row) const { return neighbours_[row]; }  // with a column in common, sorted
-  const std::vector<int>& in_use() const { return rows_; }                        // (r,) sorted
+  const std::vector<int>& in_use() const { return rows_; }                        // (r,) in the order of elimination
   const std::vector<int>& others() const { return others_; }                      // (ng - r,) sorted
   const std::vector<int>& position() const { return position_; }  // (ng,) in the saddle system; -1 where not in use
   int half_bandwidth() const { return half_bandwidth_; }          // of the saddle system
@@ -27,8 +29,7 @@ class IndependentRows {
   bool many() const { return static_cast<int>(position_.size()) > limits_.many; }
 
   void use(const std::vector<int>& rows, int rank, double floor, bool held);
-  void met(double ratio);                                        // of the pivots of a saddle system
-  bool fallen() const { return now_ < limits_.reason * best_; }  // the rows in use are much worse than they were
+  void met(double ratio);  // of the pivots of a saddle system
   // From Z (ng, nv), the rows of G M^-1/2: choose anew; are other rows in use now?
   bool choose(const double* Z);
   bool choose_with_reason(const double* Z);  // where a step begins: few rows always, many where there is reason to
@@ -39,11 +40,12 @@ class IndependentRows {
 
   const Limits& limits_;
   const int nv_;
+  const std::vector<int> place_;               // (ng,) of each row in the order of elimination
   std::vector<std::vector<int>> neighbours_;   // (ng,)
   std::vector<int> rows_, others_, position_;  // (r,), (ng - r,), (ng,)
   int half_bandwidth_ = 0;
   long version_ = 0;
-  double best_ = 0, now_ = 0;                  // ratios of pivots: best since the last choice, and last
+  double best_ = 0, now_ = NAN;  // ratios of pivots: best since the last look, and last; nan: nothing was solved since
   std::vector<int> order_, order_in_use_;      // (ng,), (r,) of pivots
   Numbers pivots_, pivots_in_use_, B_, work_;  // (min(nv, ng),), (min(nv, r),), (r, nv), scratch
 };

@@ -11,7 +11,7 @@ Index2System::Index2System(const void* model, const Limits& limits, Description 
     : mechanics(model, limits),
       constraints(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers)),
       manifold(mechanics, d.flat, std::move(d.blocks), std::move(d.turning)),
-      rows(constraints, mechanics.nv, mechanics.limits),
+      rows(constraints, std::move(d.place), mechanics.nv, mechanics.limits),
       point(mechanics, constraints, counts),
       saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),
       nq(mechanics.nq),
@@ -41,7 +41,7 @@ void Index2System::use(const std::vector<int>& in_use, int rank, double floor, b
 }
 
 void Index2System::probe() {
-  if (rows.many() && rows.dependent() && !saddle.others_depend(probe_)) rows.suspicious = true;
+  if (rows.many() && rows.dependent() && !saddle.others_depend(probe_)) rows.estranged = true;
 }
 
 void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates) {
@@ -67,7 +67,7 @@ void Index2System::derivative(double t, const double* y, double* F, double* z) {
   double* rates = F + 2 * nv;
   forces(t, q, v, v + nv, f_.data(), rates);
   if (ng) {
-    if (!rows.held && (!rows.many() || rows.fallen())) rows.choose(point.Z.data());
+    if (!rows.held) rows.choose_with_reason(point.Z.data());
     mechanics.motions(q, v);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.acceleration(t, gt_.data());

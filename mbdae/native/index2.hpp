@@ -1,4 +1,4 @@
-// A mechanism in index-2 descriptor form, in a workspace of its own (mbdae/mechanism/descriptor.py).
+// A mechanism in index-2 descriptor form, in a workspace of its own (mbdae/mechanism/formulations/index2.py).
 #pragma once
 
 #include <utility>
@@ -30,6 +30,7 @@ struct Description {
   int ns = 0;
   std::vector<Block> blocks;
   std::vector<int> turning;  // (nv,)
+  std::vector<int> place;    // (ng,) of each row in the order of elimination
   Numbers probe;             // (nv,) in general position, of unit variance
 };
 
@@ -66,7 +67,7 @@ class Index2System {
   void difference(const double* y0, const double* y1, double* out) const;
   void size(const double* y, double* out);  // magnitudes in the tangent, (ny,)
 
-  double ratio(const double* q, int rank);                         // see mbdae/mechanism/singular.py; uncounted
+  double ratio(const double* q, int rank);                         // see mbdae/mechanism/singularity.py; uncounted
   double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
  private:

@@ -1,5 +1,6 @@
-// Thresholds of points and steps. Python has them all and says what they are for (mbdae/mechanism/compiled_parts.py
-// hands them over); those of step-size control come with a run. None is a literal here.
+// Thresholds of points and steps. Python has them all and says what they are for
+// (mbdae/mechanism/formulations/compiled_parts.py hands them over); those of step-size control come with a run. None is
+// a literal here.
 #pragma once
 
 #include <vector>
@@ -7,20 +8,20 @@
 namespace mbdae {
 
 struct Limits {
-  // manifold.py, frame_forces.py
+  // mechanism/manifold.py, forces/frame_forces.py
   double largest_turn, bushing_turn;  // rad, within one step, and between the frames of a bushing
   std::vector<double> series;         // B_2k/(2k)!, k = 1, 2, ...
   double series_end;                  // of a sum: smaller terms end it
-  // descriptor.py
+  // formulations/index2.py
   double same_point;      // of 1 + |q|: points so near are one
   double smallest_pivot;  // of the largest: below, a system is singular
-  // rows.py
+  // closures/independent_rows.py
   double worst_conditioning, grown;  // of pivots, as the rows in use have them and others
   int many;                          // rows: beyond, all of them are looked at where there is reason to
   double reason, probed;
   double converged;  // of a squared residual: where conjugate gradients end
   int spare;         // of their iterations, beyond those that exact numbers need
-  // project.py
+  // formulations/projection.py
   double truncation, rounding, open, stalled;
   int iterations;
 };

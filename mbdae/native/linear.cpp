@@ -141,32 +141,4 @@ void least(int m, int n, const double* B, const double* r, double truncation, do
   std::copy(w.begin(), w.end(), z);
 }
 
-std::vector<int> cuthill_mckee(const std::vector<std::vector<int>>& g) {
-  const int n = static_cast<int>(g.size());
-  std::vector<int> order, level(n);
-  std::vector<char> seen(n, 0);
-  auto lighter = [&](int a, int b) { return g[a].size() < g[b].size(); };
-  auto walk = [&](int start, std::vector<int>& out, std::vector<char>& mark) {
-    const size_t first = out.size();
-    out.push_back(start), mark[start] = 1;
-    for (size_t i = first; i < out.size(); ++i) {
-      std::vector<int> next;
-      for (int j : g[out[i]])
-        if (!mark[j]) mark[j] = 1, next.push_back(j);
-      std::stable_sort(next.begin(), next.end(), lighter);
-      out.insert(out.end(), next.begin(), next.end());
-    }
-  };
-  for (int s = 0; s < n; ++s) {
-    if (seen[s]) continue;
-    std::vector<int> tour;
-    std::vector<char> mark = seen;
-    walk(s, tour, mark);  // its last node lies far out: a good start
-    const int start = tour.back();
-    walk(start, order, seen);
-  }
-  std::reverse(order.begin(), order.end());
-  return order;
-}
-
 }  // namespace mbdae

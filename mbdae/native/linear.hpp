@@ -32,7 +32,4 @@ void pivots(int m, int n, const double* B, std::vector<int>& order, std::vector<
 // The z (m,) of least norm that minimises |B^T z - r|, B (m, n) by columns, of numerical rank at a truncation.
 void least(int m, int n, const double* B, const double* r, double truncation, double* z);
 
-// An order of the nodes of a graph with a small bandwidth: reverse Cuthill-McKee. Returns old numbers in new order.
-std::vector<int> cuthill_mckee(const std::vector<std::vector<int>>& neighbours);
-
 }  // namespace mbdae

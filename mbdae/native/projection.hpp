@@ -1,4 +1,5 @@
-// Projection of a state on its closures, as an option at the ends of steps (mbdae/mechanism/project.py).
+// Projection of a state on its closures, as an option at the ends of steps
+// (mbdae/mechanism/formulations/projection.py).
 #pragma once
 
 #include "index2.hpp"

@@ -1,4 +1,4 @@
-// Half-explicit Runge-Kutta steps (mbdae/methods/step.py, mbdae/mechanism/chart.py).
+// Half-explicit Runge-Kutta steps (mbdae/methods/step.py, mbdae/mechanism/formulations/chart.py).
 #pragma once
 
 #include "index2.hpp"

@@ -1,4 +1,4 @@
-// Step sizes: under error control, or on a grid (mbdae/pace.py, mbdae/methods/controller.py).
+// Step sizes: under error control, or on a grid (mbdae/integrate/steppers, mbdae/methods/controller.py).
 #pragma once
 
 #include "linear.hpp"

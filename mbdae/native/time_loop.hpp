@@ -1,4 +1,4 @@
-// Many steps in a row: what mbdae/loop.py does where nothing unusual happens.
+// Many steps in a row: what mbdae/integrate/loop.py does where nothing unusual happens.
 #pragma once
 
 #include <utility>
@@ -10,7 +10,7 @@
 
 namespace mbdae {
 
-// The watch for singular configurations, in ratios of pivots (mbdae/singular.py).
+// The watch for singular configurations, in ratios of pivots (mbdae/integrate/singularity_watch.py).
 struct SingularWatch {
   double usual = 0, before = 0;  // the largest so far, and the last
   double suspect = 0, landed = 0, zone = 0;

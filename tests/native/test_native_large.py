@@ -9,6 +9,7 @@ from test_native import assert_near, assert_same, both
 
 import mbdae
 from mbdae import Closure, Mechanism, backend
+from mbdae.mechanism.closures import independent_rows as rowmath
 
 pytestmark = pytest.mark.native
 
@@ -72,6 +73,34 @@ def test_rows_are_chosen_anew_on_the_way():
     few, all_rows = (mbdae.drift(sol) for sol in (single, many))
     assert all_rows.Gv_max < 10 * few.Gv_max + 1e-9
     assert all_rows.energy_relative < 10 * few.energy_relative + 1e-9
+
+
+def test_both_back_ends_use_the_same_rows(monkeypatch):
+    """On many rows that have to be chosen anew, and listed in an order that would fill the matrix."""
+    mech = several(bricard(5, [9.81, 0, 0]), 7)
+    by_row = [Mechanism(mech.model, mech.closures[k:] + mech.closures[:k]) for k in (0, 3)]
+    looks, choose = [], rowmath.choose
+    monkeypatch.setattr(rowmath, "choose", lambda *given: (looks.append(len(given[0])), choose(*given))[1])
+    for m in (*by_row, mbdae.load("n_four_bar", N=20)):
+        looks.clear()
+        native, python = both(m, (0, 1.2), step=0.01, method="herk3")
+        assert native.in_use == python.in_use
+        assert len(looks) < 40  # not in each of 120 steps
+        assert_near(native.y, python.y, 1e-9)
+    assert len(mbdae.solve(by_row[0], (0, 1.2), step=0.01, method="herk3").in_use) > 1
+
+
+def test_many_rows_are_eliminated_in_a_band():
+    mech, q, v = chain(15)
+    shuffled = Mechanism(mech.model, [mech.closures[k] for k in np.random.default_rng(0).permutation(15)])
+    widths = []
+    for m in (mech, shuffled):
+        system = m.system()
+        linked = system.constraints.columns.astype(int) @ system.constraints.columns.T
+        i, j = linked.nonzero()
+        widths.append(np.abs(system.place[i] - system.place[j]).max())
+    assert widths == [5, 5]
+    assert_same(*both(shuffled, (0, 0.1), q, v, step=0.02, method="herk3"), 1e-11, own=1e-9)
 
 
 @pytest.mark.parametrize("options", [{"step": 0.01}, {"rtol": 1e-6}], ids=str)

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from ...errors import InputError, StepError
 from ...system import Array
-from ..frames import Anchor, Pair, anchor, find_joint
+from ..frames import Anchor, Pair, anchor, find_joint, support
 from ..joints import subspace
 from .closure import Closure
 from .driver import Driver
@@ -92,6 +92,7 @@ class Constraints:
         spans: for each of them, the rows.
         driven: numbers of the rows that follow functions of time, and their drivers.
         sign: see `mbdae.mechanism.frames.Pair`, (ng, nv).
+        columns: which velocities move the joints of a row, or joints that carry them, (ng, nv).
         W: the wrenches of the rows between frames where G was asked for last, (6, ng).
     """
 
@@ -101,6 +102,7 @@ class Constraints:
         self.spans: dict[str, slice] = {}
         self.driven: list[tuple[int, Driver]] = []
         self.ng = sum(spec.m for spec in specs)
+        self.columns = np.zeros((self.ng, model.nv), bool)
         self.sign, self.W = np.zeros((self.ng, model.nv)), np.zeros((6, self.ng))
         at = 0
         for spec in specs:
@@ -114,9 +116,11 @@ class Constraints:
             if spec.frames:
                 pair = Pair(model, data, *anchors(model, spec))
                 self.frame_parts[spec.name] = FramePart(pair, tuple((s, r, self.W[:, s]) for s, r in numbered))
-                self.sign[self.spans[spec.name]] = pair.sign
+                self.sign[self.spans[spec.name]], self.columns[self.spans[spec.name]] = pair.sign, pair.columns
             else:
                 self.joint_parts += [JointPart(model, data, r, s.start, spec.name) for s, r in numbered]
+        for part in self.joint_parts:
+            self.columns[part.at] = sum(support(model, j.id) for j in part.joints) > 0
         self._J = data.J.reshape(6, -1)  # with nv = 1 it comes as a vector
         self._still = np.zeros((3, at))
         self._lengths = [at for at, d in self.driven if d.frames]

@@ -1,7 +1,9 @@
 """Dependent constraint rows: rank, and a well-conditioned choice of independent rows."""
 
 import numpy as np
-from scipy.linalg.lapack import dgeqp3, dgesdd
+from scipy.linalg.lapack import dgeqp3, dgesdd, dgesv
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from ...errors import StepError
 
@@ -21,6 +23,23 @@ FALLEN = 100.0  # of the ratio of pivots at the start: what less of it still cou
 def probe(nv: int) -> np.ndarray:
     """Any vector in general position, (nv,), of unit variance."""
     return np.random.default_rng(0).standard_normal(nv)
+
+
+def places(columns: np.ndarray) -> np.ndarray:
+    """Where each row stands in the order of elimination, (ng,): as given, or in a band that is narrower.
+
+    Many rows are ordered by reverse Cuthill-McKee: the compiled core solves for those in use in a band.
+
+    Args:
+        columns: whether a row depends on a velocity, (ng, nv).
+    """
+    given = np.arange(len(columns))
+    if len(columns) <= MANY:
+        return given
+    linked = csr_array(columns.astype(int)) @ csr_array(columns.T.astype(int))
+    i, j = linked.nonzero()
+    other = reverse_cuthill_mckee(linked.tocsr(), symmetric_mode=True).argsort()
+    return min(given, other, key=lambda place: np.abs(place[i] - place[j]).max())
 
 
 def pivots(B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -90,7 +109,11 @@ def confirm(diagonal: np.ndarray, r: int, floor: float, t: float) -> None:
 
 
 def choose(
-    B: np.ndarray, rows: np.ndarray | None, r: int, found: tuple[np.ndarray, np.ndarray] | None = None
+    B: np.ndarray,
+    rows: np.ndarray | None,
+    r: int,
+    place: np.ndarray,
+    found: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> np.ndarray:
     """Choose r independent columns of B = M^{-1/2} G^T, (nv, ng): the rows in use as long as they serve.
 
@@ -100,17 +123,58 @@ def choose(
         B: scaled transposed constraint Jacobian.
         rows: the rows in use, (r,), or None at the start.
         r: how many.
+        place: see `places`.
         found: `pivots` of B, if they were computed already.
 
     Returns:
-        Sorted indices, (r,).
+        Indices in the order of elimination, (r,).
     """
     if rows is not None and len(rows) in (0, B.shape[1]):
         return rows
     order, best = found or pivots(B)
     if rows is not None and pivots(B[:, rows])[1][r - 1] >= WORST_CONDITIONING * best[r - 1]:
         return rows
-    return np.sort(order[:r])
+    return order[:r][place[order[:r]].argsort()]
+
+
+class Reason:
+    """Whether to look at all rows where a step begins: always at few; seldom at many, whose pivots cost more.
+
+    The pivots of the rows in use are much worse then than they were since the last look, or a row that is not in use
+    depends on them no more.
+    """
+
+    def __init__(self, ng: int) -> None:
+        self.many, self.best, self.estranged = ng > MANY, 0.0, False
+        self.now = np.nan  # nothing was solved since it was asked for
+
+    def met(self, ratio: float) -> None:
+        """A system of the rows in use was solved, with pivots of this ratio, smallest to largest."""
+        self.now = ratio
+
+    def probe(self, U: np.ndarray, G: np.ndarray, rows: np.ndarray) -> None:
+        """See where a step ends whether a vector that the rows in use leave alone is left alone by the others.
+
+        Args:
+            U: the Cholesky factor of M = U^T U, (nv, nv).
+            G: all rows, (ng, nv).
+            rows: those in use, (r,).
+        """
+        if self.many and 0 < len(rows) < len(G):
+            B, w = dgesv(U.T, G.T)[2], probe(len(U))
+            used = B[:, rows]
+            w = w - used @ dgesv(used.T @ used, used.T @ w)[2]
+            rest = np.delete(B, rows, axis=1).T @ w
+            self.estranged |= bool((rest**2 > PROBED**2 * (used**2).sum(axis=0).max()).any())
+
+    def given(self) -> bool:
+        """Say whether to look."""
+        now, self.now = self.now, np.nan
+        self.best = max(self.best, now)
+        if self.many and not self.estranged and now >= REASON * self.best:
+            return False
+        self.best, self.estranged = 0.0, False
+        return True
 
 
 def minimum_norm(G: np.ndarray, rank: int, force: np.ndarray) -> np.ndarray:

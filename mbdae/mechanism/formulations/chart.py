@@ -51,7 +51,9 @@ class DescriptorChart(ImplicitStages):
 
     def own(self, z: Array) -> Array:
         """Multipliers of all rows at the last stage's configuration."""
-        return self.system.own(self.system._last[1], self.rows, z)
+        s = self.system
+        s.reason.probe(*s._last, self.rows)
+        return s.own(s._last[1], self.rows, z)
 
     def point(self, x: Array) -> Array:  # noqa: D102
         self.system.manifold.within(x[: self.system.nv])

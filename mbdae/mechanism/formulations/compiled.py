@@ -43,7 +43,8 @@ class Compiled(Descriptor):
         blocks = [(GROUPS[ad], s.start) for _, s, ad, _ in m.blocks]
         turning = m.turning.astype(int).tolist()
         self.native = native
-        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, probe(self.nv).tolist()
+        lists = self.place.tolist(), probe(self.nv).tolist()
+        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, *lists
         self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables)
         self._seen = [0] * len(COUNTS)
         self._begun = False

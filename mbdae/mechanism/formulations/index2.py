@@ -48,6 +48,7 @@ class Descriptor(System):
         self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
         self.rows: Array | None = None
         self.held = False  # the rows in use stay as they are, but for `settle`
+        self.place, self.reason = rowmath.places(self.constraints.columns), rowmath.Reason(self.ng)
         self.weakest = 1.0  # smallest ratio of pivots of G M^-1 G^T that a solve met
         self.widest = self.fastest = 0.0  # largest |g|, and |G v + g_t| / (1 + |v|), over all rows at ends of steps
         self._last_q = np.full(self.nq, np.nan)
@@ -118,8 +119,7 @@ class Descriptor(System):
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """Kinetic energy (armature included) and potential energy of gravity and springs, in J."""
         pin.crba(self.model, self.data, q, pin.Convention.WORLD)
-        M = self.data.M
-        kinetic = float(v @ (np.triu(M, 1) @ v)) + 0.5 * float(v @ (np.diagonal(M) * v))
+        kinetic = float(v @ (np.triu(self._M, 1) @ v)) + 0.5 * float(v @ (np.diagonal(self._M) * v))
         gravity = float(pin.computePotentialEnergy(self.model, self.data, q))
         return kinetic, gravity + self.laws.potential(q)
 
@@ -130,17 +130,16 @@ class Descriptor(System):
         """
         if not self.ng:
             return np.empty(0, int)
-        if self.held and self.rows is not None:
+        if self.rows is not None and (self.held or not self.reason.given()):
             return self.rows
-        # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
-        B = dgesv(U.T, G.T)[2]
+        B = dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
         found = _, diagonal = rowmath.pivots(B)
         if self.rank is None:
             self.rank, self.floor = rowmath.found(B, G, diagonal, t)
         rowmath.confirm(diagonal, self.rank, self.floor, t)
         if self.rank:
             self.weakest = min(self.weakest, (diagonal[self.rank - 1] / diagonal[0]) ** 2)
-        self.rows = rowmath.choose(B, self.rows, self.rank, found)
+        self.rows = rowmath.choose(B, self.rows, self.rank, self.place, found)
         return self.rows
 
     @property
@@ -203,7 +202,7 @@ class Descriptor(System):
     def own(self, G: Array, rows: Array, lam: Array) -> Array:
         """Multipliers of all rows, (ng,), from those in use: of minimum norm when rows depend on each other."""
         if len(rows) == self.ng:
-            return lam
+            return lam[rows.argsort()]
         return rowmath.minimum_norm(G, len(rows), lam.dot(G.take(rows, 0)))
 
     def twin(self) -> "Descriptor":
@@ -260,8 +259,9 @@ class Descriptor(System):
         self.counts.factorizations += 1
         pivot = np.abs(lu.diagonal())
         i, largest = pivot.argmin(), pivot[pivot.argmax()]
-        self.weakest = min(self.weakest, pivot[i] / largest)
-        if info or not pivot[i] > rowmath.SMALLEST_PIVOT * largest:
+        self.reason.met(ratio := pivot[i] / largest)
+        self.weakest = min(self.weakest, ratio)
+        if info or not ratio > rowmath.SMALLEST_PIVOT:
             name = self.mechanism.row_closure(int(self.rows[i] if self.rows is not None else 0))
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
         return X[-1] + lam.dot(X[:-1]), lam
