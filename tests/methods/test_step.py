@@ -10,14 +10,14 @@ from mbdae.methods import METHODS
 from mbdae.methods.exact import exact
 from mbdae.methods.step import doubled_step
 from mbdae.methods.tableau import Tableau
-from mbdae.system import Counts, State, Step
+from mbdae.system import Counts, State, Step, System
 from mbdae.textbook.hessenberg import hessenberg_a
 
 TABLEAUS = {name: m for name, m in METHODS.items() if isinstance(m, Tableau)}
 every = pytest.mark.parametrize("tableau", TABLEAUS.values(), ids=TABLEAUS.keys())
 
 
-class Probe:
+class Probe(System):
     """A problem whose i-th stage has the derivative e_i, so that every point shows the coefficients it is made of."""
 
     def __init__(self, n):
