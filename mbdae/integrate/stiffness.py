@@ -78,7 +78,7 @@ class StiffnessWatch:
             with suppress(StepError):
                 self.found = self._judge(run, n)
             if self.found:
-                warnings.warn(str(self.found), stacklevel=4)
+                warnings.warn(str(self.found), stacklevel=5)
 
     def _judge(self, run: "RunState", n: int) -> Stiff | None:
         """Return what is stiff about the steps before node n."""
