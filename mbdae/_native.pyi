@@ -15,7 +15,6 @@ class Limits:
         self,
         *,
         largest_turn: float,
-        bushing_turn: float,
         series: Sequence[float],
         series_end: float,
         same_point: float,

@@ -100,6 +100,10 @@ class AssemblyError(MbdaeError):
         super().__init__(message)
 
 
+class NotCompiled(MbdaeError):
+    """Names a part of a mechanism that the core does not have."""
+
+
 class StepError(MbdaeError):
     """A step could not be taken; `solve` turns it into a status and keeps what was computed.
 

@@ -25,7 +25,8 @@ FLOORS = (  # a room, a file or folder of mbdae/, imports from the floors below 
 INSIDE = (  # the floors of mechanism/
     ("workspace", "tables", "callbacks"),
     ("frames", "places"),
-    ("joints", "manifold", "signals"),
+    ("joints", "manifold", "pieces"),
+    ("signals",),
     ("start",),
     ("closures", "forces", "scene"),
     ("formulations",),

@@ -15,7 +15,9 @@ from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
 from .closures.constraints import Constraints, anchors
 from .closures.driver import Driver
-from .forces.force import Laws, SpringDamper, bind_forces, named_force
+from .forces import bind_forces, named_force
+from .forces.laws import Laws
+from .forces.spring_damper import SpringDamper
 from .formulations.compiled import Compiled
 from .formulations.ggl import GGL
 from .formulations.index1 import Index1

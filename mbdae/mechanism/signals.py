@@ -1,26 +1,22 @@
 """Functions of time: torques, references and motions that follow a clock, as data that stand in a file.
 
-A plain number is a constant; a Python function of t becomes a `Function`.
+A plain number is a constant; a Python function of t becomes a `Function`. Inside, all are pieces of polynomials,
+harmonics, or Python functions.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable
 from functools import cached_property
-from itertools import pairwise
-from math import factorial, inf, isfinite, nan, pi, sin
+from math import inf, isfinite, nan, pi, sin
 from typing import Annotated, Any, Literal, Union
 
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_serializer, model_validator
-from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
 from ..errors import InputError
 from .callbacks import called, checked, function_name
+from .pieces import Interpolation, Pieces, Point, curve, increasing
 from .tables import Table
-
-Point = tuple[float, float]
-Interpolation = Literal["spline", "monotone"]
 
 
 class _Signal(Table):
@@ -34,8 +30,30 @@ class _Signal(Table):
         """Return the next time after t, in the direction of sign, where it is not smooth; sign * inf if none."""
         return sign * inf
 
+    @abstractmethod
+    def plain(self) -> dict[str, Any]:
+        """What the core takes."""
 
-class Constant(_Signal):
+
+class _Piecewise(_Signal):
+    """A function of time that consists of polynomials."""
+
+    @cached_property
+    @abstractmethod
+    def pieces(self) -> Pieces:
+        """The polynomials."""
+
+    def at(self, t: float, k: int = 0) -> float:
+        return self.pieces.at(t, k)
+
+    def jump(self, t: float, sign: float) -> float:
+        return self.pieces.jump(t, sign)
+
+    def plain(self) -> dict[str, Any]:
+        return self.pieces.plain()
+
+
+class Constant(_Piecewise):
     """A number; it stands as such in a file.
 
     Attributes:
@@ -45,8 +63,9 @@ class Constant(_Signal):
     kind: Literal["constant"] = "constant"
     value: float
 
-    def at(self, t: float, k: int = 0) -> float:  # noqa: D102
-        return 0.0 if k else self.value
+    @cached_property
+    def pieces(self) -> Pieces:  # noqa: D102
+        return Pieces([0.0], [[self.value]])
 
     @model_serializer
     def _plain(self) -> float:
@@ -76,8 +95,11 @@ class Harmonic(_Signal):
         value = self.amplitude * sin(angle)
         return value * (self.omega, self.omega * self.omega)[k - 1] if k else value + self.offset
 
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        return {"kind": "harmonic", "a": [self.amplitude, self.omega, self.phase, self.offset]}
 
-class Polynomial(_Signal):
+
+class Polynomial(_Piecewise):
     """sum_i coefficients_i t^i.
 
     Attributes:
@@ -87,14 +109,21 @@ class Polynomial(_Signal):
     kind: Literal["polynomial"] = "polynomial"
     coefficients: tuple[float, ...] = Field(min_length=1)
 
-    def at(self, t: float, k: int = 0) -> float:  # noqa: D102
-        value = 0.0
-        for i in range(len(self.coefficients) - 1, k - 1, -1):
-            value = value * t + self.coefficients[i] * factorial(i) / factorial(i - k)
-        return value
+    @cached_property
+    def pieces(self) -> Pieces:  # noqa: D102
+        return Pieces([0.0], [self.coefficients[::-1]])
 
 
-class TimeTable(_Signal):
+class _Points(_Piecewise):
+    """A function of time given by points (t, value), t increasing."""
+
+    @field_validator("points", check_fields=False)
+    @classmethod
+    def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
+        return increasing(points)
+
+
+class TimeTable(_Points):
     """A smooth curve through points (t, value), t increasing; before and behind them the end values are held.
 
     Attributes:
@@ -107,29 +136,18 @@ class TimeTable(_Signal):
     points: tuple[Point, ...] = Field(min_length=2)
     interpolation: Interpolation = "spline"
 
-    @field_validator("points")
-    @classmethod
-    def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
-        return increasing(points)
-
     @cached_property
-    def _curves(self) -> list[PPoly]:
-        c = curve(self.points, self.interpolation, held=True)
-        return [c, c.derivative(1), c.derivative(2)]
+    def pieces(self) -> Pieces:  # noqa: D102
+        ends = (self.points[0][0], self.points[-1][0])
+        return Pieces.of(curve(self.points, self.interpolation, held=True), ends)
 
     @model_validator(mode="after")
     def _is_smooth(self) -> "TimeTable":
-        _ = self._curves
+        _ = self.pieces
         return self
 
-    def at(self, t: float, k: int = 0) -> float:  # noqa: D102
-        return float(self._curves[k](t))
 
-    def jump(self, t: float, sign: float) -> float:  # noqa: D102
-        return after([self.points[0][0], self.points[-1][0]], t, sign)
-
-
-class Steps(_Signal):
+class Steps(_Points):
     """Piecewise constant: from each time on its value; before the first time the first value.
 
     Attributes:
@@ -139,17 +157,10 @@ class Steps(_Signal):
     kind: Literal["steps"] = "steps"
     points: tuple[Point, ...] = Field(min_length=1)
 
-    @field_validator("points")
-    @classmethod
-    def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
-        return increasing(points)
-
-    def at(self, t: float, k: int = 0) -> float:  # noqa: D102
-        i = int(np.searchsorted([p[0] for p in self.points], t, side="right"))
-        return 0.0 if k else self.points[max(0, i - 1)][1]
-
-    def jump(self, t: float, sign: float) -> float:  # noqa: D102
-        return after([p[0] for p in self.points[1:]], t, sign)
+    @cached_property
+    def pieces(self) -> Pieces:  # noqa: D102
+        times, values = zip(*self.points, strict=True)
+        return Pieces(times, [[value] for value in values], times[1:])
 
 
 class Function(_Signal):
@@ -193,6 +204,9 @@ class Function(_Signal):
         what = f"function {self.name!r}"
         return float(checked(called(what, function, t), (), t, what))
 
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        return {"kind": "python", "call": self.at}
+
 
 SIGNALS: tuple[type[_Signal], ...] = (Constant, Harmonic, Polynomial, TimeTable, Steps, Function)
 
@@ -210,41 +224,3 @@ Signal = Annotated[
     ],
     BeforeValidator(_coerce),
 ]
-
-
-def increasing(points: Sequence[Point]) -> tuple[Point, ...]:
-    """Check that the first numbers of points increase.
-
-    Raises:
-        ValueError: if they do not.
-    """
-    for (a, _), (b, _) in pairwise(points):
-        if not a < b:
-            raise ValueError(f"points must increase in their first number, and {b:g} follows {a:g}")
-    return tuple(points)
-
-
-def curve(points: Sequence[Point], interpolation: Interpolation, *, held: bool) -> PPoly:
-    """A smooth curve through points: a natural cubic spline, or a monotone one (Fritsch, Butland 1984).
-
-    Beyond its ends it is held or goes on as a straight line; `PPoly.antiderivative` integrates it exactly.
-
-    Raises:
-        ValueError: where numbers are too large or too close for that.
-    """
-    x, y = np.array(points, float).T
-    with np.errstate(all="ignore"), suppress(ValueError, np.linalg.LinAlgError):
-        spline = interpolation == "spline" or len(x) == 2
-        inner = CubicSpline(x, y, bc_type="natural") if spline else PchipInterpolator(x, y)
-        slope = np.zeros(2) if held else inner(x[[0, -1]], 1)
-        zero, width = np.zeros(2), x[-1] - x[0]
-        ends = np.array([zero, zero, slope, [y[0] - width * slope[0], y[-1]]])  # a piece on either side
-        c = PPoly(np.column_stack([ends[:, :1], inner.c, ends[:, 1:]]), [x[0] - width, *x, x[-1] + width])
-        if np.isfinite(c.antiderivative().c).all() and np.isfinite(c.x).all():
-            return c
-    raise ValueError("the numbers of points are too large or too close for a smooth curve")
-
-
-def after(times: Sequence[float], t: float, sign: float) -> float:
-    """The first of some times after t in the direction of sign; sign * inf if there is none."""
-    return sign * min((sign * s for s in times if sign * s > sign * t), default=inf)

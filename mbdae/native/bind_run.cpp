@@ -39,7 +39,7 @@ Limits make_limits(const nb::kwargs& given) {
   Limits out;
   size_t known = 0;
 #define TAKE(name) out.name = get<decltype(out.name)>(given, #name), ++known
-  TAKE(largest_turn), TAKE(bushing_turn), TAKE(series), TAKE(series_end), TAKE(same_point), TAKE(smallest_pivot);
+  TAKE(largest_turn), TAKE(series), TAKE(series_end), TAKE(same_point), TAKE(smallest_pivot);
   TAKE(worst_conditioning), TAKE(grown), TAKE(many), TAKE(reason), TAKE(probed), TAKE(converged), TAKE(spare);
   TAKE(truncation), TAKE(rounding), TAKE(open), TAKE(stalled), TAKE(iterations);
 #undef TAKE

@@ -38,12 +38,28 @@ Anchor anchor(const nb::tuple& x, int joints) {
   return a;
 }
 
+// A function (t, q, v, s) -> (tau, s'), s (k,); tau is added.
+Law::Call function(nb::handle f, const Sizes& n, int k, bool* interrupted) {
+  return [=](double t, const double* q, const double* v, const double* s, double* tau, double* ds) {
+    guarded(interrupted, [&] {
+      const nb::tuple both(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, k)));
+      if (both.size() != 2) throw Trouble();
+      const auto force = nb::cast<Array>(both[0]);
+      if (force.size() != static_cast<size_t>(n.nv)) throw Trouble();
+      for (int i = 0; i < n.nv; ++i) tau[i] += force.data()[i];
+      if (!k) return;
+      const auto rate = nb::cast<Array>(both[1]);
+      if (rate.size() != static_cast<size_t>(k)) throw Trouble();
+      std::copy(rate.data(), rate.data() + k, ds);
+    });
+  };
+}
+
 }  // namespace
 
 Signal signal(const nb::dict& d, Callbacks& callbacks) {
   static const std::map<std::string, Signal::Kind> kinds = {
-      {"constant", Signal::constant}, {"harmonic", Signal::harmonic}, {"polynomial", Signal::polynomial},
-      {"pieces", Signal::pieces},     {"steps", Signal::steps},       {"python", Signal::python}};
+      {"pieces", Signal::pieces}, {"harmonic", Signal::harmonic}, {"python", Signal::python}};
   Signal s;
   s.kind = kind(kinds, get<std::string>(d, "kind"));
   if (s.kind == Signal::python) {
@@ -55,14 +71,10 @@ Signal signal(const nb::dict& d, Callbacks& callbacks) {
     return s;
   }
   s.a = get<Numbers>(d, "a");
-  if (d.contains("b")) s.b = get<Numbers>(d, "b");
-  const size_t n = s.a.size();
-  bool fits = n >= 1;
-  if (s.kind == Signal::harmonic) fits = n == 4;
-  if (s.kind == Signal::steps) fits = n >= 1 && s.b.size() == n;
+  bool fits = s.a.size() == 4;
   if (s.kind == Signal::pieces) {
-    s.degree = get<int>(d, "degree");
-    fits = s.degree >= 0 && s.b.size() >= 2 && n == (s.b.size() - 1) * (static_cast<size_t>(s.degree) + 1);
+    s.b = get<Numbers>(d, "b"), s.degree = get<int>(d, "degree");
+    fits = s.degree >= 0 && !s.b.empty() && s.a.size() == s.b.size() * (static_cast<size_t>(s.degree) + 1);
   }
   if (!fits) refuse("the numbers of a function of time do not fit its kind");
   return s;
@@ -108,80 +120,23 @@ Row row(const nb::dict& d, const Sizes& n, int pair_count) {
 }
 
 Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Callbacks& callbacks) {
-  static const std::map<std::string, Law::Kind> kinds = {{"damping", Law::damping},
-                                                         {"friction", Law::friction},
-                                                         {"spring", Law::spring},
-                                                         {"curve", Law::curve},
-                                                         {"torque", Law::torque},
-                                                         {"pd", Law::pd},
-                                                         {"pid", Law::pid},
-                                                         {"resistance", Law::resistance},
-                                                         {"motor", Law::motor},
-                                                         {"held", Law::held},
-                                                         {"spring_damper", Law::spring_damper},
-                                                         {"bushing", Law::bushing},
-                                                         {"wrench", Law::wrench},
-                                                         {"python", Law::python},
-                                                         {"actuator", Law::actuator}};
   Law out;
-  out.kind = kind(kinds, get<std::string>(d, "kind"));
+  const auto name = get<std::string>(d, "kind");
+  if (!(out.kind = law_kind(name))) refuse("unknown kind " + name);
   auto maybe = [&](const char* key, auto& target) {
     if (d.contains(key)) target = nb::cast<std::decay_t<decltype(target)>>(d[key]);
   };
-  maybe("iq", out.iq), maybe("iv", out.iv), maybe("a", out.a), maybe("state", out.state), maybe("states", out.states);
-  maybe("flag", out.flag), maybe("steady", out.steady);
   pair = -1;
+  maybe("rows", out.rows), maybe("columns", out.columns), maybe("orders", out.orders), maybe("a", out.a);
+  maybe("state", out.state), maybe("states", out.states), maybe("turning", out.turning), maybe("steady", out.steady);
   maybe("pair", pair);
+  out.paired = pair >= 0 && pair < pair_count;
   if (d.contains("signals"))
     for (nb::handle h : nb::cast<nb::list>(d["signals"]))
       out.signals.push_back(signal(nb::cast<nb::dict>(h), callbacks));
-  within(out.iq, n.nq, "coordinate"), within(out.iv, n.nv, "velocity");
   if (out.state < 0 || out.states < 0 || out.states > ns || out.state > ns - out.states) refuse("states out of range");
-  struct Needs {
-    size_t a, signals, iv;
-    int states;
-    bool pair;
-  };
-  const size_t nv = n.nv, any = 0;
-  const std::map<Law::Kind, Needs> needs = {
-      {Law::damping, {nv, 0, 0, 0, false}},     {Law::friction, {nv + 1, 0, 0, 0, false}},
-      {Law::spring, {3, 0, any, 0, false}},     {Law::curve, {3, 1, any, 0, false}},
-      {Law::torque, {1, any, 1, 0, false}},     {Law::pd, {3, 1, 1, 0, false}},
-      {Law::pid, {3, 1, 1, 1, false}},          {Law::resistance, {2, 1, 1, 0, false}},
-      {Law::motor, {3, 1, 1, 1, false}},        {Law::held, {0, 0, 0, 0, false}},
-      {Law::spring_damper, {3, 1, 0, 0, true}}, {Law::bushing, {12, 0, 0, 0, true}},
-      {Law::wrench, {0, 6, 0, 0, true}},        {Law::python, {0, 0, 0, 0, false}},
-      {Law::actuator, {0, 0, 0, 0, false}}};
-  const Needs& need = needs.at(out.kind);
-  const bool spring = out.kind == Law::spring || out.kind == Law::curve;
-  const bool position = out.kind == Law::pd || out.kind == Law::pid;
-  bool fits = out.a.size() >= need.a && out.signals.size() >= need.signals && out.iv.size() >= need.iv;
-  fits = fits && out.states >= need.states && (!need.pair || (pair >= 0 && pair < pair_count));
-  fits = fits && (!spring || out.iq.size() == out.iv.size()) && (!position || !out.iq.empty());
-  if (out.kind == Law::torque) fits = fits && out.iv[0] + out.signals.size() <= nv;
-  if (out.kind == Law::held) fits = fits && static_cast<int>(out.iv.size()) <= out.states;
-  if (!fits) refuse("the numbers of a force law do not fit its kind");
-  if (out.kind == Law::python || out.kind == Law::actuator) {
-    const nb::handle f = callbacks.add(d);
-    bool* interrupted = &callbacks.interrupted;
-    const int nq = n.nq, v = n.nv, k = out.states;
-    const bool rates = out.kind == Law::actuator;
-    out.call = [=](double t, const double* q, const double* qd, const double* s, double* tau, double* ds) {
-      guarded(interrupted, [&] {
-        nb::object result =
-            rates ? f(t, argument(q, nq), argument(qd, v), argument(s, k)) : f(t, argument(q, nq), argument(qd, v));
-        auto add = [](nb::handle x, size_t size, double* out, bool sum) {
-          auto a = nb::cast<Array>(x);
-          if (a.size() != size) throw Trouble();
-          for (size_t i = 0; i < size; ++i) out[i] = a.data()[i] + (sum ? out[i] : 0.0);
-        };
-        if (!rates) return add(result, v, tau, true);
-        auto both = nb::cast<nb::tuple>(result);
-        if (both.size() != 2) throw Trouble();
-        add(both[0], v, tau, true), add(both[1], k, ds, false);
-      });
-    };
-  }
+  if (d.contains("call")) out.call = function(callbacks.add(d), n, out.states, &callbacks.interrupted);
+  if (!out.kind->fits(out, n)) refuse("the numbers of a force law do not fit its kind");
   return out;
 }
 

@@ -35,10 +35,6 @@ struct Callbacks {
   }
 };
 
-struct Sizes {
-  int nq, nv, joints;
-};
-
 template <class T>
 T get(const nb::dict& d, const char* key) {
   if (!d.contains(key)) refuse(std::string("missing key ") + key);

@@ -1,7 +1,8 @@
-// Force laws, as mbdae/mechanism/{joint,frame}_forces.py, actuators.py and controllers.py define them.
+// Force laws, as the files of mbdae/mechanism/forces define them; each kind is a file of laws/.
 #pragma once
 
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "rows.hpp"
@@ -9,37 +10,58 @@
 
 namespace mbdae {
 
-struct Law {
-  enum Kind {
-    damping,
-    friction,
-    spring,
-    curve,
-    torque,
-    pd,
-    pid,
-    resistance,
-    motor,
-    held,
-    spring_damper,
-    bushing,
-    wrench,
-    python,
-    actuator
-  } kind = damping;
-  std::vector<int> iq, iv;      // coordinates
-  std::vector<double> a;        // numbers
-  std::vector<Signal> signals;  // functions of time
-  Pair* pair = nullptr;
-  int state = 0, states = 0;  // where its states stand in s, and how many there are
-  bool flag = false;          // pd, pid: velocity is controlled; wrench: axes turn with the frame; bushing: damped
-  std::function<void(double, const double*, const double*, const double*, double*, double*)> call;  // t q v s tau ds
+struct Law;
 
-  bool steady = false;  // wrench: a constant force, which has a potential
+struct Sizes {
+  int nq, nv, joints;
+};
+
+// Where a law acts: the kinematics of m stand at q; s are its own states.
+struct Point {
+  const Mechanics& m;
+  double t;
+  const double *q, *v, *s;
+};
+
+// What a law adds to, (nv,) each, and s', which it writes.
+struct Forces {
+  double *conservative, *other, *ds;
+};
+
+struct LawKind {
+  bool (*fits)(Law& law, const Sizes& n);  // whether its numbers do; it may work out more
+  void (*add)(const Law& law, const Point& p, const Forces& f);
+};
+
+// One of the kinds that the files of laws/ define, by the name of the file; nullptr for another name.
+const LawKind* law_kind(const std::string& name);
+
+struct Law {
+  struct Term {  // out[to][row] += value * in[from][column]
+    int to, row, from, column;
+    double value;
+  };
+  using Call = std::function<void(double t, const double* q, const double* v, const double* s, double* tau, double* ds)>;
+
+  const LawKind* kind = nullptr;
+  std::vector<int> rows, columns;  // indices
+  std::vector<int> orders;         // of derivatives of the signals
+  std::vector<double> a;           // numbers
+  std::vector<Signal> signals;     // functions of time
+  Pair* pair = nullptr;
+  bool paired = false;         // whether it has a pair
+  int state = 0, states = 0;   // where its states stand in s, and how many there are
+  bool turning = false;        // its axes turn with the frame
+  bool steady = false;         // it has a potential
+  Call call;                   // Python
+  std::vector<Term> terms;     // worked out
+  mutable std::vector<double> u;  // workspace
 
   // Add to conservative and other (nv,); write s'. The kinematics stand at q.
   void add(const Mechanics& m, double t, const double* q, const double* v, const double* s, double* conservative,
-           double* other, double* ds) const;
+           double* other, double* ds) const {
+    kind->add(*this, {m, t, q, v, s}, {conservative, other, ds});
+  }
 };
 
 }  // namespace mbdae

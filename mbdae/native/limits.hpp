@@ -8,8 +8,8 @@
 namespace mbdae {
 
 struct Limits {
-  // mechanism/manifold.py, forces/frame_forces.py
-  double largest_turn, bushing_turn;  // rad, within one step, and between the frames of a bushing
+  // mechanism/manifold.py
+  double largest_turn;         // rad, within one step
   std::vector<double> series;         // B_2k/(2k)!, k = 1, 2, ...
   double series_end;                  // of a sum: smaller terms end it
   // formulations/index2.py

@@ -1,4 +1,4 @@
-// Functions of time with two derivatives, as mbdae/mechanism/signals.py defines them.
+// Functions of time with two derivatives, as mbdae/mechanism/signals.py and pieces.py define them.
 #pragma once
 
 #include <functional>
@@ -10,8 +10,8 @@ namespace mbdae {
 struct Trouble {};
 
 struct Signal {
-  enum Kind { constant, harmonic, polynomial, pieces, steps, python } kind = constant;
-  std::vector<double> a, b;  // numbers; breakpoints, of pieces and steps; coefficients by pieces, highest power first
+  enum Kind { pieces, harmonic, python } kind = pieces;
+  std::vector<double> a, b;  // numbers, of pieces: coefficients by pieces, highest power first; starts of pieces
   int degree = 0;            // of pieces
   std::function<double(double, int)> call;
 

@@ -11,7 +11,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.forces.controllers import JointPID
+from mbdae.mechanism.forces.joint_pid import JointPID
 from mbdae.mechanism.start import Start
 from mbdae.solution import archive
 

@@ -12,7 +12,8 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from ...errors import InputError, StepError
-from ..signals import Function, Harmonic, Polynomial, Signal, Steps, TimeTable, curve
+from ..pieces import Pieces, curve
+from ..signals import Function, Harmonic, Polynomial, Signal, Steps, TimeTable
 from ..tables import Table
 from .rows import Coordinate, Distance, FrameRows
 
@@ -88,14 +89,15 @@ class Driver(Table):
         return [Coordinate(joint, other, self.coefficients or ())]
 
     @cached_property
-    def _at(self) -> Callable[[float, int], float]:
+    def path(self) -> Pieces | Signal:
+        """u(t): a table goes on at the ends' speed."""
         if isinstance(self.motion, TimeTable):
-            return curve(self.motion.points, self.motion.interpolation, held=False)
-        return self.motion.at
+            return Pieces.of(curve(self.motion.points, self.motion.interpolation, held=False))
+        return self.motion
 
     def follow(self, t: float) -> Motion:
         """Return u, u' and u'' at time t."""
-        return float(self._at(t, 0)), float(self._at(t, 1)), float(self._at(t, 2))
+        return self.path.at(t), self.path.at(t, 1), self.path.at(t, 2)
 
     def check(self, t: float) -> None:
         """Compare the derivatives of Python functions with difference quotients just behind t.

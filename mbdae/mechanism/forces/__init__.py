@@ -1,1 +1,59 @@
-"""What acts: force laws and controllers, from what a user writes to the generalised forces."""
+"""What acts: force laws and controllers, one file each, from what a user writes to the generalised forces."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Union
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from ...errors import InputError
+from ...members import members
+from ..frames import find_joint
+from .force import Force, PythonForce
+from .joint_damping import JointDamping, damping_law
+from .laws import Laws
+from .torque_function import TorqueLaw
+
+_FOUND: list[type] = list(dict.fromkeys(members(__name__, type)))
+FORCES: tuple[type[Force], ...] = tuple(c for c in _FOUND if issubclass(c, Force) and c is not Force)
+"""Every force that may stand in a file, found in the files of this folder."""
+PYTHON_FORCES = tuple(c for c in _FOUND if issubclass(c, PythonForce) and c is not PythonForce)
+
+if TYPE_CHECKING:
+    AnyForce = Force
+else:
+    AnyForce = Annotated[Union[FORCES], Field(discriminator="kind")]  # noqa: UP007
+
+
+def named_force(force: Any, i: int) -> Any:
+    """Return a force, the i-th of a mechanism, with a name: a described one gets its kind and number if it has none.
+
+    Raises:
+        InputError: for what is no force.
+    """
+    if callable(force) or isinstance(force, PYTHON_FORCES):
+        return force
+    if not isinstance(force, FORCES):
+        kinds = ", ".join(f.__name__ for f in (*FORCES, *PYTHON_FORCES))
+        raise InputError(f"a force is a function tau(t, q, v) or one of {kinds}, got {type(force).__name__}")
+    return force if force.name else force.model_copy(update={"name": f"{force.kind} {i + 1}"})
+
+
+def bind_forces(forces: Sequence[Any], model: pin.Model, data: pin.Data) -> Laws:
+    """Bind forces to a workspace; the model's own damping counts where no joint_damping replaces it.
+
+    Raises:
+        UnknownNameError, InputError: for frames and joints that do not exist or do not fit.
+    """
+    laws = [TorqueLaw(f) if callable(f) else f.bind(model, data) for f in forces]
+    damping, seen = np.array(model.damping), set[str]()
+    for f in forces:
+        if isinstance(f, JointDamping):
+            for name in [f.joint] if isinstance(f.joint, str) else f.joint:
+                if name in seen:
+                    raise InputError(f"joint {name!r} has two joint_damping forces")
+                seen.add(name)
+                j = find_joint(model, name)
+                damping[j.idx_v : j.idx_v + j.nv] = 0
+    return Laws([*laws, damping_law("URDF damping", damping)] if damping.any() else laws, model)

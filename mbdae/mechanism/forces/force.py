@@ -1,96 +1,138 @@
-"""All forces: those that stand in a file, by kind, and those that are Python objects."""
+"""What a force is: a description that stands in a file binds to a workspace and becomes a law.
 
-from collections.abc import Sequence
-from typing import Annotated, Any, Union
+A law's generalised force tau (nv,) comes in two parts, one that derives from its potential and one whose work is
+integrated along the motion. A law may have states s of its own, s' = h(t, q, v, s), which may jump at certain times.
+"""
+
+from collections.abc import Mapping, Sequence
+from math import inf
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
 
-from ...errors import InputError
-from ..callbacks import function_name
-from ..frames import find_joint
-from .actuators import Actuator, DCMotor
-from .controllers import JointPID, Sampled
-from .frame_forces import Bushing, SpringDamper, Wrench
-from .joint_forces import DampingLaw, JointDamping, JointFriction, JointSpring, JointTorque, SpringLaw
-from .law import Force, Law, Laws, StateLaw, TorqueFunction, TorqueLaw
+from ...errors import InputError, NotCompiled
+from ...system import Array
+from ..frames import find_joint, find_joints
+from ..signals import Constant, Signal
+from ..tables import Table
 
-FORCES: tuple[type[Force], ...] = (
-    JointSpring,
-    JointDamping,
-    JointFriction,
-    JointTorque,
-    JointPID,
-    DCMotor,
-    SpringDamper,
-    Bushing,
-    Wrench,
-)
-AnyForce = Annotated[
-    Union[  # noqa: UP007
-        JointSpring, JointDamping, JointFriction, JointTorque, JointPID, DCMotor, SpringDamper, Bushing, Wrench
-    ],
-    Field(discriminator="kind"),
-]
-PYTHON_FORCES: tuple[type[Any], ...] = (Actuator, Sampled)
-
-__all__ = [
-    "FORCES",
-    "PYTHON_FORCES",
-    "Actuator",
-    "AnyForce",
-    "Bushing",
-    "DCMotor",
-    "DampingLaw",
-    "Force",
-    "JointDamping",
-    "JointFriction",
-    "JointPID",
-    "JointSpring",
-    "JointTorque",
-    "Law",
-    "Laws",
-    "Sampled",
-    "SpringDamper",
-    "SpringLaw",
-    "StateLaw",
-    "TorqueFunction",
-    "TorqueLaw",
-    "Wrench",
-    "bind_forces",
-    "named_force",
-]
+Part = np.ndarray | float
+Joints = str | tuple[str, ...]
 
 
-def named_force(force: Any, i: int) -> Any:
-    """Return a force, the i-th of a mechanism, with a name: a described one gets its kind and number if it has none.
+class Law:
+    """A force bound to a workspace whose kinematics stand at q when it is called.
+
+    Args:
+        name: for messages.
+        signals: the functions of time in it.
+        states: names of its ns states and their start values.
+    """
+
+    def __init__(self, name: str, signals: Sequence[Signal] = (), states: Mapping[str, float] | None = None) -> None:
+        self.name, self.states = name, dict(states or {})
+        self.signals = [s for s in signals if not isinstance(s, Constant)]
+
+    def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[Part, Part, Part]:
+        """Return the conservative and the other part of tau, (nv,) each, and s' (ns,); 0 where there is nothing."""
+        return *self.torque(t, q, v), 0.0
+
+    def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:
+        """Return the conservative and the other part of tau of a law without states, (nv,) each, or 0."""
+        raise NotImplementedError
+
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array | None:
+        """Return the exact derivatives of (tau, s', power of the other part), (nv + ns + 1, 2 nv + ns).
+
+        They are those with respect to (q, v, s), q in the tangent; None where only difference quotients are known.
+        """
+        return None
+
+    def potential(self, q: Array) -> float:
+        """Potential energy in J."""
+        return 0.0
+
+    def breakpoint(self, t: float, sign: float) -> float:
+        """Return the next time after t, in the direction of sign, where the law may jump; sign * inf if none."""
+        return sign * min((sign * s.jump(t, sign) for s in self.signals), default=inf)
+
+    def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
+        """Return s just after time t, (ns,); kinematics do not stand at q."""
+        return s
+
+    def plain(self) -> dict[str, Any]:
+        """Return what the core takes: ``kind``, the name of a file in native/laws, and what it reads.
+
+        Raises:
+            NotCompiled: if the core does not have it.
+        """
+        raise NotCompiled(f"force {self.name!r} of kind {type(self).__name__}")
+
+
+class Force(Table):
+    """A force as it stands in a file.
+
+    Attributes:
+        name: the kind and a number when left out.
+    """
+
+    kind: str
+    name: str = ""
+
+    def bind(self, model: pin.Model, data: pin.Data) -> Law:
+        """Return the law in a workspace.
+
+        Raises:
+            UnknownNameError, InputError: for frames and joints that do not exist or do not fit.
+        """
+        raise NotImplementedError
+
+
+class PythonForce:
+    """A force that consists of Python functions and stands in no file but by its name."""
+
+    name: str
+
+    def bind(self, model: pin.Model, data: pin.Data) -> Law:
+        """Return the law in a workspace."""
+        raise NotImplementedError
+
+
+def single(model: pin.Model, names: Joints, what: str) -> list[pin.JointModel]:
+    """Return joints of one coordinate.
 
     Raises:
-        InputError: for what is no force.
+        InputError: for other joints.
     """
-    if callable(force) or isinstance(force, PYTHON_FORCES):
-        return force
-    if not isinstance(force, FORCES):
-        kinds = ", ".join(f.__name__ for f in (*FORCES, *PYTHON_FORCES))
-        raise InputError(f"a force is a function tau(t, q, v) or one of {kinds}, got {type(force).__name__}")
-    return force if force.name else force.model_copy(update={"name": f"{force.kind} {i + 1}"})
+    joints = find_joints(model, names)
+    for j, n in zip(joints, [names] if isinstance(names, str) else names, strict=True):
+        if (j.nq, j.nv) != (1, 1):
+            raise InputError(f"{what} needs a joint of one coordinate; {n!r} has nq = {j.nq}, nv = {j.nv}")
+    return joints
 
 
-def bind_forces(forces: Sequence[Any], model: pin.Model, data: pin.Data) -> Laws:
-    """Bind forces to a workspace; the model's own damping counts where no joint_damping replaces it.
+def one_velocity(model: pin.Model, name: str, what: str) -> pin.JointModel:
+    """Return a joint of one velocity.
 
     Raises:
-        UnknownNameError, InputError: for frames and joints that do not exist or do not fit.
+        InputError: for another joint.
     """
-    laws = [TorqueLaw(function_name(f), f) if callable(f) else f.bind(model, data) for f in forces]
-    damping, seen = np.array(model.damping), set[str]()
-    for f in forces:
-        if isinstance(f, JointDamping):
-            for name in [f.joint] if isinstance(f.joint, str) else f.joint:
-                if name in seen:
-                    raise InputError(f"joint {name!r} has two joint_damping forces")
-                seen.add(name)
-                j = find_joint(model, name)
-                damping[j.idx_v : j.idx_v + j.nv] = 0
-    return Laws([*laws, DampingLaw("URDF damping", damping)] if damping.any() else laws, model.nv)
+    j = find_joint(model, name)
+    if j.nv != 1:
+        raise InputError(f"{what} needs a joint with one velocity; {name!r} has {j.nv}")
+    return j
+
+
+def start_values(name: str, start: Mapping[str, float]) -> dict[str, float]:
+    """Return names and start values of states as plain numbers.
+
+    Raises:
+        InputError: for anything else.
+    """
+    numbers = isinstance(start, Mapping) and all(
+        isinstance(x, int | float | np.number) and np.isfinite(x) for x in start.values()
+    )
+    if not numbers:
+        raise InputError(f"the states of {name!r} start from a table of names and finite numbers, got {start!r:.80}")
+    return {str(key): float(value) for key, value in start.items()}

@@ -15,7 +15,8 @@ from ..assembly import START
 from ..callbacks import function_name
 from ..closures.closure import Closure
 from ..closures.driver import Driver
-from ..forces.force import FORCES, PYTHON_FORCES, Actuator
+from ..forces import FORCES, PYTHON_FORCES
+from ..forces.actuator import Actuator
 from ..mechanism import Mechanism
 from ..start import Motor
 from ..tables import Table, one_line
@@ -265,7 +266,7 @@ def _plain(file: MechanismFile) -> dict[str, Any]:
 
 def _functions(mech: Mechanism) -> list[dict[str, Any]]:
     """Names of the Python forces, their places among all forces, and the start values of their states."""
-    states = {law.name: law.states for law, _ in mech.bind_forces(make_data(mech.model)).stateful}
+    states = {law.name: law.states for law, _ in mech.bind_forces(make_data(mech.model)).bound if law.states}
     python = [
         (i, f.name if isinstance(f, PYTHON_FORCES) else function_name(f))
         for i, f in enumerate(mech.forces)

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from ...errors import InputError, printable
 from ..closures.closure import Closure
 from ..closures.driver import Driver
-from ..forces.force import FORCES, AnyForce
+from ..forces import FORCES, AnyForce
 from ..signals import SIGNALS, Signal
 from ..start import OrderSettings, Start, Value
 from ..tables import HUGE, Table, one_line

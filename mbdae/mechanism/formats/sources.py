@@ -7,7 +7,8 @@ from typing import Any
 
 from ...errors import InputError, UnknownNameError
 from ...files import text_of
-from ..forces.force import JointTorque, Wrench
+from ..forces.joint_torque import JointTorque
+from ..forces.wrench import Wrench
 from ..frames import joint_names
 from ..places import Places
 from ..scene.shapes import unpack

@@ -1,19 +1,16 @@
 """Derivatives of a mechanism's equations with respect to q (in the tangent), v and s, for implicit methods.
 
-The inertial part M v' + nle comes from Pinocchio's analytic derivatives, dampers and springs of joints are constants.
-The rest are difference quotients: one sweep over nv configurations serves the closures and all other forces.
+The inertial part M v' + nle comes from Pinocchio's analytic derivatives, laws know those of theirs that are exact. The
+rest are difference quotients: one sweep over nv configurations serves the closures and all other forces.
 """
 
 from collections.abc import Callable
-from functools import singledispatch
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ...system import Array
-from ..forces.force import DampingLaw, Law, SpringLaw
-from ..forces.law import Laws
 
 if TYPE_CHECKING:
     from .index2 import Descriptor
@@ -52,17 +49,6 @@ def slopes(s: "Descriptor", t: float, q: Array, u: Array, vdot: Array, lam: Arra
     E, K, D = np.eye(n), np.zeros((n, nv)), np.zeros((n, n))
     E[:nv, :nv], dq, dv = inertial_slopes(s.model, s.data, q, v, vdot)
     K[:nv], D[:nv, :nv] = -dq, -dv
-    rough: list[Law] = [law for law, _ in s.laws.stateful]
-    steady = []
-    for law in s.laws.plain:
-        known = law_slopes(law)
-        if known is None:
-            rough.append(law)
-        else:
-            steady.append(law)
-            K[:nv] += known[0]
-            D[:nv, :nv] += known[1]
-    laws = Laws(rough, nv)
     s.counts.M += 1
     s.counts.f += nv + n
 
@@ -72,14 +58,14 @@ def slopes(s: "Descriptor", t: float, q: Array, u: Array, vdot: Array, lam: Arra
         G = s.closures()[1][rows]
 
         def force(u: Array) -> Array:
-            v = u[:nv]
-            tau, rates = laws.torque(t, q, v, u[nv:-1])
-            rates[-1] += sum(np.sum(law.torque(t, q, v)[1] * v) for law in steady)
-            return np.concatenate([tau, rates])
+            return np.concatenate(s.laws.torque(t, q, u[:nv], u[nv:-1], rough))
 
         return force, G
 
     force, G = at(q)
+    known, rough = s.laws.slopes(t, q, v, u[nv:-1])
+    K += known[:, :nv]
+    D[:, :-1] += known[:, nv:]
     f, B = force(u), np.empty_like(G)
     for j, e in enumerate(np.diag(STEP * (1 + np.abs(u)))[:-1]):
         D[:, j] += (force(u + e) - f) / e[j]
@@ -115,22 +101,3 @@ def _steady(joint: pin.JointModel) -> bool:
     """True for joints whose axes stand still in the frame of the joint."""
     name = joint.shortname().removeprefix("JointModel")
     return name in ("Spherical", "FreeFlyer", "Translation") or name.startswith(("R", "P", "H"))
-
-
-@singledispatch
-def law_slopes(law: Law) -> tuple[Array, Array] | None:
-    """Return the constant derivatives of a law's torque with respect to q and v; None if they are not constant."""
-    return None
-
-
-@law_slopes.register
-def _(law: DampingLaw) -> tuple[Array, Array]:
-    return np.zeros((len(law.d), len(law.d))), -np.diag(law.d)
-
-
-@law_slopes.register
-def _(law: SpringLaw) -> tuple[Array, Array]:
-    K = np.zeros((law.nv, law.nv))
-    D = np.zeros_like(K)
-    K[law.iv, law.iv], D[law.iv, law.iv] = -law.k, -law.damping
-    return K, D

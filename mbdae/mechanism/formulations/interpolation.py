@@ -124,7 +124,7 @@ def sampled(
     inner = []
     for x in nodes(WORK_NODES):
         power = np.zeros((len(h), 1))
-        if system.laws.plain or system.driven:
+        if system.laws.acting or system.driven:
             points = zip(t + x * h, *state(np.full(len(h), x), np.arange(len(h))), strict=True)
             power[:] = [_power(system, *point) for point in points]
         inner.append(size * power)

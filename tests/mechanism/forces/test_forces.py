@@ -34,7 +34,7 @@ def parts(force, t, q, v, model=MODEL):
     """The conservative and the other part of tau, (nv,) each, of the only force of a mechanism."""
     system = Mechanism(model, forces=[force]).system()
     system.inertia(t, q)
-    return [np.broadcast_to(part, model.nv) for part in system.laws.plain[0].torque(t, q, v)]
+    return [np.broadcast_to(part, model.nv) for part in system.laws.parts(t, q, v, q[:0])[:2]]
 
 
 def gradient(force, q, model=MODEL):
@@ -197,7 +197,7 @@ def test_friction_of_the_urdf_counts_when_asked_for(tmp_path):
     path = tmp_path / "arm0.3.urdf"
     free, rubbing = mbdae.load(path), mbdae.load(path, forces=[JointFriction(velocity=0.5)])
     q, v = np.zeros(1), np.array([0.4])
-    assert not free.system().laws.plain
+    assert not free.system().laws.acting
     assert rubbing.system().laws.torque(0.0, q, v, q[:0])[0][0] == pytest.approx(-0.3 * np.tanh(0.8))
     with pytest.raises(InputError, match="URDF gives no friction"):
         mbdae.load(tmp_path / "arm0.urdf", forces=[JointFriction()])

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from ...forces.force import Bushing, JointSpring
+from ...forces.bushing import Bushing
+from ...forces.joint_spring import JointSpring
 from ...start import Motor
 from .states import pose
 

@@ -1,0 +1,67 @@
+"""Forces with states of their own, in Python. The states are integrated with the motion."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import pinocchio as pin
+
+from ...errors import InputError
+from ..callbacks import called, checked, function_name
+from .force import Array, Law, PythonForce, start_values
+
+StateFunction = Callable[[float, Array, Array, Array], Array]
+
+
+@dataclass(frozen=True)
+class Actuator(PythonForce):
+    """A force with ns states s of its own, as Python functions of (t, q, v, s).
+
+        tau = torque(t, q, v, s),   s' = rate(t, q, v, s)
+
+    The states count in the error control; ``sol.s`` returns them.
+
+    Args:
+        torque: generalised force, (nv,) in N m and N; its work is integrated.
+        rate: rates of the states, (ns,).
+        start: names of the states and their start values.
+        name: of the torque function when left out.
+
+    Raises:
+        InputError: for states that are not names and finite numbers.
+
+    Example:
+        >>> motor = Actuator(torque, rate, start={"current": 0.0}, name="motor")   # doctest: +SKIP
+    """
+
+    torque: StateFunction
+    rate: StateFunction
+    start: Mapping[str, float]
+    name: str = field(default="")
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", function_name(self.torque))
+        object.__setattr__(self, "start", start_values(self.name, self.start))
+        if not self.start:
+            raise InputError(f"actuator {self.name!r} has no states: use a function tau(t, q, v)")
+
+    def bind(self, model: pin.Model, data: pin.Data) -> "ActuatorLaw":
+        """Return the law in a workspace."""
+        return ActuatorLaw(self)
+
+
+class ActuatorLaw(Law):
+    """The law of `Actuator`."""
+
+    def __init__(self, spec: Actuator) -> None:
+        super().__init__(spec.name, states=spec.start)
+        self.spec = spec
+
+    def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[float, Array, Array]:  # noqa: D102
+        what = [f"{part} of actuator {self.name!r}" for part in ("torque", "rate")]
+        tau = checked(called(what[0], self.spec.torque, t, q, v, s), v.shape, t, what[0])
+        return 0.0, tau, checked(called(what[1], self.spec.rate, t, q, v, s), s.shape, t, what[1])
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}

@@ -1,0 +1,108 @@
+"""Elastic joints between two frames."""
+
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import model_validator
+
+from ...errors import StepError
+from ..frames import Pair, anchor, skew
+from ..manifold import inverse_jacobian
+from .force import Array, Force, Law, Part
+
+LARGEST_TURN = 3.0  # rad: a rotation vector is smooth below pi
+
+Six = tuple[float, float, float, float, float, float]
+
+
+class Bushing(Force):
+    """An elastic joint between two frames: stiffnesses and dampings along the axes x, y, z, rx, ry, rz of the first.
+
+    With the gap p = R_a^T (p_b - p_a) and the rotation vector theta = log(R_a^T R_b), both (3,) in axes of the first
+    frame, the potential is sum(k_i p_i^2)/2 + sum(k_i theta_i^2)/2. The dampers act on the relative velocity at the
+    second frame's origin and on the relative angular velocity, in the same axes. The relative turn must stay
+    below 3 rad.
+
+    Attributes:
+        frames: names of both frames.
+        stiffness: N/m and N m/rad, (6,).
+        damping: N s/m and N m s/rad, (6,).
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+    """
+
+    kind: Literal["bushing"] = "bushing"
+    frames: tuple[str, str]
+    stiffness: Six = (0.0,) * 6
+    damping: Six = (0.0,) * 6
+
+    @model_validator(mode="after")
+    def _dampers_damp(self) -> "Bushing":
+        if min(self.damping) < 0:
+            raise ValueError("the dampings of a bushing must not be negative")
+        return self
+
+    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+        a, b = self.frames
+        return BushingLaw(self, Pair(model, data, anchor(model, a), anchor(model, b)))
+
+
+class BushingLaw(Law):
+    """The law of `Bushing`.
+
+    With theta' = J_l(theta)^-1 omega, omega the relative angular velocity in axes of the first frame, the potential
+    gives the moment -J_l(theta)^-T K theta; J_l^-T = J_r^-1, the inverse right Jacobian of exp.
+    """
+
+    def __init__(self, spec: Bushing, pair: Pair) -> None:
+        super().__init__(spec.name)
+        self.pair = pair
+        self.k, self.kr = np.array(spec.stiffness).reshape(2, 3)
+        self.d, self.dr = np.array(spec.damping).reshape(2, 3)
+        self.damped = bool(self.d.any() or self.dr.any())
+
+    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:
+        """Return the torques of springs and dampers.
+
+        Raises:
+            StepError: when the relative turn reaches 3 rad.
+        """
+        gap, theta = self.deflection()
+        if np.sqrt(theta @ theta) > LARGEST_TURN:
+            raise StepError("chart", f"bushing {self.name!r} is turned by more than {LARGEST_TURN} rad at t = {t:.17g}")
+        spring = self._on_b(-self.k * gap, -inverse_jacobian(skew(theta), self.kr * theta))
+        if not self.damped:
+            return spring, 0.0
+        twist = self.pair.relative(v)
+        velocity = (twist[:3] + skew(twist[3:]) @ self.pair.pb) @ self.pair.Ra
+        return spring, self._on_b(-self.d * velocity, -self.dr * (twist[3:] @ self.pair.Ra))
+
+    def deflection(self) -> tuple[Array, Array]:
+        """Return p and theta, (3,) each, in axes of the first frame."""
+        self.pair.locate()
+        Ra, Rb = self.pair.Ra, self.pair.Rb
+        return (self.pair.pb - self.pair.pa) @ Ra, rotation_vector(Ra.T @ Rb)
+
+    def _on_b(self, force: Array, moment: Array) -> Array:
+        """Generalised force of a force and a moment in axes of a, at the origin of b."""
+        n, m = self.pair.Ra @ force, self.pair.Ra @ moment
+        return self.pair.torque(np.concatenate([n, m + skew(self.pair.pb) @ n]))
+
+    def potential(self, q: Array) -> float:  # noqa: D102
+        gap, theta = self.deflection()
+        return 0.5 * float(self.k @ gap**2 + self.kr @ theta**2)
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        numbers = [*self.k, *self.kr, *self.d, *self.dr, LARGEST_TURN]
+        return {"kind": "bushing", "frames": self.pair, "a": numbers}
+
+
+def rotation_vector(R: Array) -> Array:
+    """The vector theta (3,) in rad with R = exp(theta x .), accurate from 0 to 3 rad."""
+    axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine = float(np.sqrt(axis @ axis))
+    angle = np.arctan2(sine, 0.5 * (np.trace(R) - 1))
+    return axis * (angle / sine) if sine > 0 else axis

@@ -1,0 +1,56 @@
+"""DC motors: their currents are states."""
+
+from typing import Literal
+
+import pinocchio as pin
+from pydantic import Field, model_validator
+
+from ..signals import Signal
+from .force import Force, Law, one_velocity
+from .linear import LinearLaw, Term
+
+
+class DCMotor(Force):
+    """A DC motor on a joint: tau = gear constant i,   inductance i' = voltage(t) - resistance i - constant gear v.
+
+    The rotor's inertia, gear^2 J, belongs to the joint's armature. Without inductance the current has no state.
+
+    Attributes:
+        joint: a joint with one velocity.
+        voltage: V, a constant or a function of time.
+        resistance: ohm.
+        inductance: H.
+        constant: torque per current in N m/A, the same as voltage per speed in V s/rad.
+        gear: turns of the rotor per turn of the joint.
+        current: at the start, in A.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+    """
+
+    kind: Literal["dc_motor"] = "dc_motor"
+    joint: str
+    voltage: Signal
+    resistance: float = Field(ge=0)
+    inductance: float = Field(default=0.0, ge=0)
+    constant: float
+    gear: float = 1.0
+    current: float = 0.0
+
+    @model_validator(mode="after")
+    def _has_current(self) -> "DCMotor":
+        if not (self.resistance or self.inductance):
+            raise ValueError("a dc_motor needs a resistance or an inductance")
+        if self.current and not self.inductance:
+            raise ValueError("the current of a dc_motor without inductance has no start value")
+        return self
+
+    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+        i, k = one_velocity(model, self.joint, "a dc_motor").idx_v, self.gear * self.constant
+        R, L = self.resistance, self.inductance
+        if not L:
+            terms: list[Term] = [("tau", i, "u", 0, k / R), ("tau", i, "v", i, -k * k / R)]
+            return LinearLaw(self.name, terms, signals=[self.voltage])
+        terms = [("tau", i, "s", 0, k), ("ds", 0, "u", 0, 1 / L), ("ds", 0, "s", 0, -R / L), ("ds", 0, "v", i, -k / L)]
+        return LinearLaw(self.name, terms, signals=[self.voltage], states={"current": self.current})

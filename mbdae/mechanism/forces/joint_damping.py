@@ -1,0 +1,39 @@
+"""Viscous friction in joints."""
+
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from ..frames import find_joints
+from .force import Array, Force, Joints, Law
+from .linear import LinearLaw
+
+
+class JointDamping(Force):
+    """tau = -damping * v on each coordinate of the joints; replaces their URDF damping.
+
+    Attributes:
+        joint: one joint or several.
+        damping: N m s/rad or N s/m.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+    """
+
+    kind: Literal["joint_damping"] = "joint_damping"
+    joint: Joints
+    damping: float = Field(ge=0)
+
+    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+        d = np.zeros(model.nv)
+        for j in find_joints(model, self.joint):
+            d[j.idx_v : j.idx_v + j.nv] = self.damping
+        return damping_law(self.name, d)
+
+
+def damping_law(name: str, d: Array) -> LinearLaw:
+    """Tau = -d * v with d (nv,)."""
+    return LinearLaw(name, [("tau", i, "v", i, -float(d[i])) for i in np.flatnonzero(d).tolist()])

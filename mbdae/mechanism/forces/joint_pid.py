@@ -1,0 +1,78 @@
+"""PD, PI and PID controllers on a joint, continuous or sampled."""
+
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field, model_validator
+
+from ..signals import Constant, Function, Signal
+from .force import Array, Force, Law, one_velocity, single
+from .linear import LinearLaw, Term
+from .sampled import Sample, SampledLaw
+
+
+class JointPID(Force):
+    """A controller on a joint: tau = kp e + ki s + kd e',   s' = e,   e = reference(t) - q.
+
+    Without ki it is a PD controller and has no state. With ``controls = "velocity"`` e = reference(t) - v, and kd is
+    zero. With a ``rate`` it is sampled: tau is held between the instants k/rate, and s grows by e/rate at each.
+
+    Attributes:
+        joint: a joint of one coordinate.
+        reference: rad, m, rad/s or m/s; a constant or a function of time.
+        kp: proportional gain.
+        ki: gain of the integral.
+        kd: gain of the error's rate.
+        controls: ``"position"`` or ``"velocity"``.
+        rate: sampling rate in Hz; continuous when left out.
+        integral: s at the start.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+    """
+
+    kind: Literal["joint_pid"] = "joint_pid"
+    joint: str
+    reference: Signal = Constant(value=0.0)
+    kp: float = 0.0
+    ki: float = 0.0
+    kd: float = 0.0
+    controls: Literal["position", "velocity"] = "position"
+    rate: float | None = Field(default=None, gt=0)
+    integral: float = 0.0
+
+    @model_validator(mode="after")
+    def _keys_fit(self) -> "JointPID":
+        if self.controls == "velocity" and self.kd:
+            raise ValueError("kd belongs to a joint_pid that controls the position")
+        if self.integral and not self.ki:
+            raise ValueError("integral belongs to a joint_pid with ki")
+        r = self.reference
+        if self.kd and isinstance(r, Function) and r.function is not None and r.rate is None:
+            raise ValueError(f"kd needs the rate of {r.name!r}: give mbdae.Function(function=..., rate=...)")
+        return self
+
+    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+        at = self.controls == "position"
+        j = single(model, self.joint, "a joint_pid")[0] if at else one_velocity(model, self.joint, "a joint_pid")
+        i, x, ix = j.idx_v, "q" if at else "v", j.idx_q if at else j.idx_v
+        if self.rate is not None:
+            memory = {"integral": self.integral} if self.ki else {}
+            sample = self._sampled(ix, i, 1 / self.rate)
+            return SampledLaw(self.name, sample, self.rate, 0.0, {i: f"torque {self.joint}"}, memory)
+        terms: list[Term] = [("tau", i, "u", 0, self.kp), ("tau", i, x, ix, -self.kp)]
+        terms += [("tau", i, "du", 0, self.kd), ("tau", i, "v", i, -self.kd)]
+        if not self.ki:
+            return LinearLaw(self.name, terms, signals=[self.reference])
+        terms += [("tau", i, "s", 0, self.ki), ("ds", 0, "u", 0, 1.0), ("ds", 0, x, ix, -1.0)]
+        return LinearLaw(self.name, terms, signals=[self.reference], states={"integral": self.integral})
+
+    def _sampled(self, ix: int, iv: int, period: float) -> Sample:
+        def sample(t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+            e = self.reference.at(t) - float((q if self.controls == "position" else v)[ix])
+            rate = self.kd and self.kd * (self.reference.at(t, 1) - float(v[iv]))
+            return np.array([self.kp * e + rate + self.ki * s.sum()]), s + e * period
+
+        return sample

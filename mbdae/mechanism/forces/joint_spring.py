@@ -1,0 +1,88 @@
+"""Springs and dampers in joints of one coordinate."""
+
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field, field_validator, model_validator
+from scipy.interpolate import PPoly
+
+from ..pieces import Interpolation, Pieces, Point, curve, increasing
+from .force import Array, Force, Joints, Law, Part, single
+from .linear import LinearLaw, Spring
+
+
+class JointSpring(Force):
+    """A spring and damper on joints of one coordinate: tau = -c(q - rest) - damping * v.
+
+    Attributes:
+        joint: one joint or several.
+        stiffness: c(x) = stiffness * x, in N m/rad or N/m.
+        table: points (deflection, restoring torque) of a nonlinear c instead, deflections increasing; straight on
+            beyond its ends. The potential is the exact integral.
+        interpolation: of the table: ``"spline"`` (natural cubic) or ``"monotone"`` (cubic without overshoot).
+        rest: rad or m.
+        damping: N m s/rad or N s/m, besides the joint's own.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+    """
+
+    kind: Literal["joint_spring"] = "joint_spring"
+    joint: Joints
+    stiffness: float | None = None
+    table: tuple[Point, ...] | None = Field(default=None, min_length=2)
+    interpolation: Interpolation = "spline"
+    rest: float = 0.0
+    damping: float = Field(default=0.0, ge=0)
+
+    @field_validator("table")
+    @classmethod
+    def _rise(cls, table: tuple[Point, ...] | None) -> tuple[Point, ...] | None:
+        return increasing(table) if table else None
+
+    @model_validator(mode="after")
+    def _one_law(self) -> "JointSpring":
+        if (self.stiffness is None) == (self.table is None):
+            raise ValueError("a joint_spring takes a stiffness or a table")
+        _ = self.table and self.curve
+        return self
+
+    @cached_property
+    def curve(self) -> PPoly:
+        """The table's restoring torque as a function of the deflection."""
+        return curve(self.table or (), self.interpolation, held=False)
+
+    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+        joints = single(model, self.joint, "a joint spring")
+        at = [(j.idx_q, j.idx_v) for j in joints]
+        if self.stiffness is None:
+            return CurveLaw(self, at)
+        springs = [Spring(iq, iv, self.stiffness, self.rest) for iq, iv in at]
+        return LinearLaw(self.name, [("tau", iv, "v", iv, -self.damping) for _, iv in at], springs=springs)
+
+
+class CurveLaw(Law):
+    """The law of a `JointSpring` with a table, c a piecewise polynomial."""
+
+    def __init__(self, spec: JointSpring, at: list[tuple[int, int]]) -> None:
+        super().__init__(spec.name)
+        self.c, self.rest, self.damping = spec.curve, spec.rest, spec.damping
+        self.integral = self.c.antiderivative()
+        self.iq, self.iv = map(list, zip(*at, strict=True))
+
+    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:  # noqa: D102
+        spring, damper = np.zeros_like(v), np.zeros_like(v)
+        spring[self.iv] = -self.c(q[self.iq] - self.rest)
+        damper[self.iv] = -self.damping * v[self.iv]
+        return spring, damper
+
+    def potential(self, q: Array) -> float:
+        """Return the integral of c from 0 to the deflection, over all coordinates, in J."""
+        return float((self.integral(q[self.iq] - self.rest) - self.integral(0.0)).sum())
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        numbers = {"rows": self.iv, "columns": self.iq, "a": [self.rest, self.damping]}
+        return {"kind": "curve", **numbers, "signals": [Pieces.of(self.c).plain()]}

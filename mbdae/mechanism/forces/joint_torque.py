@@ -1,0 +1,38 @@
+"""Torques in joints that follow functions of time."""
+
+from typing import Literal
+
+import pinocchio as pin
+
+from ...errors import InputError
+from ..frames import find_joint
+from ..signals import Signal
+from .force import Force, Law
+from .linear import LinearLaw
+
+
+class JointTorque(Force):
+    """A torque (N m) or force (N) on a joint: constants or functions of time, one for each of its nv coordinates.
+
+    Attributes:
+        joint: one joint.
+        torque: one number or function, or nv of them.
+        gear: a factor on all of them.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+    """
+
+    kind: Literal["joint_torque"] = "joint_torque"
+    joint: str
+    torque: Signal | tuple[Signal, ...]
+    gear: float = 1.0
+
+    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+        j = find_joint(model, self.joint)
+        values = self.torque if isinstance(self.torque, tuple) else (self.torque,)
+        if len(values) != j.nv:
+            raise InputError(f"joint {self.joint!r} takes {j.nv} torque values, got {len(values)}")
+        terms = [("tau", j.idx_v + i, "u", i, self.gear) for i in range(j.nv)]
+        return LinearLaw(self.name, terms, signals=values)

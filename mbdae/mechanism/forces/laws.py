@@ -1,0 +1,98 @@
+"""All laws of a workspace together: their sum, and the states of those that have some."""
+
+from collections.abc import Sequence
+from math import inf
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError
+from .force import Array, Law, Part
+from .linear import Linear, LinearLaw
+
+Bound = tuple[Law, slice]
+
+
+class Laws:
+    """All laws of a workspace, and the states of those that have some, one behind the other: s (ns,).
+
+    Attributes:
+        names: of the laws.
+        bound: the laws, and where their states stand in s.
+        acting: the same with all linear laws as one.
+        ns: number of states.
+    """
+
+    def __init__(self, laws: Sequence[Law], model: pin.Model) -> None:
+        self.nv, self.ns, self.names = model.nv, 0, [law.name for law in laws]
+        self.bound: list[Bound] = []
+        for law in laws:
+            self.bound.append((law, slice(self.ns, self.ns + len(law.states))))
+            self.ns += len(law.states)
+        linear = [(law, at) for law, at in self.bound if isinstance(law, LinearLaw)]
+        self.acting: list[Bound] = [(law, at) for law, at in self.bound if not isinstance(law, LinearLaw)]
+        if linear:
+            self.acting.insert(0, (Linear(linear, model, self.ns), slice(0, self.ns)))
+
+    def states(self) -> dict[str, float]:
+        """Names ``law.state`` and start values of all states, in the order of s.
+
+        Raises:
+            InputError: if two laws with states share a name.
+        """
+        laws = [law for law, _ in self.bound if law.states]
+        names = [law.name for law in laws]
+        if len(set(names)) < len(names):
+            raise InputError(f"actuators and controllers need names of their own, got {', '.join(names)}")
+        return {f"{law.name}.{key}": value for law in laws for key, value in law.states.items()}
+
+    def torque(
+        self, t: float, q: Array, v: Array, s: Array, laws: Sequence[Bound] | None = None
+    ) -> tuple[Array, Array]:
+        """Return tau (nv,), and s' and the power of what has no potential, (ns + 1,), of all laws or of some."""
+        conservative, other, rates = self.parts(t, q, v, s, laws)
+        rates[-1] = other.dot(v)
+        return conservative + other, rates
+
+    def parts(
+        self, t: float, q: Array, v: Array, s: Array, laws: Sequence[Bound] | None = None
+    ) -> tuple[Part, Array, Array]:
+        """Return the conservative and the other part of tau, (nv,) each, and s' with a zero behind, (ns + 1,)."""
+        conservative: Part = 0.0
+        other, rates = np.zeros(self.nv), np.zeros(self.ns + 1)
+        for law, at in self.acting if laws is None else laws:
+            c, o, ds = law.evaluate(t, q, v, s[at])
+            conservative, other = conservative + c, other + o
+            if at.start < at.stop:
+                rates[at] += ds
+        return conservative, other, rates
+
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, list[Bound]]:
+        """Return the sum of the exact slopes, see `Law.slopes`, and the laws that have none."""
+        nv, rough = self.nv, []
+        out = np.zeros((nv + self.ns + 1, 2 * nv + self.ns))
+        for law, at in self.acting:
+            known = law.slopes(t, q, v, s[at])
+            if known is None:
+                rough.append((law, at))
+                continue
+            states = np.arange(at.start, at.stop)
+            rows = [*range(nv), *(nv + states), -1]
+            out[np.ix_(rows, [*range(2 * nv), *(2 * nv + states)])] += known
+        return out, rough
+
+    def potential(self, q: Array) -> float:
+        """Potential energy in J; the kinematics stand at q."""
+        return sum(law.potential(q) for law, _ in self.acting)
+
+    def breakpoint(self, t: float, sign: float) -> float:
+        """Return the next time after t, in the direction of sign, where a law may jump; sign * inf if none."""
+        return sign * min((sign * law.breakpoint(t, sign) for law, _ in self.bound), default=inf)
+
+    def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
+        """Return s just after time t, (ns,); each law sees the states before."""
+        out = s.copy()
+        for law, at in self.bound:
+            if law.states:
+                out[at] = law.jump(t, q, v, s[at])
+        return out

@@ -1,0 +1,128 @@
+"""The linear element: [tau; s'] = C [q; v; s; u(t); u'(t); 1], and springs, which have a potential.
+
+Dampers, springs, torques, controllers, motors and held torques are such elements. All those of a workspace are
+computed together, from the entries of one sparse C, in Python and in the core.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..signals import Constant, Signal
+from .force import Array, Law
+
+Term = tuple[str, int, str, int, float]
+"""An entry of C: row ``"tau"`` or ``"ds"``, its index, column ``"q"``, ``"v"``, ``"s"``, ``"u"``, ``"du"`` or ``"1"``,
+its index, and the value. ``"q"`` is a joint of one coordinate."""
+
+ORDERS = {"u": 0, "du": 1}
+
+
+class Spring(NamedTuple):
+    """tau_iv = -stiffness (q_iq - rest) on a joint of one coordinate."""
+
+    iq: int
+    iv: int
+    stiffness: float
+    rest: float
+
+
+class LinearLaw(Law):
+    """A linear force; the work of what is no spring is integrated.
+
+    Args:
+        name: for messages.
+        terms: the entries of C.
+        springs: in joints.
+        signals: u, functions of time.
+        states: names of s and their start values.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        terms: Sequence[Term] = (),
+        *,
+        springs: Sequence[Spring] = (),
+        signals: Sequence[Signal] = (),
+        states: Mapping[str, float] | None = None,
+    ) -> None:
+        super().__init__(name, signals, states)
+        self.terms, self.springs, self.u = terms, springs, signals
+
+
+class Linear(Law):
+    """All linear laws of a workspace, y = C x as one product.
+
+    y = (tau of springs, other tau, s') and x = (q, v, s, 1, those of u and u' that count).
+
+    Args:
+        laws: each with the slice of its states in s.
+        model: a Pinocchio model.
+        ns: length of s.
+    """
+
+    def __init__(self, laws: Sequence[tuple[LinearLaw, slice]], model: pin.Model, ns: int) -> None:
+        super().__init__("linear")
+        self.nq, self.nv, self.ns = model.nq, model.nv, ns
+        self.tangent = dict(zip(model.idx_qs, model.idx_vs, strict=True))
+        self.springs = [spring for law, _ in laws for spring in law.springs]
+        self.u: list[tuple[Signal, int]] = []  # each with the order of its derivative
+        self._known: dict[tuple[int, int], int] = {}
+        one = self.nq + self.nv + ns
+        entries = [(iv, iq, -k) for iq, iv, k, _ in self.springs]
+        entries += [(iv, one, k * rest) for _, iv, k, rest in self.springs]
+        for law, at in laws:
+            rows = {"tau": self.nv, "ds": 2 * self.nv + at.start}
+            columns = {"q": 0, "v": self.nq, "s": self.nq + self.nv + at.start, "1": one}
+            for row, i, column, j, value in law.terms:
+                k = ORDERS.get(column)
+                if k is not None and isinstance(u := law.u[j], Constant):
+                    value, x = value * u.at(0.0, k), one
+                elif k is not None and value:
+                    x = one + 1 + self._input(u, k)
+                else:
+                    x = columns.get(column, 0) + j
+                if value:
+                    entries.append((rows[row] + i, x, value))
+        y, x, self.values = np.array(entries, float).reshape(-1, 3).T
+        self.y, self.x = y.astype(int), x.astype(int)
+
+    def _input(self, u: Signal, k: int) -> int:
+        """Number of a function of time among those that are computed."""
+        if (id(u), k) not in self._known:
+            self._known[id(u), k] = len(self.u)
+            self.u.append((u, k))
+        return self._known[id(u), k]
+
+    def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array, Array]:  # noqa: D102
+        x = np.concatenate((q, v, s, [1.0, *[u.at(t, k) for u, k in self.u]]))
+        y = np.bincount(self.y, self.values * x.take(self.x), 2 * self.nv + self.ns)
+        return y[: self.nv], y[self.nv : 2 * self.nv], y[2 * self.nv :]
+
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        nv, A = self.nv, self._matrix
+        power = v @ A[nv : 2 * nv]
+        power[nv : 2 * nv] += self.evaluate(t, q, v, s)[1]
+        return np.vstack([A[:nv] + A[nv : 2 * nv], A[2 * nv :], power])
+
+    @cached_property
+    def _matrix(self) -> Array:
+        """dy/d(q in the tangent, v, s), (2 nv + ns, 2 nv + ns)."""
+        nq, size = self.nq, 2 * self.nv + self.ns
+        out = np.zeros((size, size))
+        for i, j, value in zip(self.y, self.x, self.values, strict=True):
+            if j < nq + self.nv + self.ns:
+                out[i, self.tangent[j] if j < nq else j - nq + self.nv] += value
+        return out
+
+    def potential(self, q: Array) -> float:  # noqa: D102
+        return sum(0.5 * k * float(q[iq] - rest) ** 2 for iq, _, k, rest in self.springs)
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        signals, orders = [u.plain() for u, _ in self.u], [k for _, k in self.u]
+        numbers = {"rows": self.y.tolist(), "columns": self.x.tolist(), "a": self.values.tolist()}
+        return {"kind": "linear", **numbers, "signals": signals, "orders": orders}

@@ -1,0 +1,120 @@
+"""Sampled controllers: what a computer does at a rate.
+
+A sampled controller looks at the mechanism at the instants t_k = offset + k/rate and holds its torque until the next
+one. The held torque and the controller's memory are states with s' = 0 that jump at the instants: a rejected step
+repeats nothing, and a state contains all that the motion from there depends on.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import floor
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError, StepError
+from ..callbacks import called, checked, function_name
+from ..frames import find_joints, joint_names
+from .force import Array, Joints, PythonForce, start_values
+from .linear import LinearLaw, Term
+
+COINCIDE = 1e-6  # of a period: how near a time must be to count as a sampling instant
+Sample = Callable[[float, Array, Array, Array], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class Sampled(PythonForce):
+    """A controller that is sampled at a rate and holds its torque in between (zero-order hold), in Python.
+
+        without memory:  tau = function(t, q, v)             with memory:  tau, x_next = function(t, q, v, x)
+
+    A run that does not start at a sampling instant holds a torque of zero until the first one. Runs go forwards only.
+
+    Args:
+        function: returns tau (m,), one value for each coordinate of the joints, and the next memory (n,) if it has one.
+        rate: samples per second in Hz.
+        joints: names of the joints it drives; all when left out.
+        memory: names of what it remembers from sample to sample, and the start values; none when left out.
+        offset: a sampling instant in s.
+        name: of the function when left out.
+
+    Raises:
+        InputError: for a rate that is not positive.
+
+    Example:
+        >>> hold = Sampled(lambda t, q, v: -5 * v, rate=100, name="brake")   # doctest: +SKIP
+    """
+
+    function: Callable[..., Any]
+    rate: float
+    joints: Joints = ()
+    memory: Mapping[str, float] = field(default_factory=dict)
+    offset: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            object.__setattr__(self, "name", function_name(self.function))
+        object.__setattr__(self, "memory", start_values(self.name, self.memory))
+        if not (0 < self.rate < np.inf and np.isfinite(self.offset)):
+            raise InputError(f"controller {self.name!r} needs a rate > 0 in Hz, got {self.rate}, offset {self.offset}")
+
+    def bind(self, model: pin.Model, data: pin.Data) -> "SampledLaw":
+        """Return the law in a workspace."""
+        names = [self.joints] if isinstance(self.joints, str) else list(self.joints) or joint_names(model)
+        held: dict[int, str] = {}
+        for j, name in zip(find_joints(model, names), names, strict=True):
+            for i in range(j.nv):
+                held[j.idx_v + i] = f"torque {name}" if j.nv == 1 else f"torque {name} {i}"
+        return SampledLaw(self.name, self._sample, self.rate, self.offset, held, self.memory)
+
+    def _sample(self, t: float, q: Array, v: Array, x: Array) -> tuple[Any, Any]:
+        what = f"controller {self.name!r}"
+        if not self.memory:
+            return called(what, self.function, t, q, v), x
+        out = called(what, self.function, t, q, v, x)
+        if not (isinstance(out, tuple) and len(out) == 2):
+            raise StepError("force", f"{what} with a memory returns (tau, x_next), got {out!r:.80}, at t = {t:.17g}")
+        return out
+
+
+class SampledLaw(LinearLaw):
+    """A held torque: s = (tau (m,), memory (n,)), s' = 0, jumps at the instants offset + k/rate.
+
+    Args:
+        name: of the controller.
+        sample: returns tau and the next memory.
+        rate: in Hz.
+        offset: a sampling instant in s.
+        held: names of the torques by the index of their velocity.
+        memory: names and start values.
+    """
+
+    def __init__(
+        self, name: str, sample: Sample, rate: float, offset: float, held: dict[int, str], memory: Mapping[str, float]
+    ) -> None:
+        terms: list[Term] = [("tau", i, "s", k, 1.0) for k, i in enumerate(held)]
+        super().__init__(name, terms, states={**dict.fromkeys(held.values(), 0.0), **memory})
+        self.sample, self.rate, self.offset, self.m = sample, rate, offset, len(held)
+
+    def breakpoint(self, t: float, sign: float) -> float:
+        """Return the next sampling instant.
+
+        Raises:
+            InputError: backwards in time.
+        """
+        if sign < 0:
+            raise InputError(f"controller {self.name!r} is sampled: a run with it cannot go backwards in time")
+        return self.offset + (floor((t - self.offset) * self.rate + COINCIDE) + 1) / self.rate
+
+    def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
+        """Return the new torque and memory if t is a sampling instant."""
+        k = (t - self.offset) * self.rate
+        if abs(k - round(k)) > COINCIDE:
+            return s
+        tau, x = self.sample(t, q, v, s[self.m :].copy())
+        what = f"controller {self.name!r}"
+        return np.concatenate(
+            [checked(tau, (self.m,), t, what), checked(x, (len(s) - self.m,), t, f"{what}, its memory,")]
+        )

@@ -1,0 +1,66 @@
+"""Springs, dampers and thrusts from point to point."""
+
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from ..frames import Pair, anchor, skew, unit_gap
+from ..signals import Constant, Signal
+from .force import Array, Force, Law, Part
+
+
+class SpringDamper(Force):
+    """A spring, damper and actuator between the origins of two frames.
+
+    The tension is stiffness (d - length) + damping d' - force, with d the distance in m.
+
+    Attributes:
+        frames: names of both frames.
+        stiffness: N/m.
+        damping: N s/m.
+        length: rest length in m.
+        force: N, a constant or a function of time; it pushes the frames apart.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+    """
+
+    kind: Literal["spring_damper"] = "spring_damper"
+    frames: tuple[str, str]
+    stiffness: float = 0.0
+    damping: float = Field(default=0.0, ge=0)
+    length: float = Field(default=0.0, ge=0)
+    force: Signal = Constant(value=0.0)
+
+    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+        a, b = self.frames
+        return SpringDamperLaw(self, Pair(model, data, anchor(model, a), anchor(model, b)))
+
+
+class SpringDamperLaw(Law):
+    """The law of `SpringDamper`."""
+
+    def __init__(self, spec: SpringDamper, pair: Pair) -> None:
+        super().__init__(spec.name, [spec.force])
+        self.spec, self.pair = spec, pair
+
+    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:  # noqa: D102
+        self.pair.locate()
+        distance, n = unit_gap(self.pair)
+        line = self.pair.torque(np.concatenate([n, skew(self.pair.pb) @ n]))  # d' = line . v
+        push = self.spec.force.at(t)
+        if self.spec.damping:
+            push -= self.spec.damping * float(line @ v)
+        return -self.spec.stiffness * (distance - self.spec.length) * line, push * line if push else 0.0
+
+    def potential(self, q: Array) -> float:  # noqa: D102
+        self.pair.locate()
+        return 0.5 * self.spec.stiffness * (unit_gap(self.pair)[0] - self.spec.length) ** 2
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        s = self.spec
+        numbers = {"frames": self.pair, "a": [s.stiffness, s.damping, s.length]}
+        return {"kind": "spring_damper", **numbers, "signals": [s.force.plain()]}

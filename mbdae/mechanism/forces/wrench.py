@@ -1,0 +1,66 @@
+"""A force and a torque on a frame."""
+
+from typing import Any, Literal
+
+import numpy as np
+import pinocchio as pin
+
+from ..frames import WORLD, Pair, anchor, skew
+from ..signals import Constant, Signal
+from .force import Array, Force, Law, Part
+
+ZERO = Constant(value=0.0)
+Vector = tuple[Signal, Signal, Signal]
+
+
+class Wrench(Force):
+    """A force in N at the origin of a frame and a torque in N m, constants or functions of time.
+
+    Attributes:
+        frame: where it acts.
+        force: components of the force.
+        torque: components of the torque.
+        axes: the components' axes: ``"world"``, or those of the ``"frame"``, turning with it.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
+    """
+
+    kind: Literal["wrench"] = "wrench"
+    frame: str
+    force: Vector = (ZERO,) * 3
+    torque: Vector = (ZERO,) * 3
+    axes: Literal["world", "frame"] = "world"
+
+    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+        return WrenchLaw(self, Pair(model, data, anchor(model, WORLD), anchor(model, self.frame)))
+
+
+class WrenchLaw(Law):
+    """The law of `Wrench`: a constant force in the axes of the world has the potential -F . p."""
+
+    def __init__(self, spec: Wrench, pair: Pair) -> None:
+        super().__init__(spec.name, [*spec.force, *spec.torque])
+        self.spec, self.pair = spec, pair
+        self.steady = spec.axes == "world" and all(isinstance(s, Constant) for s in spec.force)
+
+    def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:  # noqa: D102
+        self.pair.locate()
+        n, m = (np.array([s.at(t) for s in part]) for part in (self.spec.force, self.spec.torque))
+        if self.spec.axes == "frame":
+            n, m = self.pair.Rb @ n, self.pair.Rb @ m
+        force = self.pair.torque(np.concatenate([n, skew(self.pair.pb) @ n]))
+        moment = self.pair.torque(np.concatenate([np.zeros(3), m])) if m.any() else np.zeros_like(v)
+        return (force, moment) if self.steady else (0.0, force + moment)
+
+    def potential(self, q: Array) -> float:  # noqa: D102
+        if not self.steady:
+            return 0.0
+        self.pair.locate()
+        return -float(np.array([s.at(0.0) for s in self.spec.force]) @ self.pair.pb)
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        s = self.spec
+        flags = {"turning": s.axes == "frame", "steady": self.steady}
+        return {"kind": "wrench", "frames": self.pair, **flags, "signals": [x.plain() for x in (*s.force, *s.torque)]}

@@ -1,0 +1,22 @@
+// tau = -d tanh(v / v0); a: d (nv,), v0.
+#include <cmath>
+
+#include "../laws.hpp"
+
+namespace mbdae::laws {
+
+namespace {
+
+bool fits(Law& law, const Sizes& n) { return law.a.size() == n.nv + 1u; }
+
+void add(const Law& law, const Point& p, const Forces& f) {
+  const int nv = p.m.nv;
+  for (int i = 0; i < nv; ++i)
+    if (law.a[i] != 0) f.other[i] -= law.a[i] * std::tanh(p.v[i] / law.a[nv]);
+}
+
+}  // namespace
+
+extern const LawKind friction{fits, add};
+
+}  // namespace mbdae::laws
