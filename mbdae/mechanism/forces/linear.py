@@ -19,6 +19,7 @@ Term = tuple[str, int, str, int, float]
 its index, and the value. ``"q"`` is a joint of one coordinate."""
 
 ORDERS = {"u": 0, "du": 1}
+ONE = np.ones(1)
 
 
 class Spring(NamedTuple):
@@ -99,7 +100,7 @@ class Linear(Law):
         return self._known[id(u), k]
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array, Array]:  # noqa: D102
-        x = np.concatenate((q, v, s, [1.0, *[u.at(t, k) for u, k in self.u]]))
+        x = np.concatenate((q, v, s, [1.0, *[u.at(t, k) for u, k in self.u]] if self.u else ONE))
         y = np.bincount(self.y, self.values * x.take(self.x), 2 * self.nv + self.ns)
         return y[: self.nv], y[self.nv : 2 * self.nv], y[2 * self.nv :]
 
