@@ -10,30 +10,22 @@ from .errors import MbdaeError
 from .integrate.events import Event
 from .integrate.solve import solve
 from .mechanism import (
-    Actuator,
-    Bushing,
     Closure,
-    DCMotor,
     Driver,
     Function,
-    JointDamping,
-    JointFriction,
-    JointPID,
-    JointSpring,
-    JointTorque,
     Mechanism,
-    Sampled,
-    SpringDamper,
-    Wrench,
     load,
     model_names,
 )
+from .mechanism.forces import NAMES as _FORCES
 from .members import public
 from .methods import METHODS
 from .solution.solution import Solution
 from .textbook.hessenberg import Hessenberg
 
 _STUDIES = public("mbdae.studies", "*/*.py")  # loaded when used: plotting and viewing are slow to import
+
+globals().update(_FORCES)
 
 
 def _replay(sol: Solution) -> str:
@@ -51,27 +43,17 @@ def __getattr__(name: str) -> Any:
 
 __all__ = [
     "METHODS",
-    "Actuator",
-    "Bushing",
     "Closure",
-    "DCMotor",
     "Driver",
     "Event",
     "Function",
     "Hessenberg",
-    "JointDamping",
-    "JointFriction",
-    "JointPID",
-    "JointSpring",
-    "JointTorque",
     "MbdaeError",
     "Mechanism",
-    "Sampled",
     "Solution",
-    "SpringDamper",
-    "Wrench",
     "load",
     "model_names",
     "solve",
+    *_FORCES,
     *_STUDIES,
 ]

@@ -19,6 +19,7 @@ _FOUND: list[type] = list(dict.fromkeys(members(__name__, type)))
 FORCES: tuple[type[Force], ...] = tuple(c for c in _FOUND if issubclass(c, Force) and c is not Force)
 """Every force that may stand in a file, found in the files of this folder."""
 PYTHON_FORCES = tuple(c for c in _FOUND if issubclass(c, PythonForce) and c is not PythonForce)
+NAMES = {c.__name__: c for c in (*FORCES, *PYTHON_FORCES)}
 
 if TYPE_CHECKING:
     AnyForce = Force
