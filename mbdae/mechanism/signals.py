@@ -63,6 +63,9 @@ class Constant(_Piecewise):
     kind: Literal["constant"] = "constant"
     value: float
 
+    def at(self, t: float, k: int = 0) -> float:  # noqa: D102
+        return 0.0 if k else self.value
+
     @cached_property
     def pieces(self) -> Pieces:  # noqa: D102
         return Pieces([0.0], [[self.value]])

@@ -41,7 +41,8 @@ struct Law {
     int to, row, from, column;
     double value;
   };
-  using Call = std::function<void(double t, const double* q, const double* v, const double* s, double* tau, double* ds)>;
+  using Call =
+      std::function<void(double t, const double* q, const double* v, const double* s, double* tau, double* ds)>;
 
   const LawKind* kind = nullptr;
   std::vector<int> rows, columns;  // indices
@@ -49,12 +50,12 @@ struct Law {
   std::vector<double> a;           // numbers
   std::vector<Signal> signals;     // functions of time
   Pair* pair = nullptr;
-  bool paired = false;         // whether it has a pair
-  int state = 0, states = 0;   // where its states stand in s, and how many there are
-  bool turning = false;        // its axes turn with the frame
-  bool steady = false;         // it has a potential
-  Call call;                   // Python
-  std::vector<Term> terms;     // worked out
+  bool paired = false;            // whether it has a pair
+  int state = 0, states = 0;      // where its states stand in s, and how many there are
+  bool turning = false;           // its axes turn with the frame
+  bool steady = false;            // it has a potential
+  Call call;                      // Python
+  std::vector<Term> terms;        // worked out
   mutable std::vector<double> u;  // workspace
 
   // Add to conservative and other (nv,); write s'. The kinematics stand at q.

@@ -74,8 +74,11 @@ class CurveLaw(Law):
         self.iq, self.iv = map(list, zip(*at, strict=True))
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:  # noqa: D102
-        spring, damper = np.zeros_like(v), np.zeros_like(v)
+        spring = np.zeros_like(v)
         spring[self.iv] = -self.c(q[self.iq] - self.rest)
+        if not self.damping:
+            return spring, 0.0
+        damper = np.zeros_like(v)
         damper[self.iv] = -self.damping * v[self.iv]
         return spring, damper
 

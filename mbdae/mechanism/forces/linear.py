@@ -80,24 +80,21 @@ class Linear(Law):
             rows = {"tau": self.nv, "ds": 2 * self.nv + at.start}
             columns = {"q": 0, "v": self.nq, "s": self.nq + self.nv + at.start, "1": one}
             for row, i, column, j, value in law.terms:
-                k = ORDERS.get(column)
-                if k is not None and isinstance(u := law.u[j], Constant):
-                    value, x = value * u.at(0.0, k), one
-                elif k is not None and value:
-                    x = one + 1 + self._input(u, k)
-                else:
-                    x = columns.get(column, 0) + j
-                if value:
-                    entries.append((rows[row] + i, x, value))
-        y, x, self.values = np.array(entries, float).reshape(-1, 3).T
+                known = column in columns
+                x, value = (columns[column] + j, value) if known else self._input(law.u[j], ORDERS[column], value)
+                entries.append((rows[row] + i, x, value))
+        y, x, self.values = np.array([e for e in entries if e[2]], float).reshape(-1, 3).T
         self.y, self.x = y.astype(int), x.astype(int)
 
-    def _input(self, u: Signal, k: int) -> int:
-        """Number of a function of time among those that are computed."""
-        if (id(u), k) not in self._known:
+    def _input(self, u: Signal, k: int, value: float) -> tuple[int, float]:
+        """Column and value of an entry for u or u'; a constant stands at 1."""
+        one = self.nq + self.nv + self.ns
+        if isinstance(u, Constant):
+            return one, value * u.at(0.0, k)
+        if value and (id(u), k) not in self._known:
             self._known[id(u), k] = len(self.u)
             self.u.append((u, k))
-        return self._known[id(u), k]
+        return one + 1 + self._known.get((id(u), k), 0), value
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array, Array]:  # noqa: D102
         x = np.concatenate((q, v, s, [1.0, *[u.at(t, k) for u, k in self.u]] if self.u else ONE))

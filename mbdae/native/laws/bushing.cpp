@@ -8,14 +8,12 @@
 
 namespace mbdae::laws {
 
-namespace {
-
-void turn_back(const double* R, const double* x, double* out) {
+static void turn_back(const double* R, const double* x, double* out) {
   for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
 }
 
 // Generalised force of a force and a moment in axes of a, at the origin of b.
-void on_b(const Mechanics& m, const Pair& p, const double* force, const double* moment, double* tau) {
+static void on_b(const Mechanics& m, const Pair& p, const double* force, const double* moment, double* tau) {
   double w[6], arm[3];
   turn(p.Ra, force, w), turn(p.Ra, moment, w + 3);
   cross(p.pb, w, arm);
@@ -23,7 +21,7 @@ void on_b(const Mechanics& m, const Pair& p, const double* force, const double* 
   p.torque(m, w, 1, tau);
 }
 
-void rotation_vector(const double* A, const double* B, double* theta) {  // log(A^T B)
+static void rotation_vector(const double* A, const double* B, double* theta) {  // log(A^T B)
   double R[9];
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) R[3 * i + j] = A[i] * B[j] + A[3 + i] * B[3 + j] + A[6 + i] * B[6 + j];
@@ -34,9 +32,9 @@ void rotation_vector(const double* A, const double* B, double* theta) {  // log(
     for (int i = 0; i < 3; ++i) theta[i] *= angle / sine;
 }
 
-bool fits(Law& law, const Sizes&) { return law.paired && law.a.size() == 13; }
+static bool fits(Law& law, const Sizes&) { return law.paired && law.a.size() == 13; }
 
-void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const Point& p, const Forces& f) {
   double gap[3], theta[3], moved[3], force[3], moment[3];
   Pair& pair = *law.pair;
   const double *k = law.a.data(), *d = k + 6, largest = law.a[12];
@@ -58,8 +56,6 @@ void add(const Law& law, const Point& p, const Forces& f) {
   for (int i = 0; i < 3; ++i) force[i] = -d[i] * velocity[i], moment[i] = -d[3 + i] * spin[i];
   on_b(p.m, pair, force, moment, f.other);
 }
-
-}  // namespace
 
 extern const LawKind bushing{fits, add};
 

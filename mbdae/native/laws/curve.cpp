@@ -1,29 +1,22 @@
-// A spring with the restoring torque c(q - rest), c a signal, and a damper; rows: of v, columns: of q, a: rest, damping.
+// tau = -c(q - rest) - d v; signals: c, rows: of v, columns: of q, a: rest, d.
 #include "../laws.hpp"
 
 namespace mbdae::laws {
 
-namespace {
-
-bool fits(Law& law, const Sizes& n) {
-  auto within = [](const std::vector<int>& x, int size) {
-    for (int i : x)
-      if (i < 0 || i >= size) return false;
-    return true;
-  };
-  return law.a.size() == 2 && law.signals.size() == 1 && law.rows.size() == law.columns.size() &&
-         within(law.rows, n.nv) && within(law.columns, n.nq);
+static bool fits(Law& law, const Sizes& n) {
+  bool out = law.a.size() == 2 && law.signals.size() == 1 && law.rows.size() == law.columns.size();
+  for (int i : law.rows) out = out && i >= 0 && i < n.nv;
+  for (int i : law.columns) out = out && i >= 0 && i < n.nq;
+  return out;
 }
 
-void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const Point& p, const Forces& f) {
   for (size_t i = 0; i < law.rows.size(); ++i) {
     const int k = law.rows[i];
     f.conservative[k] -= law.signals[0].at(p.q[law.columns[i]] - law.a[0]);
     f.other[k] -= law.a[1] * p.v[k];
   }
 }
-
-}  // namespace
 
 extern const LawKind curve{fits, add};
 

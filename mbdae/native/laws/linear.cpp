@@ -5,17 +5,15 @@
 
 namespace mbdae::laws {
 
-namespace {
-
 // Which of several blocks of these sizes, one behind the other, an index lies in; -1 for none. It then counts there.
-int block(const std::vector<int>& sizes, int& i) {
+static int block(const std::vector<int>& sizes, int& i) {
   if (i < 0) return -1;
   for (size_t k = 0; k < sizes.size(); i -= sizes[k++])
     if (i < sizes[k]) return static_cast<int>(k);
   return -1;
 }
 
-bool fits(Law& law, const Sizes& n) {
+static bool fits(Law& law, const Sizes& n) {
   const size_t m = law.a.size();
   if (law.rows.size() != m || law.columns.size() != m || law.orders.size() != law.signals.size()) return false;
   for (int k : law.orders)
@@ -31,7 +29,7 @@ bool fits(Law& law, const Sizes& n) {
   return true;
 }
 
-void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const Point& p, const Forces& f) {
   static const double one = 1;
   for (size_t i = 0; i < law.u.size(); ++i) law.u[i] = law.signals[i].at(p.t, law.orders[i]);
   const double* in[] = {p.q, p.v, p.s, &one, law.u.data()};
@@ -39,8 +37,6 @@ void add(const Law& law, const Point& p, const Forces& f) {
   std::fill(f.ds, f.ds + law.states, 0.0);
   for (const Law::Term& x : law.terms) out[x.to][x.row] += x.value * in[x.from][x.column];
 }
-
-}  // namespace
 
 extern const LawKind linear{fits, add};
 

@@ -3,13 +3,9 @@
 
 namespace mbdae::laws {
 
-namespace {
+static bool fits(Law& law, const Sizes&) { return static_cast<bool>(law.call); }
 
-bool fits(Law& law, const Sizes&) { return static_cast<bool>(law.call); }
-
-void add(const Law& law, const Point& p, const Forces& f) { law.call(p.t, p.q, p.v, p.s, f.other, f.ds); }
-
-}  // namespace
+static void add(const Law& law, const Point& p, const Forces& f) { law.call(p.t, p.q, p.v, p.s, f.other, f.ds); }
 
 extern const LawKind python{fits, add};
 

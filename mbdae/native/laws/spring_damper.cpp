@@ -4,11 +4,9 @@
 
 namespace mbdae::laws {
 
-namespace {
+static bool fits(Law& law, const Sizes&) { return law.paired && law.a.size() == 3 && law.signals.size() == 1; }
 
-bool fits(Law& law, const Sizes&) { return law.paired && law.a.size() == 3 && law.signals.size() == 1; }
-
-void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const Point& p, const Forces& f) {
   double w[6], twist[6];
   Pair& pair = *law.pair;
   pair.locate(p.m);
@@ -24,8 +22,6 @@ void add(const Law& law, const Point& p, const Forces& f) {
   pair.torque(p.m, w, -law.a[0] * (d - law.a[2]), f.conservative);
   if (push != 0) pair.torque(p.m, w, push, f.other);
 }
-
-}  // namespace
 
 extern const LawKind spring_damper{fits, add};
 

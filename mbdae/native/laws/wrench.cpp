@@ -6,11 +6,9 @@
 
 namespace mbdae::laws {
 
-namespace {
+static bool fits(Law& law, const Sizes&) { return law.paired && law.signals.size() == 6; }
 
-bool fits(Law& law, const Sizes&) { return law.paired && law.signals.size() == 6; }
-
-void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const Point& p, const Forces& f) {
   double n[3], w[6], moment[6] = {0, 0, 0, 0, 0, 0};
   Pair& pair = *law.pair;
   pair.locate(p.m);
@@ -24,8 +22,6 @@ void add(const Law& law, const Point& p, const Forces& f) {
   pair.torque(p.m, w, 1, law.steady ? f.conservative : f.other);
   if (moment[3] != 0 || moment[4] != 0 || moment[5] != 0) pair.torque(p.m, moment, 1, f.other);
 }
-
-}  // namespace
 
 extern const LawKind wrench{fits, add};
 
