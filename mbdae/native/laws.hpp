@@ -17,7 +17,7 @@ struct Sizes {
 };
 
 // Where a law acts: the kinematics of m stand at q; s are its own states.
-struct Point {
+struct ForcePoint {
   const Mechanics& m;
   double t;
   const double *q, *v, *s;
@@ -30,7 +30,7 @@ struct Forces {
 
 struct LawKind {
   bool (*fits)(Law& law, const Sizes& n);  // whether its numbers do; it may work out more
-  void (*add)(const Law& law, const Point& p, const Forces& f);
+  void (*add)(const Law& law, const ForcePoint& p, const Forces& f);
 };
 
 // One of the kinds that the files of laws/ define, by the name of the file; nullptr for another name.

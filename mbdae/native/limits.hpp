@@ -10,8 +10,8 @@ namespace mbdae {
 struct Limits {
   // mechanism/manifold.py
   double largest_turn;         // rad, within one step
-  std::vector<double> series;         // B_2k/(2k)!, k = 1, 2, ...
-  double series_end;                  // of a sum: smaller terms end it
+  std::vector<double> series;  // B_2k/(2k)!, k = 1, 2, ...
+  double series_end;           // of a sum: smaller terms end it
   // formulations/index2.py
   double same_point;      // of 1 + |q|: points so near are one
   double smallest_pivot;  // of the largest: below, a system is singular

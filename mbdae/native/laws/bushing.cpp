@@ -32,12 +32,12 @@ static void rotation_vector(const double* A, const double* B, double* theta) {  
     for (int i = 0; i < 3; ++i) theta[i] *= angle / sine;
 }
 
-static bool fits(Law& law, const Sizes&) { return law.paired && law.a.size() == 13; }
+static bool fits(Law& law, const Sizes&) { return law.paired && law.a.size() == 12 + 1; }
 
-static void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   double gap[3], theta[3], moved[3], force[3], moment[3];
   Pair& pair = *law.pair;
-  const double *k = law.a.data(), *d = k + 6, largest = law.a[12];
+  const double *k = law.a.data(), *d = k + 6, largest = law.a.back();
   pair.locate(p.m);
   for (int i = 0; i < 3; ++i) moved[i] = pair.pb[i] - pair.pa[i];
   turn_back(pair.Ra, moved, gap);

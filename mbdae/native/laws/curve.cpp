@@ -10,7 +10,7 @@ static bool fits(Law& law, const Sizes& n) {
   return out;
 }
 
-static void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   for (size_t i = 0; i < law.rows.size(); ++i) {
     const int k = law.rows[i];
     f.conservative[k] -= law.signals[0].at(p.q[law.columns[i]] - law.a[0]);

@@ -7,7 +7,7 @@ namespace mbdae::laws {
 
 static bool fits(Law& law, const Sizes& n) { return law.a.size() == n.nv + 1u; }
 
-static void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   const int nv = p.m.nv;
   for (int i = 0; i < nv; ++i)
     if (law.a[i] != 0) f.other[i] -= law.a[i] * std::tanh(p.v[i] / law.a[nv]);

@@ -29,7 +29,7 @@ static bool fits(Law& law, const Sizes& n) {
   return true;
 }
 
-static void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   static const double one = 1;
   for (size_t i = 0; i < law.u.size(); ++i) law.u[i] = law.signals[i].at(p.t, law.orders[i]);
   const double* in[] = {p.q, p.v, p.s, &one, law.u.data()};

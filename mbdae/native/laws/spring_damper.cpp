@@ -6,7 +6,7 @@ namespace mbdae::laws {
 
 static bool fits(Law& law, const Sizes&) { return law.paired && law.a.size() == 3 && law.signals.size() == 1; }
 
-static void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   double w[6], twist[6];
   Pair& pair = *law.pair;
   pair.locate(p.m);

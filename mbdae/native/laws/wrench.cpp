@@ -8,7 +8,7 @@ namespace mbdae::laws {
 
 static bool fits(Law& law, const Sizes&) { return law.paired && law.signals.size() == 6; }
 
-static void add(const Law& law, const Point& p, const Forces& f) {
+static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   double n[3], w[6], moment[6] = {0, 0, 0, 0, 0, 0};
   Pair& pair = *law.pair;
   pair.locate(p.m);
