@@ -8,7 +8,7 @@ import pytest
 from chains import JOINTS, random_q, tree
 from driven import DRIVEN
 from mechanism.closures.test_closure_kinds import CASES, mechanism
-from mechanism.forces.test_force_runs import ON_FOUR_BAR
+from mechanism.forces.test_force_runs import IN_BOTH
 
 import mbdae
 from mbdae import Closure, Driver, Mechanism, backend
@@ -90,7 +90,7 @@ def test_driven_mechanisms(name):
     assert_near(native.y[-1], python.y[-1], 1e-10)
 
 
-@pytest.mark.parametrize("force", ON_FOUR_BAR.values(), ids=ON_FOUR_BAR.keys())
+@pytest.mark.parametrize("force", IN_BOTH.values(), ids=IN_BOTH.keys())
 def test_every_force(force):
     mech = mbdae.load("four_bar", forces=[force])
     assert_same(*both(mech, (0, 1), step=0.023))
