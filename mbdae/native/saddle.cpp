@@ -61,7 +61,7 @@ void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
 
 void SaddleSystem::symmetric() {
   assemble(point_.Z);
-  if (!lu_.factorize()) throw Trouble();
+  if (!lu_.factorize() || !(lu_.ratio() > limits_.smallest_pivot)) throw Trouble();
 }
 
 void SaddleSystem::normal(const double* by_row, double* out) {

@@ -169,6 +169,21 @@ def test_names_and_sorts_are_checked():
         sol.effort("stay")
 
 
+def test_multipliers_of_all_rows_have_the_smallest_norm():
+    """Whatever the masses are, and also where the rows in use are singular to rounding."""
+    rng = np.random.default_rng(0)
+    used, C, X = rng.normal(size=(3, 6)), rng.normal(size=(2, 3)), rng.normal(size=(6, 6))
+    U, lam, in_use = np.linalg.cholesky(X @ X.T + np.eye(6)).T, rng.normal(size=3), np.array([4, 0, 2])
+    G = np.empty((5, 6))
+    G[in_use], G[[1, 3]] = used, C @ used
+    found = rows.all_multipliers(U, G, in_use, lam)
+    np.testing.assert_allclose(found, np.linalg.pinv(G.T) @ (used.T @ lam), atol=1e-12)
+    G[2] = G[4] + G[0]
+    expected = np.linalg.pinv(G.T) @ (G[in_use].T @ lam)
+    np.testing.assert_allclose(rows.all_multipliers(U, G, in_use, lam), expected, atol=1e-12)
+    np.testing.assert_array_equal(rows.all_multipliers(U, np.zeros((2, 6)), in_use[:0], lam[:0]), 0.0)
+
+
 def test_minimum_norm_in_a_singular_configuration():
     """Of the rank before, one singular value vanishes: what it divides is no force, 0 / 0."""
     G = np.array([[1.0, 0, 0], [2.0, 0, 0], [1.0, 0, 0]])

@@ -177,6 +177,33 @@ class Reason:
         return True
 
 
+def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndarray) -> np.ndarray:
+    """The multipliers of all rows, (ng,), of smallest norm, from those of the rows in use.
+
+    The others, G_D = C G_R, C = G_D M^-1 G_R^T (G_R M^-1 G_R^T)^-1, give the null vectors (-C^T n, n) of G^T; the norm
+    is smallest where (1 + C C^T) n = C lam. Next to singular configurations `minimum_norm` finds it.
+
+    Args:
+        U: the Cholesky factor of M = U^T U, (nv, nv).
+        G: all rows, (ng, nv).
+        rows: those in use, (r,).
+        lam: their multipliers, (r,).
+    """
+    out = np.zeros(len(G))
+    if not len(rows):
+        return out
+    B = dgesv(U.T, G.T)[2]
+    used = B[:, rows]
+    lu, _, C, info = dgesv(used.T @ used, used.T @ np.delete(B, rows, axis=1))  # its transpose, (r, ng - r)
+    pivot = np.abs(lu.diagonal())
+    if info or not pivot.min() > SMALLEST_PIVOT * pivot.max():
+        return minimum_norm(G, len(rows), lam.dot(G.take(rows, 0)))
+    n = np.linalg.solve(np.eye(C.shape[1]) + C.T @ C, C.T @ lam)
+    out[rows] = lam - C @ n
+    out[np.delete(np.arange(len(G)), rows)] = n
+    return out
+
+
 def minimum_norm(G: np.ndarray, rank: int, force: np.ndarray) -> np.ndarray:
     """The multipliers of smallest norm, (ng,), with G^T lam = force (nv,) for rows of G (ng, nv) of a given rank.
 

@@ -53,7 +53,7 @@ class DescriptorChart(ImplicitStages):
         """Multipliers of all rows at the last stage's configuration."""
         s = self.system
         s.reason.probe(*s._last, self.rows)
-        return s.own(s._last[1], self.rows, z)
+        return s.own(*s._last, self.rows, z)
 
     def point(self, x: Array) -> Array:  # noqa: D102
         self.system.manifold.within(x[: self.system.nv])

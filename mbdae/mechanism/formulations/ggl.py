@@ -121,12 +121,12 @@ class GGLChart(DescriptorChart):
         y, lam = super().end(t, x, dx, z[:r])
         g, G = s.closures(None, t)
         self._watch(t, g)
-        return y, np.concatenate([lam, s.own(G, self.rows, z[r:])])
+        return y, np.concatenate([lam, s.own(s._last[0], G, self.rows, z[r:])])
 
     def own(self, z: Array) -> Array:
         """Multipliers (lam, mu) of all rows at the last stage's configuration, (2 ng,)."""
         s = self.system
-        return np.concatenate([super().own(z), s.own(s._last[1], self.rows, self.mu)])
+        return np.concatenate([super().own(z), s.own(*s._last, self.rows, self.mu)])
 
     def project(self, e: Array) -> Array:
         """Project positions and velocities in the mass metric on G x = 0, G v = 0 at the last stage's configuration."""

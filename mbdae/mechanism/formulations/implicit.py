@@ -93,7 +93,7 @@ class ImplicitStages:
         left = ImplicitStages.residual(self, t, x, dx, z)[0][nv : 2 * nv]
         used = G[self.rows]
         X = dpotrs(U, np.column_stack([used.T, left]))[0]
-        return y, s.own(G, self.rows, z - np.linalg.solve(used @ X[:, :-1], used @ X[:, -1]))
+        return y, s.own(U, G, self.rows, z - np.linalg.solve(used @ X[:, :-1], used @ X[:, -1]))
 
 
 def _turning(manifold: Manifold, x: Array, v: Array) -> tuple[Array, Array]:

@@ -199,11 +199,11 @@ class Descriptor(System):
         diagonal = rowmath.pivots(dgesv(self.inertia(t, self.split(y)[0]).T, self.jacobian().T)[2])[1]
         return float(diagonal[(self.rank or 1) - 1] / diagonal[0])
 
-    def own(self, G: Array, rows: Array, lam: Array) -> Array:
+    def own(self, U: Array, G: Array, rows: Array, lam: Array) -> Array:
         """Multipliers of all rows, (ng,), from those in use: of minimum norm when rows depend on each other."""
         if len(rows) == self.ng:
             return lam[rows.argsort()]
-        return rowmath.minimum_norm(G, len(rows), lam.dot(G.take(rows, 0)))
+        return rowmath.all_multipliers(U, G, rows, lam)
 
     def twin(self) -> "Descriptor":
         """See `mbdae.system.System`; it has the index-2 form whatever this one has."""
@@ -245,7 +245,7 @@ class Descriptor(System):
         rhs = -self.gamma(q, v, t)[rows] if self.ng else np.empty(0)
         vdot, lam = self.saddle(t, U, Gr, Gr, f, rhs)
         rates[-1] -= lam @ self.g_t(t)[rows]
-        return np.concatenate([v, vdot, rates]), self.own(G, rows, lam)
+        return np.concatenate([v, vdot, rates]), self.own(U, G, rows, lam)
 
     def saddle(self, t: float, U: Array, G: Array, Ghat: Array, f: Array, rhs: Array) -> tuple[Array, Array]:
         """Solve M v' = f + G^T lam, Ghat v' = rhs by Cholesky of M = U^T U and LU of Ghat M^-1 G^T."""
