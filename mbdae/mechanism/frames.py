@@ -1,12 +1,14 @@
 """Points and axes fixed to the links of a Pinocchio model, by name or by number."""
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ..errors import UnknownNameError
+from .expanded import Columns, columns
 from .workspace import make_data
 
 WORLD = "world"
@@ -93,12 +95,22 @@ class Pair:
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, a: Anchor, b: Anchor) -> None:
-        self.a, self.b = a, b
+        self.model, self.a, self.b = model, a, b
         self._Ra, self._Rb = data.oMi[a.joint].rotation, data.oMi[b.joint].rotation  # live views
         self._pa, self._pb = data.oMi[a.joint].translation, data.oMi[b.joint].translation
         self._data, self._J = data, data.J.reshape(6, -1)  # with nv = 1 it comes as a vector
         of_a, of_b = support(model, a.joint), support(model, b.joint)
         self.sign, self.columns = of_b - of_a, (of_a + of_b) > 0
+
+    @cached_property
+    def columns(self) -> Columns:
+        """The columns of J that move one of the anchors alone."""
+        return columns(self.model, self.a.joint, self.b.joint)
+
+    @property
+    def jacobian(self) -> np.ndarray:
+        """The columns of J that move one of the anchors alone, (6, c)."""
+        return self._J[:, self.columns.index]
 
     def locate(self) -> None:
         """Read rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""
@@ -150,8 +162,21 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return x[:3] - x[3:]
 
 
+def motion_cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The products a x b of motions column by column, (6, m)."""
+    return np.concatenate([cross(a[3:], b[:3]) + cross(a[:3], b[3:]), cross(a[3:], b[3:])])
+
+
+def wrench_matrix(wrench: np.ndarray) -> np.ndarray:
+    """The matrix of the product d x* wrench with motions d, (6, 6)."""
+    out = np.zeros((6, 6))
+    out[:3, 3:] = out[3:, :3] = -skew(wrench[:3])
+    out[3:, 3:] = -skew(wrench[3:])
+    return out
+
+
 def unit_gap(pair: Pair) -> tuple[float, np.ndarray]:
     """Distance of both origins in m and the unit vector (3,) from a to b; the x axis where they coincide."""
     gap = pair.pb - pair.pa
-    distance = float(np.sqrt(gap @ gap))
-    return (distance, gap / distance) if distance > 0 else (np.finfo(float).tiny, np.array([1.0, 0.0, 0.0]))
+    distance = np.sqrt(gap @ gap)
+    return (distance, gap / distance) if distance.real > 0 else (np.finfo(float).tiny, np.array([1.0, 0.0, 0.0]))

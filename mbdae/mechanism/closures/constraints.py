@@ -16,6 +16,7 @@ from ...errors import InputError, StepError
 from ...system import Array
 from ..frames import Anchor, Pair, anchor, find_joint, support
 from ..joints import subspace
+from ..pair_slopes import PairSlopes
 from .closure import Closure
 from .driver import Driver
 from .rows import Coordinate, FrameRows
@@ -70,14 +71,18 @@ class JointPart:
         x, *other = (_coordinate(j.joint_q) for j in self._live)
         if not other:
             return x - sum(self.polynomial), [1.0]
-        p, slope, _ = _horner(self.polynomial, other[0])
+        p, slope, *_ = _horner(self.polynomial, other[0])
         return x - p, [1.0, -slope]
 
     def bias(self, v: Array) -> float:
         """Return Gdot v = -p'' x_j'^2."""
+        return -self.curvature()[0] * float(v[self.columns[-1]]) ** 2
+
+    def curvature(self) -> tuple[float, float]:
+        """Return the second and the third derivative of p at x_j; zero without joint j."""
         if len(self._live) == 1:
-            return 0.0
-        return -_horner(self.polynomial, _coordinate(self._live[1].joint_q))[2] * float(v[self.columns[1]]) ** 2
+            return 0.0, 0.0
+        return _horner(self.polynomial, _coordinate(self._live[1].joint_q))[2:]
 
 
 class Constraints:
@@ -177,6 +182,36 @@ class Constraints:
             out[part.at] = part.bias(v)
         return out
 
+    def slopes(self, v: Array, lam: Array) -> tuple[Array, Array]:
+        """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), where `jacobian` stands."""
+        K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
+        for pair, rows in self.frame_parts.values():
+            here, F, turning = PairSlopes(pair, v), np.zeros(6), np.zeros((2, 6, 6))
+            index = pair.columns.index
+            for s, r, w in rows:
+                Da, Db = r.slopes(pair)
+                B[s, index] = here.power(w, Da, Db)
+                F += w.dot(lam[s])
+                turning += np.tensordot(lam[s], (Da, Db), (0, 1))
+            K[np.ix_(index, index)] += here.torque(F, *turning)
+        for part in self.joint_parts:
+            j, curve = part.columns[-1], part.curvature()[0]
+            K[j, j] -= lam[part.at] * curve
+            B[part.at, j] = -curve * v[j]
+        return K, B
+
+    def bias_slopes(self, v: Array) -> tuple[Array, Array]:
+        """Return the slopes of Gdot v with respect to q and v, (ng, nv) each, where `jacobian` stands."""
+        by_q, by_v = np.zeros((2, self.ng, len(v)))
+        for pair, rows in self.frame_parts.values():
+            here, index = PairSlopes(pair, v), pair.columns.index
+            for s, r, w in rows:
+                by_q[s, index], by_v[s, index] = here.bias(r.rate, w, *r.slopes(pair))
+        for part in self.joint_parts:
+            j, (second, third) = part.columns[-1], part.curvature()
+            by_q[part.at, j], by_v[part.at, j] = -third * v[j] ** 2, -2 * second * v[j]
+        return by_q, by_v
+
     def motion(self, t: float | None) -> Array:
         """Return u, u' and u'' over all rows, (3, ng): zero for closures; nan for drivers without t.
 
@@ -214,12 +249,12 @@ def _coordinate(q: Array) -> float:
     return float(q[0]) if len(q) == 1 else float(np.arctan2(q[1], q[0]))
 
 
-def _horner(coefficients: Sequence[float], x: float) -> tuple[float, float, float]:
-    """A polynomial and its first two derivatives at x."""
-    p = slope = curve = 0.0
+def _horner(coefficients: Sequence[float], x: float) -> tuple[float, float, float, float]:
+    """A polynomial and its first three derivatives at x."""
+    p = slope = curve = third = 0.0
     for c in reversed(coefficients):
-        p, slope, curve = p * x + c, slope * x + p, curve * x + 2 * slope
-    return p, slope, curve
+        p, slope, curve, third = p * x + c, slope * x + p, curve * x + 2 * slope, third * x + 3 * curve
+    return p, slope, curve, third
 
 
 def _period(unbounded: list[bool], coefficients: Sequence[float], name: str) -> float:

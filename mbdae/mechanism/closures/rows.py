@@ -17,6 +17,8 @@ import numpy as np
 
 from ..frames import Pair, cross, skew, unit_gap
 
+_SKEW = np.array([skew(e).ravel() for e in np.eye(3)])
+
 
 class FrameRows:
     """m scalar rows between the anchors of a `Pair` that was located.
@@ -43,6 +45,13 @@ class FrameRows:
 
     def rate(self, pair: Pair) -> np.ndarray:
         """Return dw/dt (6, m) for the velocities of the pair."""
+        raise NotImplementedError
+
+    def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
+        """Return Da and Db, (m, 6, 6) each: dw = Da d_a + Db d_b for motions d (6,) of both anchors.
+
+        Where both anchors move together, so do the wrenches: (Da + Db) d = d x* w.
+        """
         raise NotImplementedError
 
     def value(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:
@@ -72,8 +81,14 @@ class DotProduct1(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         a, b = pair.Ra @ self.a, pair.Rb @ self.b
-        da, db = skew(pair.Va[3:]) @ a, skew(pair.Vb[3:]) @ b
-        return np.vstack([np.zeros_like(a), cross(db, a) + cross(b, da)])
+        da, db = _turned(pair.Va, a), _turned(pair.Vb, b)
+        return np.concatenate([np.zeros_like(da), cross(db, a) + cross(b, da)])
+
+    def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
+        a, b = skews(pair.Ra.dot(self.a)), skews(pair.Rb.dot(self.b))
+        Da, Db = np.zeros((2, self.m, 6, 6))
+        Da[:, 3:, 3:], Db[:, 3:, 3:] = -b @ a, a @ b
+        return Da, Db
 
 
 class DotProduct2(FrameRows):
@@ -96,9 +111,16 @@ class DotProduct2(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         n = pair.Ra @ self.axes
-        dn = skew(pair.Va[3:]) @ n
-        dp = pair.Vb[:3] + skew(pair.Vb[3:]) @ pair.pb
-        return np.vstack([dn, skew(dp) @ n + skew(pair.pb) @ dn])
+        dn = _turned(pair.Va, n)
+        dp = _moved(pair.Vb, pair.pb)
+        return np.concatenate([dn, cross(dp, n) + cross(pair.pb[:, None], dn)])
+
+    def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
+        n = pair.Ra.dot(self.axes)
+        Da = np.zeros((self.m, 6, 6))
+        Da[:, :3, 3:] = turn = -skews(n)
+        Da[:, 3:, 3:] = skew(pair.pb) @ turn
+        return Da, carried(pair.pb, n)
 
 
 class Distance(FrameRows):
@@ -121,10 +143,40 @@ class Distance(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         distance, n = unit_gap(pair)
-        dpa = pair.Va[:3] + skew(pair.Va[3:]) @ pair.pa
-        dpb = pair.Vb[:3] + skew(pair.Vb[3:]) @ pair.pb
-        dn = (dpb - dpa - n * (n @ (dpb - dpa))) / distance
-        return np.concatenate([dn, skew(dpb) @ n + skew(pair.pb) @ dn])[:, None]
+        dpb = _moved(pair.Vb, pair.pb)
+        dd, n = dpb - _moved(pair.Va, pair.pa), n[:, None]
+        dn = (dd - n * (n * dd).sum()) / distance
+        return np.concatenate([dn, cross(dpb, n) + cross(pair.pb[:, None], dn)])
+
+    def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
+        distance, n = unit_gap(pair)
+        N = (np.eye(3) - np.outer(n, n)) / distance
+        at = np.concatenate([np.eye(3), skew(pair.pb)])
+        Da, Db = (at @ np.hstack([N, -N @ skew(p)]) for p in (pair.pa, pair.pb))
+        return -Da[None], Db + carried(pair.pb, n[:, None])
+
+
+def carried(p: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Slopes (m, 6, 6) of the wrenches (n, p x n) of constant forces n (3, m) when their point p (3,) moves."""
+    out = np.zeros((n.shape[1], 6, 6))
+    out[:, 3:, :3] = turn = -skews(n)
+    out[:, 3:, 3:] = -turn @ skew(p)
+    return out
+
+
+def skews(n: np.ndarray) -> np.ndarray:
+    """The matrices of n x . for the columns of n (3, m), (m, 3, 3)."""
+    return n.T.dot(_SKEW).reshape(-1, 3, 3)
+
+
+def _turned(V: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Rates omega x n of axes n (3, m) that turn with the motion V (6,)."""
+    return cross(V[3:, None], n)
+
+
+def _moved(V: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Velocity (3, 1) of a point p (3,) that moves with the motion V (6,)."""
+    return V[:3, None] + cross(V[3:, None], p[:, None])
 
 
 class Coordinate(NamedTuple):

@@ -1,0 +1,89 @@
+"""The expanded tree: joints whose axes move within the joint become chains of parts whose axes stand still.
+
+Pinocchio's derivatives, and dJ_k/dq_m = J_m x J_k, hold where the axes of a joint stand still in the joint's frame.
+They do not for universal, Euler-angle (ZYX) and composite joints. In the expanded tree such a joint is a chain of its
+parts with massless links between: q, v, M, the poses of bodies and the columns of J are the same numbers in the same
+order, only the joints have other numbers.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import InputError
+
+Array = np.ndarray
+Part = tuple[pin.JointModel, pin.SE3]
+
+
+def parts(joint: pin.JointModel) -> list[Part]:
+    """The joints with steady axes that a joint is a chain of, each with its placement behind the one before.
+
+    Raises:
+        InputError: for a joint that is no such chain (ellipsoid).
+    """
+    kind, here = joint.shortname(), pin.SE3.Identity()
+    if kind == "JointModelEllipsoid":
+        raise InputError("the derivatives of ellipsoid joints are not known, and implicit methods need them")
+    if kind == "JointModelUniversal":
+        both = joint.extract()
+        return [(pin.JointModelRevoluteUnaligned(np.array(axis)), here) for axis in (both.axis1, both.axis2)]
+    if kind == "JointModelSphericalZYX":
+        return [(one(), here) for one in (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)]
+    if kind != "JointModelComposite":
+        return [(joint, here)]
+    out: list[Part] = []
+    composite = joint.extract()
+    for one, place in zip(composite.joints, composite.jointPlacements, strict=True):
+        (first, inner), *rest = parts(one)
+        out += [(first, place * inner), *rest]
+    return out
+
+
+def expand(model: pin.Model) -> pin.Model:
+    """The expanded tree of a model; the model itself where there is nothing to expand."""
+    joints = list(model.joints)[1:]
+    chains = [parts(joint) for joint in joints]
+    if all(chain[0][0] is joint for chain, joint in zip(chains, joints, strict=True)):
+        return model
+    out, last = pin.Model(), [0]
+    out.gravity = model.gravity
+    for j, chain in enumerate(chains, 1):
+        end, place = last[model.parents[j]], model.jointPlacements[j]
+        for i, (part, behind) in enumerate(chain):
+            end, place = out.addJoint(end, part, place * behind, f"{model.names[j]} {i}"), pin.SE3.Identity()
+        out.inertias[end] = model.inertias[j]
+        last.append(end)
+    out.armature = model.armature
+    return out
+
+
+class Columns(NamedTuple):
+    """The columns of J that move one of two frames alone.
+
+    Attributes:
+        index: their numbers, (c,).
+        sign: +1 where they move b, -1 where they move a, (c,).
+        before: 1 where m <= k, else 0, (c, c) with rows m.
+    """
+
+    index: Array
+    sign: Array
+    before: Array
+
+
+def columns(model: pin.Model, a: int, b: int) -> Columns:
+    """The columns that move one of two joints' bodies alone."""
+    found: list[tuple[int, float, int]] = []
+    above_a, above_b = (set(model.supports[j]) for j in (a, b))
+    number = 0
+    for sign, joints in ((-1.0, above_a - above_b), (1.0, above_b - above_a)):
+        for j in sorted(joints):
+            at = model.idx_vs[j]
+            for part, _ in parts(model.joints[j]):
+                found += [(at + i, sign, number) for i in range(part.nv)]
+                at, number = at + part.nv, number + 1
+    index, signs, numbers = np.array(found).reshape(-1, 3).T
+    same = signs[:, None] == signs
+    return Columns(index.astype(int), signs, np.where(same & (numbers[:, None] <= numbers), 1.0, 0.0))

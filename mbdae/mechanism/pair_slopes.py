@@ -1,0 +1,101 @@
+"""How wrenches between two frames, and their power, change with configuration and velocity.
+
+Columns J_m of the joints that move one of the frames alone are all that counts: joints that move both turn a wrench
+and everything it acts on together. m <= k says that the joint of m, in the expanded tree, is that of k or before it on
+the way to the root; V_<m is the velocity of what is before m, V_j that of the frame that m moves, W = V_j - V_<m. With
+the products a x b of motions and a x* F of a motion and a wrench, taken at the world's origin,
+
+    dJ_k/dq_m = J_m x J_k  if m <= k, else 0             dJ_k/dt = V_k x J_k
+    dV_j/dq_m = J_m x W                                  dV_j/dv_m = J_m
+    dA_j/dq_m = J_m x (A_j - A_<m - V_<m x W) + V_<m x (J_m x W)       dA_j/dv_m = J_m x W + V_m x J_m  (A for v' = 0)
+
+Velocities and accelerations are those against the body that carries both branches.
+"""
+
+from collections.abc import Callable
+from copy import copy
+
+import numpy as np
+
+from .frames import Pair, motion_cross, skew, wrench_matrix
+
+Array = np.ndarray
+Rate = Callable[[Pair], Array]
+TINY = 1e-30  # a complex step
+
+
+class PairSlopes:
+    """What the columns do at a point.
+
+    Args:
+        pair: a `Pair`, located.
+        v: velocities, (nv,).
+    """
+
+    def __init__(self, pair: Pair, v: Array) -> None:
+        self.pair, (index, self.sign, self.before) = pair, pair.columns
+        self.J = pair.jacobian
+        self.Jv = self.J * v[index]
+        self.to_b = self.sign > 0
+        self.W = self.Jv.dot(self.before.T)
+        self.dV = motion_cross(self.J, self.W)  # of V_b or V_a
+        self.V = self.Jv.dot(self.sign)  # V_b - V_a
+
+    def moved(self, Da: Array, Db: Array) -> Array:
+        """Return Db J_m where m moves b, Da J_m where it moves a: matrices (.., 6) give (.., c)."""
+        return np.where(self.to_b, Db.dot(self.J), Da.dot(self.J))
+
+    def torque(self, F: Array, Da: Array, Db: Array, C: Array | None = None) -> Array:
+        """Slopes (c, c) of sign J^T F with respect to q.
+
+        Args:
+            F: a wrench on b, (6,); -F acts on a.
+            Da: dF = Da d_a + Db d_b + C d(V_b - V_a) for motions d of the frames, (6, 6).
+            Db: (6, 6).
+            C: (6, 6); zero when left out.
+        """
+        dF = self.moved(Da, Db)
+        if C is not None:
+            dF += C.dot(self.sign * self.dV)
+        turned = self.J.T.dot(wrench_matrix(F)).dot(self.J)
+        return self.sign[:, None] * (self.J.T.dot(dF) - self.before.T * turned)
+
+    def damping(self, C: Array) -> Array:
+        """Slopes (c, c) of sign J^T F with respect to v, for dF = C d(V_b - V_a)."""
+        return self.sign[:, None] * self.J.T.dot(C).dot(self.J) * self.sign
+
+    def power(self, w: Array, Da: Array, Db: Array) -> Array:
+        """Slopes (m, c) of w . (V_b - V_a) with respect to q, for wrenches w (6, m) with slopes Da, Db (m, 6, 6)."""
+        return self.moved(self.V.dot(Da), self.V.dot(Db)) + w.T.dot(self.sign * self.dV)
+
+    def bias(self, rate: Rate, w: Array, Da: Array, Db: Array) -> tuple[Array, Array]:
+        """Slopes (m, c) of w' . (V_b - V_a) + w . (A_b - A_a) with respect to q and v; w' = rate(pair)."""
+        J, sign, b = self.J, self.sign, self.to_b
+        strict = self.before * (1 - self.before.T)
+        V, V_before = self.Jv.dot(self.before), self.Jv.dot(strict)
+        A = motion_cross(V, self.Jv)
+        A_before, ends = A.dot(strict), np.array([self.Jv.dot(1.0 - b), self.Jv.dot(1.0 * b)])
+        A_end = np.where(b, A.dot(1.0 * b)[:, None], A.dot(1.0 - b)[:, None])
+        along = motion_cross(J, self.W)
+        dA_q = motion_cross(J, A_end - A_before - motion_cross(V_before, self.W)) + motion_cross(V_before, along)
+        dA_v = along + motion_cross(V, J)
+        at = copy(self.pair)
+        at.Va, at.Vb = ends
+        dw, A_rel = rate(at), A.dot(sign)
+        turned = self.moved(A_rel.dot(Da), A_rel.dot(Db)) + dw.T.dot(sign * self.dV) + w.T.dot(sign * dA_q)
+        for m, (d, dV) in enumerate(zip(J.T, self.dV.T, strict=True)):
+            turned[:, m] += self.V.dot(_rate_slope(rate, at, d, dV, to_b=bool(b[m])))
+        by_v = self.moved(self.V.dot(Da), self.V.dot(Db)) + dw.T.dot(sign * J) + w.T.dot(sign * dA_v)
+        return turned, by_v
+
+
+def _rate_slope(rate: Rate, at: Pair, d: Array, dV: Array, *, to_b: bool) -> Array:
+    """Slope of dw/dt (6, m) when one frame moves by d (6,) and its velocity changes by dV (6,): a complex step."""
+    moved, step = copy(at), 1j * TINY
+    if to_b:
+        moved.Rb, moved.pb = at.Rb + step * skew(d[3:]).dot(at.Rb), at.pb + step * (d[:3] + skew(d[3:]).dot(at.pb))
+        moved.Vb = at.Vb + step * dV
+    else:
+        moved.Ra, moved.pa = at.Ra + step * skew(d[3:]).dot(at.Ra), at.pa + step * (d[:3] + skew(d[3:]).dot(at.pa))
+        moved.Va = at.Va + step * dV
+    return rate(moved).imag / TINY
