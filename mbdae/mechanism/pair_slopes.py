@@ -17,11 +17,12 @@ from copy import copy
 
 import numpy as np
 
-from .frames import Pair, motion_cross, skew, wrench_matrix
+from .frames import Pair, motion_cross, skew, unit_gap, wrench_matrix
 
 Array = np.ndarray
 Rate = Callable[[Pair], Array]
 TINY = 1e-30  # a complex step
+_SKEW = np.array([skew(e).ravel() for e in np.eye(3)])
 
 
 class PairSlopes:
@@ -99,3 +100,25 @@ def _rate_slope(rate: Rate, at: Pair, d: Array, dV: Array, *, to_b: bool) -> Arr
         moved.Ra, moved.pa = at.Ra + step * skew(d[3:]).dot(at.Ra), at.pa + step * (d[:3] + skew(d[3:]).dot(at.pa))
         moved.Va = at.Va + step * dV
     return rate(moved).imag / TINY
+
+
+def line_slopes(pair: Pair) -> tuple[Array, Array, Array]:
+    """Return w = (n, p_b x n) (6,) with the unit vector n from a to b, and Da, Db (6, 6): dw = Da d_a + Db d_b."""
+    distance, n = unit_gap(pair)
+    N, P = (np.eye(3) - np.outer(n, n)) / distance, skew(pair.pb)
+    at = np.concatenate([np.eye(3), P])
+    Da, Db = (at.dot(np.hstack([N, -N.dot(p)])) for p in (skew(pair.pa), P))
+    return at.dot(n), -Da, Db + carried(pair.pb, n[:, None])[0]
+
+
+def carried(p: Array, n: Array) -> Array:
+    """Slopes (m, 6, 6) of the wrenches (n, p x n) of constant forces n (3, m) when their point p (3,) moves."""
+    out = np.zeros((n.shape[1], 6, 6))
+    out[:, 3:, :3] = turn = -skews(n)
+    out[:, 3:, 3:] = -turn.dot(skew(p))
+    return out
+
+
+def skews(n: Array) -> Array:
+    """The matrices of n x . for the columns of n (3, m), (m, 3, 3)."""
+    return n.T.dot(_SKEW).reshape(-1, 3, 3)

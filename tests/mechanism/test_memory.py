@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 from chains import JOINTS, random_q, tree
 
-from mbdae.mechanism.formulations import derivatives as slopes
 from mbdae.mechanism.workspace import make_data
 
 resource = pytest.importorskip("resource")  # Unix
@@ -72,13 +71,3 @@ def test_workspace_serves_the_algorithms(kinds):
         found.append([*one, *(place.homogeneous for place in data.oMi)])
     for ours, theirs in zip(*found, strict=True):
         np.testing.assert_array_equal(ours, theirs)
-
-
-def test_slopes_of_large_models_are_those_of_small_ones(monkeypatch):
-    kinds = ["revolute", "spherical", "prismatic", "free", "planar", "translation"]
-    model, rng = tree(kinds, PARENTS[: len(kinds)]), np.random.default_rng(3)
-    point = random_q(model, rng), *rng.uniform(-1, 1, (2, model.nv))
-    exact = slopes.inertial_slopes(model, make_data(model), *point)
-    monkeypatch.setattr(slopes, "LARGEST", 0)
-    for ours, theirs in zip(slopes.inertial_slopes(model, make_data(model), *point), exact, strict=True):
-        np.testing.assert_allclose(ours, theirs, atol=1e-5 * np.abs(theirs).max())

@@ -16,8 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ..frames import Pair, cross, skew, unit_gap
-
-_SKEW = np.array([skew(e).ravel() for e in np.eye(3)])
+from ..pair_slopes import carried, line_slopes, skews
 
 
 class FrameRows:
@@ -149,24 +148,8 @@ class Distance(FrameRows):
         return np.concatenate([dn, cross(dpb, n) + cross(pair.pb[:, None], dn)])
 
     def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
-        distance, n = unit_gap(pair)
-        N = (np.eye(3) - np.outer(n, n)) / distance
-        at = np.concatenate([np.eye(3), skew(pair.pb)])
-        Da, Db = (at @ np.hstack([N, -N @ skew(p)]) for p in (pair.pa, pair.pb))
-        return -Da[None], Db + carried(pair.pb, n[:, None])
-
-
-def carried(p: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Slopes (m, 6, 6) of the wrenches (n, p x n) of constant forces n (3, m) when their point p (3,) moves."""
-    out = np.zeros((n.shape[1], 6, 6))
-    out[:, 3:, :3] = turn = -skews(n)
-    out[:, 3:, 3:] = -turn @ skew(p)
-    return out
-
-
-def skews(n: np.ndarray) -> np.ndarray:
-    """The matrices of n x . for the columns of n (3, m), (m, 3, 3)."""
-    return n.T.dot(_SKEW).reshape(-1, 3, 3)
+        _, Da, Db = line_slopes(pair)
+        return Da[None], Db[None]
 
 
 def _turned(V: np.ndarray, n: np.ndarray) -> np.ndarray:

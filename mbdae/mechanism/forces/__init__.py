@@ -47,7 +47,7 @@ def bind_forces(forces: Sequence[Any], model: pin.Model, data: pin.Data) -> Laws
     Raises:
         UnknownNameError, InputError: for frames and joints that do not exist or do not fit.
     """
-    laws = [TorqueLaw(f) if callable(f) else f.bind(model, data) for f in forces]
+    laws = [TorqueLaw(f, model) if callable(f) else f.bind(model, data) for f in forces]
     damping, seen = np.array(model.damping), set[str]()
     for f in forces:
         if isinstance(f, JointDamping):

@@ -4,11 +4,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
 from ..callbacks import called, checked, function_name
 from .force import Array, Law, PythonForce, start_values
+from .quotients import law_slopes
 
 StateFunction = Callable[[float, Array, Array, Array], Array]
 
@@ -26,6 +28,8 @@ class Actuator(PythonForce):
         rate: rates of the states, (ns,).
         start: names of the states and their start values.
         name: of the torque function when left out.
+        slopes: (t, q, v, s) -> derivatives of (tau, s') with respect to (q in the tangent, v, s),
+            (nv + ns, 2 nv + ns), for implicit methods; central differences when left out.
 
     Raises:
         InputError: for states that are not names and finite numbers.
@@ -38,6 +42,7 @@ class Actuator(PythonForce):
     rate: StateFunction
     start: Mapping[str, float]
     name: str = field(default="")
+    slopes: StateFunction | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -48,20 +53,26 @@ class Actuator(PythonForce):
 
     def bind(self, model: pin.Model, data: pin.Data) -> "ActuatorLaw":
         """Return the law in a workspace."""
-        return ActuatorLaw(self)
+        return ActuatorLaw(self, model)
 
 
 class ActuatorLaw(Law):
     """The law of `Actuator`."""
 
-    def __init__(self, spec: Actuator) -> None:
+    def __init__(self, spec: Actuator, model: pin.Model) -> None:
         super().__init__(spec.name, states=spec.start)
-        self.spec = spec
+        self.spec, self.model = spec, model
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[float, Array, Array]:  # noqa: D102
         what = [f"{part} of actuator {self.name!r}" for part in ("torque", "rate")]
         tau = checked(called(what[0], self.spec.torque, t, q, v, s), v.shape, t, what[0])
         return 0.0, tau, checked(called(what[1], self.spec.rate, t, q, v, s), s.shape, t, what[1])
+
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        def law(q: Array, v: Array, s: Array) -> Array:
+            return np.concatenate(self.evaluate(t, q, v, s)[1:])
+
+        return law_slopes(law, self.spec.slopes, f"actuator {self.name!r}", self.model, t, q, v, s)
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}

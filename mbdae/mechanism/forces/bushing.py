@@ -7,9 +7,10 @@ import pinocchio as pin
 from pydantic import model_validator
 
 from ...errors import StepError
-from ..frames import Pair, anchor, skew
+from ..frames import Pair, anchor, motion_cross, skew, wrench_matrix
 from ..manifold import inverse_jacobian
-from .force import Array, Force, Law, Part
+from ..pair_slopes import TINY, carried, skews
+from .force import Array, Force, Law, PairLaw, Part, Turning
 
 LARGEST_TURN = 3.0  # rad: a rotation vector is smooth below pi
 
@@ -50,7 +51,7 @@ class Bushing(Force):
         return BushingLaw(self, Pair(model, data, anchor(model, a), anchor(model, b)))
 
 
-class BushingLaw(Law):
+class BushingLaw(PairLaw):
     """The law of `Bushing`.
 
     With theta' = J_l(theta)^-1 omega, omega the relative angular velocity in axes of the first frame, the potential
@@ -79,6 +80,28 @@ class BushingLaw(Law):
         twist = self.pair.relative(v)
         velocity = (twist[:3] + skew(twist[3:]) @ self.pair.pb) @ self.pair.Ra
         return spring, self._on_b(-self.d * velocity, -self.dr * (twist[3:] @ self.pair.Ra))
+
+    def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:
+        """See `PairLaw`; a motion d of both frames with all velocities turns a wrench to d x* F, which gives Da."""
+        gap, theta = self.deflection()
+        Ra, pb, w = self.pair.Ra, self.pair.pb, V[3:]
+        point = np.hstack([np.eye(3), -skew(pb)])  # velocity of the point p_b
+        J_left = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T
+        tilted = theta + 1j * TINY * np.eye(3)
+        by_theta = [inverse_jacobian(X, self.kr * x).imag / TINY for X, x in zip(skews(tilted.T), tilted, strict=True)]
+        n, m = Ra @ (-self.k * gap), Ra @ -inverse_jacobian(skew(theta), self.kr * theta)
+        Db = carried(pb, n[:, None])[0] - point.T @ (Ra * self.k) @ Ra.T @ point
+        Db[3:, 3:] -= Ra @ np.array(by_theta).T @ J_left @ Ra.T
+        damper = (Ra * self.d) @ Ra.T
+        u = -damper @ point @ V
+        C = -point.T @ damper @ point
+        C[3:, 3:] -= (Ra * self.dr) @ Ra.T
+        Db_damper = carried(pb, u[:, None])[0] - point.T @ damper @ skew(w) @ point
+        spring = np.concatenate([n, m + skew(pb) @ n])
+        damping = np.concatenate([u, skew(pb) @ u - (Ra * self.dr) @ Ra.T @ w])
+        Da = wrench_matrix(damping) - Db_damper + C @ motion_cross(V[:, None], np.eye(6))
+        none = np.zeros((6, 6))
+        return Turning(spring, wrench_matrix(spring) - Db, Db, none), Turning(damping, Da, Db_damper, C)
 
     def deflection(self) -> tuple[Array, Array]:
         """Return p and theta, (3,) each, in axes of the first frame."""

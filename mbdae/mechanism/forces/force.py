@@ -6,14 +6,15 @@ integrated along the motion. A law may have states s of its own, s' = h(t, q, v,
 
 from collections.abc import Mapping, Sequence
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError, NotCompiled
 from ...system import Array
-from ..frames import find_joint, find_joints
+from ..frames import Pair, find_joint, find_joints
+from ..pair_slopes import PairSlopes
 from ..signals import Constant, Signal
 from ..tables import Table
 
@@ -42,12 +43,13 @@ class Law:
         """Return the conservative and the other part of tau of a law without states, (nv,) each, or 0."""
         raise NotImplementedError
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array | None:
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return the exact derivatives of (tau, s', power of the other part), (nv + ns + 1, 2 nv + ns).
 
-        They are those with respect to (q, v, s), q in the tangent; None where only difference quotients are known.
+        They are those with respect to (q, v, s), q in the tangent. Python functions of the user are differentiated by
+        central differences, where they do not bring slopes of their own.
         """
-        return None
+        raise NotImplementedError
 
     def potential(self, q: Array) -> float:
         """Potential energy in J."""
@@ -68,6 +70,39 @@ class Law:
             NotCompiled: if the core does not have it.
         """
         raise NotCompiled(f"force {self.name!r} of kind {type(self).__name__}")
+
+
+class Turning(NamedTuple):
+    """A wrench F (6,) on frame b and -F on a, and how it changes: dF = Da d_a + Db d_b + C d(V_b - V_a), (6, 6) each.
+
+    Motions d of the frames are taken with V held.
+    """
+
+    F: Array
+    Da: Array
+    Db: Array
+    C: Array
+
+
+class PairLaw(Law):
+    """A law without states between the frames of a `Pair`."""
+
+    pair: Pair
+
+    def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:
+        """Return the wrenches of the conservative and the other part; the pair is located, V = V_b - V_a (6,)."""
+        raise NotImplementedError
+
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        self.pair.locate()
+        here, nv = PairSlopes(self.pair, v), len(v)
+        index, out = self.pair.columns.index, np.zeros((nv + 1, 2 * nv))
+        conservative, other = self.turning(t, here.V)
+        K, D = here.torque(*other), here.damping(other.C)
+        out[-1, index], out[-1, nv + index] = v[index].dot(K), v[index].dot(D) + here.sign * other.F.dot(here.J)
+        out[np.ix_(index, index)] = K + here.torque(*conservative)
+        out[np.ix_(index, nv + index)] = D + here.damping(conservative.C)
+        return out
 
 
 class Force(Table):

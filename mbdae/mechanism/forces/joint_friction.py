@@ -50,5 +50,11 @@ class FrictionLaw(Law):
     def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
         return 0.0, -self.d * np.tanh(v / self.v0)
 
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        nv, (_, tau) = len(v), self.torque(t, q, v)
+        out, steep = np.zeros((nv + 1, 2 * nv)), self.d / self.v0 * (np.tanh(v / self.v0) ** 2 - 1)
+        out[:nv, nv:], out[-1, nv:] = np.diag(steep), steep * v + tau
+        return out
+
     def plain(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "friction", "a": [*self.d.tolist(), self.v0]}

@@ -70,7 +70,7 @@ class CurveLaw(Law):
     def __init__(self, spec: JointSpring, at: list[tuple[int, int]]) -> None:
         super().__init__(spec.name)
         self.c, self.rest, self.damping = spec.curve, spec.rest, spec.damping
-        self.integral = self.c.antiderivative()
+        self.integral, self.steepness = self.c.antiderivative(), self.c.derivative()
         self.iq, self.iv = map(list, zip(*at, strict=True))
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:  # noqa: D102
@@ -81,6 +81,13 @@ class CurveLaw(Law):
         damper = np.zeros_like(v)
         damper[self.iv] = -self.damping * v[self.iv]
         return spring, damper
+
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        nv, iv = len(v), np.array(self.iv)
+        out = np.zeros((nv + 1, 2 * nv))
+        out[iv, iv], out[iv, nv + iv] = -self.steepness(q[self.iq] - self.rest), -self.damping
+        out[-1, nv + iv] = -2 * self.damping * v[iv]
+        return out
 
     def potential(self, q: Array) -> float:
         """Return the integral of c from 0 to the deflection, over all coordinates, in J."""

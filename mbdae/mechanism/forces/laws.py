@@ -46,40 +46,32 @@ class Laws:
             raise InputError(f"actuators and controllers need names of their own, got {', '.join(names)}")
         return {f"{law.name}.{key}": value for law in laws for key, value in law.states.items()}
 
-    def torque(
-        self, t: float, q: Array, v: Array, s: Array, laws: Sequence[Bound] | None = None
-    ) -> tuple[Array, Array]:
-        """Return tau (nv,), and s' and the power of what has no potential, (ns + 1,), of all laws or of some."""
-        conservative, other, rates = self.parts(t, q, v, s, laws)
+    def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+        """Return tau (nv,), and s' and the power of what has no potential, (ns + 1,)."""
+        conservative, other, rates = self.parts(t, q, v, s)
         rates[-1] = other.dot(v)
         return conservative + other, rates
 
-    def parts(
-        self, t: float, q: Array, v: Array, s: Array, laws: Sequence[Bound] | None = None
-    ) -> tuple[Part, Array, Array]:
+    def parts(self, t: float, q: Array, v: Array, s: Array) -> tuple[Part, Array, Array]:
         """Return the conservative and the other part of tau, (nv,) each, and s' with a zero behind, (ns + 1,)."""
         conservative: Part = 0.0
         other, rates = np.zeros(self.nv), np.zeros(self.ns + 1)
-        for law, at in self.acting if laws is None else laws:
+        for law, at in self.acting:
             c, o, ds = law.evaluate(t, q, v, s[at])
             conservative, other = conservative + c, other + o
             if at.start < at.stop:
                 rates[at] += ds
         return conservative, other, rates
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, list[Bound]]:
-        """Return the sum of the exact slopes, see `Law.slopes`, and the laws that have none."""
-        nv, rough = self.nv, []
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:
+        """Return the sum of the exact slopes, (nv + ns + 1, 2 nv + ns), see `Law.slopes`; kinematics stand at q."""
+        nv = self.nv
         out = np.zeros((nv + self.ns + 1, 2 * nv + self.ns))
         for law, at in self.acting:
-            known = law.slopes(t, q, v, s[at])
-            if known is None:
-                rough.append((law, at))
-                continue
             states = np.arange(at.start, at.stop)
             rows = [*range(nv), *(nv + states), -1]
-            out[np.ix_(rows, [*range(2 * nv), *(2 * nv + states)])] += known
-        return out, rough
+            out[np.ix_(rows, [*range(2 * nv), *(2 * nv + states)])] += law.slopes(t, q, v, s[at])
+        return out
 
     def potential(self, q: Array) -> float:
         """Potential energy in J; the kinematics stand at q."""

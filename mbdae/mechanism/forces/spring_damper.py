@@ -7,8 +7,9 @@ import pinocchio as pin
 from pydantic import Field
 
 from ..frames import Pair, anchor, skew, unit_gap
+from ..pair_slopes import line_slopes
 from ..signals import Constant, Signal
-from .force import Array, Force, Law, Part
+from .force import Array, Force, Law, PairLaw, Part, Turning
 
 
 class SpringDamper(Force):
@@ -40,7 +41,7 @@ class SpringDamper(Force):
         return SpringDamperLaw(self, Pair(model, data, anchor(model, a), anchor(model, b)))
 
 
-class SpringDamperLaw(Law):
+class SpringDamperLaw(PairLaw):
     """The law of `SpringDamper`."""
 
     def __init__(self, spec: SpringDamper, pair: Pair) -> None:
@@ -55,6 +56,13 @@ class SpringDamperLaw(Law):
         if self.spec.damping:
             push -= self.spec.damping * float(line @ v)
         return -self.spec.stiffness * (distance - self.spec.length) * line, push * line if push else 0.0
+
+    def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:  # noqa: D102
+        spec, (w, Da, Db) = self.spec, line_slopes(self.pair)
+        pull, push = spec.stiffness * (unit_gap(self.pair)[0] - spec.length), spec.force.at(t) - spec.damping * w.dot(V)
+        stretch, damper = spec.stiffness * np.outer(w, w), -spec.damping * w[:, None]
+        spring = Turning(-pull * w, stretch - pull * Da, -stretch - pull * Db, np.zeros((6, 6)))
+        return spring, Turning(push * w, push * Da + damper * V.dot(Da), push * Db + damper * V.dot(Db), damper * w)
 
     def potential(self, q: Array) -> float:  # noqa: D102
         self.pair.locate()

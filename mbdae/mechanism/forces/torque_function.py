@@ -3,22 +3,33 @@
 from collections.abc import Callable
 from typing import Any
 
+import pinocchio as pin
+
 from ..callbacks import called, checked, function_name
 from .force import Array, Law
+from .quotients import law_slopes
 
 TorqueFunction = Callable[[float, Array, Array], Array]
 
 
 class TorqueLaw(Law):
-    """A function tau(t, q, v) -> (nv,) of the user; its work is integrated."""
+    """A function tau(t, q, v) -> (nv,) of the user; its work is integrated.
 
-    def __init__(self, function: TorqueFunction) -> None:
+    It may have an attribute ``slopes``, a function (t, q, v) -> [dtau/dq, dtau/dv], (nv, 2 nv), q in the tangent;
+    central differences stand for it where implicit methods need it.
+    """
+
+    def __init__(self, function: TorqueFunction, model: pin.Model) -> None:
         super().__init__(function_name(function))
-        self.function = function
+        self.function, self.model = function, model
+        self.what = f"force {self.name!r}"
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
-        what = f"force {self.name!r}"
-        return 0.0, checked(called(what, self.function, t, q, v), v.shape, t, what)
+        return 0.0, checked(called(self.what, self.function, t, q, v), v.shape, t, self.what)
+
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        own = getattr(self.function, "slopes", None)
+        return law_slopes(lambda q, v, s: self.torque(t, q, v)[1], own, self.what, self.model, t, q, v, s)
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}

@@ -6,8 +6,9 @@ import numpy as np
 import pinocchio as pin
 
 from ..frames import WORLD, Pair, anchor, skew
+from ..pair_slopes import carried
 from ..signals import Constant, Signal
-from .force import Array, Force, Law, Part
+from .force import Array, Force, Law, PairLaw, Part, Turning
 
 ZERO = Constant(value=0.0)
 Vector = tuple[Signal, Signal, Signal]
@@ -37,7 +38,7 @@ class Wrench(Force):
         return WrenchLaw(self, Pair(model, data, anchor(model, WORLD), anchor(model, self.frame)))
 
 
-class WrenchLaw(Law):
+class WrenchLaw(PairLaw):
     """The law of `Wrench`: a constant force in the axes of the world has the potential -F . p."""
 
     def __init__(self, spec: Wrench, pair: Pair) -> None:
@@ -47,12 +48,26 @@ class WrenchLaw(Law):
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[Part, Part]:  # noqa: D102
         self.pair.locate()
-        n, m = (np.array([s.at(t) for s in part]) for part in (self.spec.force, self.spec.torque))
-        if self.spec.axes == "frame":
-            n, m = self.pair.Rb @ n, self.pair.Rb @ m
+        n, m = self.vectors(t)
         force = self.pair.torque(np.concatenate([n, skew(self.pair.pb) @ n]))
         moment = self.pair.torque(np.concatenate([np.zeros(3), m])) if m.any() else np.zeros_like(v)
         return (force, moment) if self.steady else (0.0, force + moment)
+
+    def vectors(self, t: float) -> tuple[Array, Array]:
+        """Return force and torque in the axes of the world, (3,) each."""
+        n, m = (np.array([s.at(t) for s in part]) for part in (self.spec.force, self.spec.torque))
+        return (self.pair.Rb @ n, self.pair.Rb @ m) if self.spec.axes == "frame" else (n, m)
+
+    def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:  # noqa: D102
+        n, m = self.vectors(t)
+        P, Db, none = skew(self.pair.pb), carried(self.pair.pb, n[:, None])[0], np.zeros((6, 6))
+        force, moment = np.concatenate([n, P @ n]), np.concatenate([np.zeros(3), m])
+        if self.spec.axes == "frame":
+            Db[:3, 3:] -= skew(n)
+            Db[3:, 3:] -= P @ skew(n) + skew(m)
+        if self.steady:
+            return Turning(force, none, Db, none), Turning(moment, none, none, none)
+        return Turning(np.zeros(6), none, none, none), Turning(force + moment, none, Db, none)
 
     def potential(self, q: Array) -> float:  # noqa: D102
         if not self.steady:

@@ -26,7 +26,7 @@ from scipy.linalg.lapack import dpotrs
 from ...linear import factorized
 from ...system import Array, Counts, Solver
 from ..manifold import Manifold
-from .derivatives import Slopes, slopes
+from .derivatives import Jacobians, jacobians
 
 if TYPE_CHECKING:
     from .index2 import Descriptor
@@ -77,7 +77,7 @@ class ImplicitStages:
         """Take the slopes at (x, x', z)."""
         s, nv = self.system, self.system.nv
         q, u = s.manifold.integrate(self.q, x[:nv]), self.y[s.nq :] + x[nv:]
-        local = slopes(s, self.t, q, u, dx[nv : 2 * nv], z, self.rows)
+        local = jacobians(s, self.t, q, u, dx[nv : 2 * nv], z, self.rows)
         return Linearized(local, _turning(s.manifold, x[:nv], u[:nv]), s.counts, self.t)
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
@@ -112,7 +112,7 @@ class Linearized(NamedTuple):
         t: time, for messages.
     """
 
-    slopes: Slopes
+    slopes: Jacobians
     turning: tuple[Array, Array]
     counts: Counts
     t: float

@@ -4,6 +4,7 @@ q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(
 non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
 """
 
+from functools import cached_property
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from ..closures.constraints import Constraints
 from ..workspace import make_data
 from . import interpolation, projection
 from .chart import DescriptorChart
+from .inertial import Inertial
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -115,6 +117,11 @@ class Descriptor(System):
         """Return the sum of all force laws (nv,) and the rates (s', power in W); the kinematics stand at q already."""
         self.counts.f += 1
         return self.laws.torque(t, q, v, s)
+
+    @cached_property
+    def inertial(self) -> Inertial:
+        """M v' + nle with its derivatives, in a workspace of their own."""
+        return Inertial(self.mechanism.expanded)
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """Kinetic energy (armature included) and potential energy of gravity and springs, in J."""

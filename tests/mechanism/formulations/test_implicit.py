@@ -5,15 +5,13 @@ import subprocess
 import sys
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from chains import JOINTS, difference_quotient, random_q, tree
+from chains import difference_quotient, random_q, tree
 
 import mbdae
 from mbdae import Actuator, Closure, Driver, Hessenberg, JointDamping, JointSpring, Mechanism, SpringDamper
 from mbdae.errors import StepError
 from mbdae.linear import factorized
-from mbdae.mechanism.formulations.derivatives import inertial_slopes
 
 
 def swirl(t, q, v):
@@ -45,7 +43,7 @@ def curved():
 
 
 def moving_axes():
-    """Joints whose axes move within the joint, for which Pinocchio's derivatives are not exact; a driver."""
+    """Joints whose axes move within the joint, which are expanded to be differentiated; a driver."""
     model = tree(["universal", "composite", "euler", "revolute"], [0, 1, 2, 3], seed=2)
     driver = Driver(joint="revolute_3", motion={"kind": "harmonic", "amplitude": 0.5, "omega": 3.0})
     return Mechanism(model, [Closure.point("ground", "tip_2")], [swirl], drivers=[driver])
@@ -97,27 +95,6 @@ def test_solver_inverts_the_slopes_of_the_residual(name, formulation, mu):
     np.testing.assert_allclose(found, rhs, rtol=0, atol=3e-6 * np.abs(matrix).max() * np.abs(np.append(dk, dz)).max())
     e = rhs[:n]
     np.testing.assert_allclose(linearized.weigh(e), -by_dx[:n] @ e, rtol=0, atol=1e-9 * np.abs(by_dx).max())
-
-
-@pytest.mark.parametrize("kind", JOINTS)
-def test_inertial_slopes_of_every_kind_of_joint(kind):
-    model, rng = tree([kind, "rx", kind], [0, 1, 2], seed=1), np.random.default_rng(2)
-    model.armature = rng.uniform(0.1, 0.5, model.nv)
-    data, q = model.createData(), random_q(model, rng)
-    v, a = rng.standard_normal((2, model.nv))
-    M, dq, dv = inertial_slopes(model, data, q, v, a)
-
-    def force(q, v, a):
-        return pin.rnea(model, data, q, v, a).copy()
-
-    for e, column_M, column_q, column_v in zip(np.eye(model.nv), M.T, dq.T, dv.T, strict=True):
-        tolerance = {"rtol": 0, "atol": 1e-6 * (1 + np.abs(dq).max())}
-        by_q = difference_quotient(lambda s, e=e: force(pin.integrate(model, q, s * e), v, a), 1e-2)
-        np.testing.assert_allclose(column_q, by_q, **tolerance)
-        np.testing.assert_allclose(
-            column_v, difference_quotient(lambda s, e=e: force(q, v + s * e, a), 1e-2), **tolerance
-        )
-        np.testing.assert_allclose(column_M, force(q, v, a + e) - force(q, v, a), rtol=0, atol=1e-12 * np.abs(M).max())
 
 
 def test_residual_of_the_derivative_is_zero():

@@ -1,0 +1,322 @@
+"""Exact first derivatives against differences of order six, for every kind of joint, closure and force."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import JOINTS, difference_quotient, random_q, tree
+
+from mbdae import Actuator, Bushing, Closure, Driver, Mechanism, Sampled, SpringDamper
+from mbdae.errors import InputError, StepError
+from mbdae.mechanism.closures.closure import KINDS
+from mbdae.mechanism.closures.rows import Rows
+from mbdae.mechanism.expanded import expand, parts
+from mbdae.mechanism.forces import FORCES, PYTHON_FORCES
+from mbdae.mechanism.forces.force import Law, PairLaw
+from mbdae.mechanism.forces.linear import LinearLaw
+from mbdae.mechanism.formulations import inertial
+from mbdae.mechanism.formulations.derivatives import hidden_slopes, jacobians
+from mbdae.mechanism.frames import wrench_matrix
+
+A, B, EXACT = (0.3, -0.5, 0.8), (-0.4, 0.7, 0.2), 1e-11
+CLOSURES = {
+    "point": Closure.point("tip_3", "tip_5", name="point"),
+    "revolute": Closure.revolute("tip_3", "tip_5", A, second_axis=B, name="revolute"),
+    "frame": Closure.frame("tip_5", "tip_3", name="frame"),
+    "prismatic": Closure.prismatic("tip_2", "tip_5", A, name="prismatic"),
+    "cylindrical": Closure.cylindrical("tip_5", "tip_3", A, second_axis=B, name="cylindrical"),
+    "universal": Closure.universal("tip_0", "tip_3", A, B, name="universal"),
+    "in_plane": Closure.in_plane("ground", "tip_5", A, name="in_plane"),
+    "in_line": Closure.in_line("tip_3", "world", A, name="in_line"),
+    "parallel": Closure.parallel("tip_4", "tip_2", A, second_axis=B, name="parallel"),
+    "distance": Closure.distance("tip_3", "tip_5", 0.4, name="distance"),
+    "coupling": Closure.coupling("rx_4", "py_2", (0.1, -1.5, 0.7, 0.3), name="coupling"),
+}
+DRIVERS = [
+    Driver.harmonic("rx_4", 0.7, 3.0, name="driver"),
+    Driver.harmonic(("tip_1", "tip_5"), 0.3, 1.0, offset=1.2, name="driven distance"),
+]
+MIXED = ["free", "revolute", "spherical", "universal", "planar", "prismatic", "continuous", "composite", "helical"]
+PARENTS = [0, 1, 2, 3, 1, 5, 0, 7, 8]
+SHAKE = {"kind": "harmonic", "amplitude": 3.0, "omega": 2.0, "phase": 0.4}
+TABLE = ((-2.0, 5.0), (-1.0, -1.0), (0.0, 1.0), (1.0, 2.0), (2.5, 9.0))
+
+
+def kinds_of_forces():
+    """One or more forces of every kind, by class name."""
+    one = {
+        "JointSpring": [
+            {"joint": "revolute_1", "stiffness": 3.0, "rest": 0.2, "damping": 0.4},
+            {"joint": "helical_8", "table": TABLE, "damping": 2.0},
+        ],
+        "JointDamping": [{"joint": ("spherical_2", "planar_4"), "damping": 0.7}],
+        "JointFriction": [{"joint": ("revolute_1", "planar_4"), "friction": 0.7, "velocity": 0.5}],
+        "JointTorque": [{"joint": "planar_4", "torque": (1.0, SHAKE, -2.0), "gear": 2.0}],
+        "JointPID": [
+            {"joint": "revolute_1", "reference": SHAKE, "kp": 5.0, "ki": 2.0, "kd": 1.0},
+            {"joint": "prismatic_5", "reference": 1.0, "kp": 5.0, "controls": "velocity"},
+            {"joint": "prismatic_5", "reference": 1.0, "kp": 5.0, "ki": 1.0, "rate": 100.0},
+        ],
+        "DCMotor": [
+            {"joint": "continuous_6", "voltage": SHAKE, "resistance": 2.0, "inductance": 0.3, "constant": 0.7},
+            {"joint": "revolute_1", "voltage": 5.0, "resistance": 2.0, "constant": 0.7},
+        ],
+        "SpringDamper": [
+            {"frames": ("tip_3", "tip_5"), "stiffness": 30.0, "damping": 4.0, "length": 0.4, "force": SHAKE},
+            {"frames": ("tip_8", "ground"), "stiffness": 30.0},
+        ],
+        "Bushing": [
+            {"frames": ("tip_3", "tip_5"), "stiffness": (1, 2, 3, 4, 5, 6), "damping": (0.5, 0.4, 0.3, 0.2, 0.1, 0.6)},
+            {"frames": ("tip_7", "world"), "stiffness": (1, 2, 3, 4, 5, 6)},
+        ],
+        "Wrench": [
+            {"frame": "tip_3", "force": (1.0, 2.0, -3.0), "torque": (0.3, SHAKE, 0.1)},
+            {"frame": "tip_5", "force": (1.0, SHAKE, -3.0)},
+            {"frame": "tip_8", "force": (1.0, SHAKE, -3.0), "torque": (0.3, 0.2, 0.1), "axes": "frame"},
+        ],
+    }  # fmt: skip
+    described = {c.__name__: [c(**table) for table in one.get(c.__name__, [])] for c in FORCES}
+    held = Sampled(lambda t, q, v: -v[:2], rate=10.0, joints=("revolute_1", "prismatic_5"))
+    return {**described, "Sampled": [held], "Actuator": [motor()], "function": [swirl]}
+
+
+def swirl(t, q, v):
+    return np.sin(np.arange(1.0, len(v) + 1) + t) * (1 + v**2) * np.cos(q[0]) - 0.3 * np.roll(v, 1)
+
+
+def motor(slopes=None):
+    def torque(t, q, v, s):
+        return np.r_[s[0] * np.cos(s[1]) - v[1], np.sin(q[1]) * np.ones(len(v) - 1)]
+
+    def rate(t, q, v, s):
+        return np.array([-5 * s[0] + s[1] * v[0], np.sin(s[0]) - 2 * s[1] + v[2]])
+
+    return Actuator(torque, rate, start={"a": 0.4, "b": -0.2}, name="motor", slopes=slopes)
+
+
+def differences(function, n, h=1e-3):
+    """Columns d/de function(e x) for the unit vectors x of length n."""
+    return np.array([difference_quotient(lambda s, e=e: np.asarray(function(s * e)), h) for e in np.eye(n)]).T
+
+
+def close(found, expected, tolerance=EXACT, size=0.0):
+    scale = max(np.abs(expected).max(initial=0.0), size)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * max(scale, 1e-3))
+
+
+def test_every_kind_of_closure_and_force_is_tried():
+    forces = kinds_of_forces()
+    assert set(CLOSURES) == set(KINDS)
+    assert {c.__name__ for c in (*FORCES, *PYTHON_FORCES)} < set(forces)
+    assert all(forces.values()), [name for name, some in forces.items() if not some]
+
+
+@pytest.mark.parametrize("base", [Rows, Law], ids=lambda c: c.__name__)
+def test_every_row_and_law_has_slopes(base):
+    """Linear laws have theirs together, those between frames say how their wrenches turn."""
+
+    def below(c):
+        return [x for sub in c.__subclasses__() for x in (sub, *below(sub))]
+
+    for c in below(base):
+        if c.__module__.startswith("mbdae") and c is not PairLaw and not issubclass(c, LinearLaw):
+            name = "turning" if issubclass(c, PairLaw) else "slopes"
+            assert getattr(c, name) is not getattr(PairLaw if issubclass(c, PairLaw) else base, name), c
+
+
+def closed(kind):
+    model = tree([kind, kind, "py", kind, "rx", kind], [0, 1, 2, 3, 2, 5], seed=3)
+    return Mechanism(model, list(CLOSURES.values()), drivers=DRIVERS)
+
+
+@pytest.mark.parametrize("kind", JOINTS)
+def test_closures_on_every_kind_of_joint(kind):
+    """G^T lam and G v by q, gamma by q and v, off the manifold, row by row; both frames on branches or one at rest."""
+    mech, rng = closed(kind), np.random.default_rng(5)
+    model, s, nv = mech.model, mech.system(), mech.nv
+    q, v = random_q(model, rng), rng.standard_normal(nv)
+
+    def at(x):
+        return pin.integrate(model, q, x)
+
+    turned = differences(lambda x: s.jacobian(at(x)), nv)  # (nv, ng, nv): row k of G^T by q_m stands in [k, i, m]
+    rate = differences(lambda x: s.jacobian(at(x)) @ v, nv)
+    bias_q, bias_v = (differences(f, nv) for f in (lambda x: s.gamma(at(x), v, 0.3), lambda x: s.gamma(q, v + x, 0.3)))
+    Gdot = difference_quotient(lambda e: s.jacobian(at(e * v)), 1e-3)
+    gamma_q, gamma_v = hidden_slopes(s, q, v)
+    for i, one in enumerate(np.eye(mech.ng)):
+        K, B = s.constraints.slopes(v, one)
+        close(K, turned[:, i], size=1)
+        close(B[i], rate[i], size=1)
+        close(gamma_q[i], bias_q[i], size=v @ v)
+        close(gamma_v[i], bias_v[i], size=1)
+        close(gamma_v[i], B[i] + Gdot[i], size=1)
+
+
+def test_wrenches_turn_with_both_frames():
+    """(Da + Db) d = d x* w: a row does not notice when both frames are moved together."""
+    mech, rng, met = closed("free"), np.random.default_rng(1), set()
+    s = mech.system()
+    for _ in range(5):
+        s.jacobian(random_q(mech.model, rng))
+        for pair, rows in s.constraints.frame_parts.values():
+            for _, r, w in rows:
+                Da, Db = r.slopes(pair)
+                met.add(type(r))
+                for one, both in zip(w.T, Da + Db, strict=True):
+                    close(both, wrench_matrix(one), 1e-15, size=np.abs(Da).max())
+    assert met == set(Rows.__subclasses__())
+
+
+def moving(forces):
+    return Mechanism(tree(MIXED, PARENTS, seed=2), [], forces)
+
+
+def law_differences(mech, q, v, s, t):
+    """Slopes of (tau, s', power) with respect to (q, v, s)."""
+    system = mech.system()
+
+    def at(x):
+        nv = mech.nv
+        moved = pin.integrate(mech.model, q, x[:nv])
+        pin.computeJointJacobians(system.model, system.data, moved)
+        return np.concatenate(system.laws.torque(t, moved, v + x[nv : 2 * nv], s + x[2 * nv :]))
+
+    expected = differences(at, 2 * mech.nv + len(s))
+    pin.computeJointJacobians(system.model, system.data, q)
+    return system.laws.slopes(t, q, v, s), expected
+
+
+@pytest.mark.parametrize("name", kinds_of_forces())
+def test_slopes_of_every_kind_of_force(name):
+    rng = np.random.default_rng(8)
+    for force in kinds_of_forces()[name]:
+        mech = moving([force])
+        for _ in range(2):
+            q, v, s = random_q(mech.model, rng, 0.8), *(rng.standard_normal(n) for n in (mech.nv, len(mech.states)))
+            close(*law_differences(mech, q, v, s, 0.3), 1e-9 if name in ("function", "Actuator") else EXACT)
+
+
+def test_slopes_of_bushings_at_small_and_large_turns():
+    for angle in (0.0, 1e-9, 1e-4, 0.1, 2.9):
+        model = pin.Model()
+        joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "body")
+        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+        model.addFrame(pin.Frame("tip", joint, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+        mech = Mechanism(model, [], [Bushing(frames=("world", "tip"), stiffness=(1, 2, 3, 4, 5, 6), damping=(1,) * 6)])
+        q = pin.integrate(model, pin.neutral(model), np.array([0.1, 0.2, 0.3, *(angle * np.array([0.6, 0.0, 0.8]))]))
+        close(*law_differences(mech, q, np.arange(6.0), np.empty(0), 0.0))
+
+
+def test_all_forces_and_closures_together():
+    """K, D, G, B of a point with slopes of v', lam and states; dependent rows are left out."""
+    forces = [f for name, some in kinds_of_forces().items() for f in some if name not in ("function", "Actuator")]
+    closures = [Closure.revolute("tip_3", "tip_5", A), Closure.distance("ground", "tip_8", 0.7)]
+    mech, rng = Mechanism(tree(MIXED, PARENTS, seed=2), closures, forces), np.random.default_rng(3)
+    s, nv, rows = mech.system(), mech.nv, np.array([0, 2, 3, 5])
+    n = nv + len(mech.states) + 1
+    q, (vdot, x), lam = random_q(mech.model, rng, 0.8), rng.standard_normal((2, n)), rng.standard_normal(4)
+    vdot, u = vdot[:nv], x
+
+    def at(e, du=0.0):
+        moved, v = pin.integrate(mech.model, q, e), u + du
+        pin.computeJointJacobians(s.model, s.data, moved)
+        tau, rates = s.torque(0.3, moved, v[:nv], v[nv:-1])
+        G = s.jacobian()[rows]
+        return np.concatenate([tau + lam @ G - pin.rnea(s.model, s.data, moved, v[:nv], vdot), rates, G @ u[:nv]])
+
+    found = jacobians(s, 0.3, q, u, vdot, lam, rows)
+    close(np.vstack([found.K, found.B]), differences(at, nv))
+    close(found.D, differences(lambda du: at(np.zeros(nv), du), n)[:n])
+    np.testing.assert_allclose(found.E @ np.r_[vdot, np.ones(n - nv)], np.r_[mass(mech, q) @ vdot, np.ones(n - nv)])
+    np.testing.assert_array_equal(found.G, s.jacobian(q)[rows])
+
+
+def mass(mech, q):
+    M = pin.crba(mech.model, mech.model.createData(), q)
+    return np.triu(M) + np.triu(M, 1).T
+
+
+def test_stiffness_is_symmetric_at_an_equilibrium():
+    """Newton's method with K finds it, and converges quadratically: quaternions, springs, a bushing and a loop."""
+    model = tree(["free", "spherical", "revolute", "universal"], [0, 1, 2, 1], seed=4)
+    forces = [SpringDamper(frames=("ground", f"tip_{i}"), stiffness=200.0 + 30 * i, length=0.2) for i in range(4)]
+    forces += [Bushing(frames=("world", "tip_0"), stiffness=(300.0, 200, 100, 40, 50, 60), damping=(1.0,) * 6)]
+    mech = Mechanism(model, [Closure.distance("tip_2", "tip_3", 0.8)], forces)
+    s, nv, q, lam = mech.system(), mech.nv, pin.neutral(model), np.zeros(1)
+    u, sizes = np.zeros(nv + 1), []
+    for _ in range(60):
+        J = jacobians(s, 0.0, q, u, np.zeros(nv), lam, np.array([0]))
+        f, (g, G) = s.force(0.0, q, u[:nv], np.empty(0))[0], s.closures(None, 0.0)
+        residual = np.concatenate([f + lam @ G, g])
+        sizes.append(np.abs(residual).max())
+        if sizes[-1] < 1e-12:
+            break
+        x = np.linalg.solve(np.block([[J.K[:nv], G.T], [G, np.zeros((1, 1))]]), -residual)
+        x *= min(1.0, 0.3 / np.abs(x[:nv]).max())
+        q, lam = pin.integrate(model, q, x[:nv]), lam + x[nv:]
+    assert sizes[-1] < 1e-12
+    assert sizes[-2] < 1e-4
+    close(J.K[:nv], J.K[:nv].T, 1e-14)
+
+
+@pytest.mark.parametrize("kind", JOINTS)
+@pytest.mark.parametrize("largest", [0, 100])
+def test_inertial_slopes_on_every_kind_of_joint(kind, largest, monkeypatch):
+    """Of Pinocchio, and of large models with nv^2 numbers."""
+    monkeypatch.setattr(inertial, "LARGEST", largest)
+    model, rng = tree([kind, "rx", kind, kind], [0, 1, 2, 1], seed=1), np.random.default_rng(2)
+    model.armature = rng.uniform(0.1, 0.5, model.nv)
+    q, (v, a), data = random_q(model, rng), rng.standard_normal((2, model.nv)), model.createData()
+
+    def tau(x, dv=0.0):
+        return pin.rnea(model, data, pin.integrate(model, q, x), v + dv, a).copy()
+
+    M, by_q, by_v = inertial.Inertial(expand(model)).slopes(q, v, a)
+    close(by_q, differences(tau, model.nv, 1e-2))
+    close(by_v, differences(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
+    U = np.triu(pin.crba(model, data, q))
+    close(M, U + np.triu(U, 1).T, 1e-14)
+
+
+def test_nested_joints_are_expanded():
+    """A composite of universal and composite joints; q, J and the poses of bodies stay the same numbers."""
+    inner, outer = pin.JointModelComposite(), pin.JointModelComposite()
+    inner.addJoint(pin.JointModelSphericalZYX(), pin.SE3.Random())
+    inner.addJoint(pin.JointModelPX(), pin.SE3.Random())
+    outer.addJoint(pin.JointModelUniversal(np.array([0, 0, 1.0]), np.array([0, 1.0, 0])), pin.SE3.Random())
+    outer.addJoint(inner, pin.SE3.Random())
+    model = pin.Model()
+    for i in range(2):
+        joint = model.addJoint(i, outer, pin.SE3.Random(), f"double {i}")
+        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    out = expand(model)
+    assert out.njoints == 1 + 2 * 6
+    q, data, other = random_q(model, np.random.default_rng(0)), model.createData(), out.createData()
+    close(pin.computeJointJacobians(out, other, q), pin.computeJointJacobians(model, data, q), 1e-14)
+    close(other.oMi[12].homogeneous, data.oMi[2].homogeneous, 1e-14)
+    flat = tree(["revolute", "free"], [0, 1])
+    assert expand(flat) is flat
+    with pytest.raises(InputError, match="ellipsoid"):
+        parts(pin.JointModel(pin.JointModelEllipsoid(0.1, 0.2, 0.3)))
+
+
+def test_functions_bring_their_own_slopes():
+    calls = []
+
+    def brake(t, q, v):
+        return -2.0 * v**3
+
+    def slopes(t, q, v):
+        calls.append(t)
+        return np.hstack([np.zeros((len(v), len(v))), np.diag(-6.0 * v**2)])
+
+    brake.slopes = slopes
+    mech = Mechanism(tree(["rx", "rx", "rx"], [0, 1, 2]), [], [brake])
+    v = np.array([0.3, -0.5, 2.0])
+    close(*law_differences(mech, np.zeros(3), v, np.empty(0), 0.5))
+    assert calls == [0.5]
+    mech = moving([motor(lambda t, q, v, s: np.ones((mech.nv + 2, 2 * mech.nv + 2)))])
+    s = mech.system()
+    assert (s.laws.slopes(0.0, *mech.start, np.ones(2))[:-1] == 1).all()
+    with pytest.raises(StepError, match="slopes of actuator 'motor' returned shape"):
+        moving([motor(lambda t, q, v, s: np.ones(3))]).system().laws.slopes(0.0, *mech.start, np.ones(2))
