@@ -63,12 +63,12 @@ class Columns(NamedTuple):
     """The columns of J that move one of two frames alone.
 
     Attributes:
-        index: their numbers, (c,).
+        at: their numbers, (c,).
         sign: +1 where they move b, -1 where they move a, (c,).
         before: 1 where m <= k, else 0, (c, c) with rows m.
     """
 
-    index: Array
+    at: Array
     sign: Array
     before: Array
 
@@ -84,6 +84,6 @@ def columns(model: pin.Model, a: int, b: int) -> Columns:
             for part, _ in parts(model.joints[j]):
                 found += [(at + i, sign, number) for i in range(part.nv)]
                 at, number = at + part.nv, number + 1
-    index, signs, numbers = np.array(found).reshape(-1, 3).T
+    at, signs, numbers = np.array(found).reshape(-1, 3).T
     same = signs[:, None] == signs
-    return Columns(index.astype(int), signs, np.where(same & (numbers[:, None] <= numbers), 1.0, 0.0))
+    return Columns(at.astype(int), signs, np.where(same & (numbers[:, None] <= numbers), 1.0, 0.0))

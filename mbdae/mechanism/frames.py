@@ -110,7 +110,7 @@ class Pair:
     @property
     def jacobian(self) -> np.ndarray:
         """The columns of J that move one of the anchors alone, (6, c)."""
-        return self._J[:, self.columns.index]
+        return self._J[:, self.columns.at]
 
     def locate(self) -> None:
         """Read rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""

@@ -34,9 +34,9 @@ class PairSlopes:
     """
 
     def __init__(self, pair: Pair, v: Array) -> None:
-        self.pair, (index, self.sign, self.before) = pair, pair.columns
+        self.pair, (at, self.sign, self.before) = pair, pair.columns
         self.J = pair.jacobian
-        self.Jv = self.J * v[index]
+        self.Jv = self.J * v[at]
         self.to_b = self.sign > 0
         self.W = self.Jv.dot(self.before.T)
         self.dV = motion_cross(self.J, self.W)  # of V_b or V_a

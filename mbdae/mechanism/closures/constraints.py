@@ -186,14 +186,13 @@ class Constraints:
         """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), where `jacobian` stands."""
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
-            here, F, turning = PairSlopes(pair, v), np.zeros(6), np.zeros((2, 6, 6))
-            index = pair.columns.index
+            here, at, F, turning = PairSlopes(pair, v), pair.columns.at, np.zeros(6), np.zeros((2, 36))
             for s, r, w in rows:
                 Da, Db = r.slopes(pair)
-                B[s, index] = here.power(w, Da, Db)
+                B[s, at] = here.power(w, Da, Db)
                 F += w.dot(lam[s])
-                turning += np.tensordot(lam[s], (Da, Db), (0, 1))
-            K[np.ix_(index, index)] += here.torque(F, *turning)
+                turning += lam[s].dot(Da.reshape(-1, 36)), lam[s].dot(Db.reshape(-1, 36))
+            K[at[:, None], at] += here.torque(F, *turning.reshape(2, 6, 6))
         for part in self.joint_parts:
             j, curve = part.columns[-1], part.curvature()[0]
             K[j, j] -= lam[part.at] * curve
@@ -204,9 +203,9 @@ class Constraints:
         """Return the slopes of Gdot v with respect to q and v, (ng, nv) each, where `jacobian` stands."""
         by_q, by_v = np.zeros((2, self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
-            here, index = PairSlopes(pair, v), pair.columns.index
+            here, at = PairSlopes(pair, v), pair.columns.at
             for s, r, w in rows:
-                by_q[s, index], by_v[s, index] = here.bias(r.rate, w, *r.slopes(pair))
+                by_q[s, at], by_v[s, at] = here.bias(r.rate, w, *r.slopes(pair))
         for part in self.joint_parts:
             j, (second, third) = part.columns[-1], part.curvature()
             by_q[part.at, j], by_v[part.at, j] = -third * v[j] ** 2, -2 * second * v[j]

@@ -96,12 +96,12 @@ class PairLaw(Law):
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         self.pair.locate()
         here, nv = PairSlopes(self.pair, v), len(v)
-        index, out = self.pair.columns.index, np.zeros((nv + 1, 2 * nv))
+        at, out = self.pair.columns.at, np.zeros((nv + 1, 2 * nv))
         conservative, other = self.turning(t, here.V)
         K, D = here.torque(*other), here.damping(other.C)
-        out[-1, index], out[-1, nv + index] = v[index].dot(K), v[index].dot(D) + here.sign * other.F.dot(here.J)
-        out[np.ix_(index, index)] = K + here.torque(*conservative)
-        out[np.ix_(index, nv + index)] = D + here.damping(conservative.C)
+        out[-1, at], out[-1, nv + at] = v[at].dot(K), v[at].dot(D) + here.sign * other.F.dot(here.J)
+        out[at[:, None], at] = K + here.torque(*conservative)
+        out[at[:, None], nv + at] = D + here.damping(conservative.C)
         return out
 
 

@@ -68,9 +68,11 @@ class Laws:
         nv = self.nv
         out = np.zeros((nv + self.ns + 1, 2 * nv + self.ns))
         for law, at in self.acting:
-            states = np.arange(at.start, at.stop)
-            rows = [*range(nv), *(nv + states), -1]
-            out[np.ix_(rows, [*range(2 * nv), *(2 * nv + states)])] += law.slopes(t, q, v, s[at])
+            known, rows = law.slopes(t, q, v, s[at]), slice(nv + at.start, nv + at.stop)
+            columns = slice(nv + rows.start, nv + rows.stop)
+            for to, block in ((slice(nv), known[:nv]), (rows, known[nv:-1]), (-1, known[-1])):
+                out[to, : 2 * nv] += block[..., : 2 * nv]
+                out[to, columns] += block[..., 2 * nv :]
         return out
 
     def potential(self, q: Array) -> float:
