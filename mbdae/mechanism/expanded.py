@@ -59,7 +59,7 @@ def expand(model: pin.Model) -> pin.Model:
     return out
 
 
-class Columns(NamedTuple):
+class Branches(NamedTuple):
     """The columns of J that move one of two frames alone.
 
     Attributes:
@@ -73,7 +73,7 @@ class Columns(NamedTuple):
     before: Array
 
 
-def columns(model: pin.Model, a: int, b: int) -> Columns:
+def branches(model: pin.Model, a: int, b: int) -> Branches:
     """The columns that move one of two joints' bodies alone."""
     found: list[tuple[int, float, int]] = []
     above_a, above_b = (set(model.supports[j]) for j in (a, b))
@@ -86,4 +86,4 @@ def columns(model: pin.Model, a: int, b: int) -> Columns:
                 at, number = at + part.nv, number + 1
     at, signs, numbers = np.array(found).reshape(-1, 3).T
     same = signs[:, None] == signs
-    return Columns(at.astype(int), signs, np.where(same & (numbers[:, None] <= numbers), 1.0, 0.0))
+    return Branches(at.astype(int), signs, np.where(same & (numbers[:, None] <= numbers), 1.0, 0.0))

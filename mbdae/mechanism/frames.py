@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import UnknownNameError
-from .expanded import Columns, columns
+from .expanded import Branches, branches
 from .workspace import make_data
 
 WORLD = "world"
@@ -103,14 +103,14 @@ class Pair:
         self.sign, self.columns = of_b - of_a, (of_a + of_b) > 0
 
     @cached_property
-    def columns(self) -> Columns:
+    def branches(self) -> Branches:
         """The columns of J that move one of the anchors alone."""
-        return columns(self.model, self.a.joint, self.b.joint)
+        return branches(self.model, self.a.joint, self.b.joint)
 
     @property
     def jacobian(self) -> np.ndarray:
         """The columns of J that move one of the anchors alone, (6, c)."""
-        return self._J[:, self.columns.at]
+        return self._J[:, self.branches.at]
 
     def locate(self) -> None:
         """Read rotations Ra, Rb (3, 3) and positions pa, pb (3,) of both anchors in the world."""

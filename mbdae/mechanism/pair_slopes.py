@@ -34,7 +34,7 @@ class PairSlopes:
     """
 
     def __init__(self, pair: Pair, v: Array) -> None:
-        self.pair, (at, self.sign, self.before) = pair, pair.columns
+        self.pair, (at, self.sign, self.before) = pair, pair.branches
         self.J = pair.jacobian
         self.Jv = self.J * v[at]
         self.to_b = self.sign > 0

@@ -186,7 +186,7 @@ class Constraints:
         """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), where `jacobian` stands."""
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
-            here, at, F, turning = PairSlopes(pair, v), pair.columns.at, np.zeros(6), np.zeros((2, 36))
+            here, at, F, turning = PairSlopes(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
             for s, r, w in rows:
                 Da, Db = r.slopes(pair)
                 B[s, at] = here.power(w, Da, Db)
@@ -203,7 +203,7 @@ class Constraints:
         """Return the slopes of Gdot v with respect to q and v, (ng, nv) each, where `jacobian` stands."""
         by_q, by_v = np.zeros((2, self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
-            here, at = PairSlopes(pair, v), pair.columns.at
+            here, at = PairSlopes(pair, v), pair.branches.at
             for s, r, w in rows:
                 by_q[s, at], by_v[s, at] = here.bias(r.rate, w, *r.slopes(pair))
         for part in self.joint_parts:

@@ -96,7 +96,7 @@ class PairLaw(Law):
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         self.pair.locate()
         here, nv = PairSlopes(self.pair, v), len(v)
-        at, out = self.pair.columns.at, np.zeros((nv + 1, 2 * nv))
+        at, out = self.pair.branches.at, np.zeros((nv + 1, 2 * nv))
         conservative, other = self.turning(t, here.V)
         K, D = here.torque(*other), here.damping(other.C)
         out[-1, at], out[-1, nv + at] = v[at].dot(K), v[at].dot(D) + here.sign * other.F.dot(here.J)
