@@ -15,7 +15,6 @@ from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
 from .closures.constraints import Constraints, anchors
 from .closures.driver import Driver
-from .expanded import expand
 from .forces import bind_forces, named_force
 from .forces.laws import Laws
 from .forces.spring_damper import SpringDamper
@@ -146,11 +145,6 @@ class Mechanism:
         """Shapes and their placements for the replay."""
         springs = [(f, [anchor(self.model, n) for n in f.frames]) for f in self.forces if isinstance(f, SpringDamper)]
         return make_scene(self.model, self.visuals, _marks(self.closure_anchors), _marks(springs))
-
-    @cached_property
-    def expanded(self) -> pin.Model:
-        """The model with joints whose axes stand still, see `mbdae.mechanism.expanded`."""
-        return expand(self.model)
 
     # -- forces and energy ---------------------------------------------------------------------------------------
 

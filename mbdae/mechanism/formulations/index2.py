@@ -4,7 +4,6 @@ q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(
 non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
 """
 
-from functools import cached_property
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +34,7 @@ class Descriptor(System):
 
     def __init__(self, mechanism: "Mechanism") -> None:
         self.mechanism, self.model, self.manifold = mechanism, mechanism.model, mechanism.manifold
-        self.data = make_data(self.model)
+        self.data, self.inertial = make_data(self.model), Inertial(self.model)
         self._M = self.data.M  # live view
         self.nq, self.nv, self.ng = self.model.nq, self.model.nv, mechanism.ng
         self.nz = self.ng
@@ -117,11 +116,6 @@ class Descriptor(System):
         """Return the sum of all force laws (nv,) and the rates (s', power in W); the kinematics stand at q already."""
         self.counts.f += 1
         return self.laws.torque(t, q, v, s)
-
-    @cached_property
-    def inertial(self) -> Inertial:
-        """M v' + nle with its derivatives, in a workspace of their own."""
-        return Inertial(self.mechanism.expanded)
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """Kinetic energy (armature included) and potential energy of gravity and springs, in J."""

@@ -6,32 +6,39 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
+from ..expanded import expand
 from ..frames import motion_cross, wrench_matrix
 from ..workspace import make_data
 
 LARGEST = 100
-"""Degrees of freedom for which Pinocchio's derivatives are taken; their workspace, nv^3 numbers, then holds 40 MB."""
+"""Degrees of freedom for which Pinocchio's derivatives are taken: their workspace holds nv^3 numbers, 40 MB then."""
 
 
 class Inertial:
-    """M v' + nle of a mechanism, with a workspace of its own.
-
-    Args:
-        model: the expanded tree, see `mbdae.mechanism.expanded`.
-    """
+    """M v' + nle of a model, in a workspace of its own that is made when slopes are first asked for."""
 
     def __init__(self, model: pin.Model) -> None:
-        self.model = model
-        self.data = model.createData() if model.nv <= LARGEST else make_data(model)
-        self.slopes = self._by_pinocchio if model.nv <= LARGEST else self._by_composites
+        self.compact = model
 
-    def _by_pinocchio(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
+    @cached_property
+    def model(self) -> pin.Model:
+        """The expanded tree."""
+        return expand(self.compact)
+
+    @cached_property
+    def data(self) -> pin.Data:
+        """Its workspace."""
+        return self.model.createData() if self.model.nv <= LARGEST else make_data(self.model)
+
+    def slopes(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
         """Return M and the derivatives of M v' + nle with respect to q and v, (nv, nv) each; live views."""
+        if self.model.nv > LARGEST:
+            return self._by_composites(q, v, vdot)
         pin.computeRNEADerivatives(self.model, self.data, q, v, vdot)
         return self.data.M, self.data.dtau_dq, self.data.dtau_dv
 
     def _by_composites(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
-        """The same with nv^2 numbers, from composite bodies (the formulas of Pinocchio's own).
+        """The same with nv^2 numbers, from composite bodies: the formulas behind Pinocchio's.
 
         Source: Carpentier, Mansard, Robotics: Science and Systems (2018).
         """
