@@ -13,7 +13,7 @@ import mbdae
 RUNS = {
     "index 2": {"project": False},
     "index 2, projected": {"project": True},
-    "GGL": {"formulation": "ggl"},
+    "GGLSystem": {"formulation": "ggl"},
     "index 1": {"formulation": "index1", "method": "DOP853"},
     "index 1, Baumgarte": {"formulation": "index1", "method": "DOP853", "baumgarte": (20.0, 20.0)},
 }

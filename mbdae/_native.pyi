@@ -124,7 +124,7 @@ class Run:
     def steps(self) -> tuple[Array, Array, Array, Array]: ...
 
 class Core:
-    weakest: float
+    least_pivot_ratio: float
     def __init__(
         self,
         model: pin.Model,

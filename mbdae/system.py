@@ -45,13 +45,13 @@ class Counts:
 class State(NamedTuple):
     """What a one-step method carries: the point y, and the derivative that makes a first stage explicit.
 
-    ``low`` (ny,) is what rounding lost of the increments so far; the next step adds it (compensated summation,
+    ``compensation`` (ny,) is what rounding lost of the increments so far; the next step adds it (compensated summation,
     Hairer, Lubich, Wanner, Geometric Numerical Integration, VIII.5), so that many small steps cost few digits.
     """
 
     y: Array
     carry: Any = None
-    low: Array | None = None
+    compensation: Array | None = None
 
 
 class Step(NamedTuple):
@@ -87,7 +87,7 @@ class Chart(Protocol):
     def point(self, x: Array) -> Array:
         """Return y_n (+) x."""
 
-    def own(self, z: Array) -> Array:
+    def all_multipliers(self, z: Array) -> Array:
         """Return the last stage's z in full, (nz,)."""
 
     def project(self, e: Array) -> Array:

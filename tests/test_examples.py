@@ -97,7 +97,7 @@ def test_events(capsys):
 
 def test_energy_and_drift(tmp_path, capsys):
     result = example("energy_and_drift").main(end=2.0, plot=tmp_path / "drift.png")
-    assert result["GGL"].g_max < 1e-11
+    assert result["GGLSystem"].g_max < 1e-11
     assert result["index 2, projected"].g_max < 1e-11 < result["index 2"].g_max
     assert result["index 2"].Gv_max < 1e-11 < result["index 1"].Gv_max
     assert (tmp_path / "drift.png").exists()

@@ -23,9 +23,9 @@ FLOORS = (  # a room, a file or folder of mbdae/, imports from the floors below 
     ("__main__",),
 )
 INSIDE = (  # the floors of mechanism/
-    ("workspace", "tables", "callbacks"),
+    ("workspace", "expanded", "tables", "callbacks"),
     ("frames", "places"),
-    ("joints", "manifold", "pieces"),
+    ("pair_slopes", "joints", "manifold", "pieces"),
     ("signals",),
     ("start",),
     ("closures", "forces", "scene"),

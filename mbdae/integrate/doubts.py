@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..mechanism.closures.closure_error import largest_error
-from ..mechanism.formulations.index2 import Descriptor
+from ..mechanism.formulations.index2 import Index2System
 from ..solution.columns import balance
 from ..solution.solution import Solution
 
@@ -13,7 +13,7 @@ LOST = 0.1  # of the energy that moves
 SAMPLES = 8  # steps at which the energy is looked at
 
 
-def doubts(sol: Solution, system: Descriptor) -> str:
+def doubts(sol: Solution, system: Index2System) -> str:
     """Say in words what speaks against a run, and what to do; empty for nothing.
 
     Args:
@@ -26,13 +26,13 @@ def doubts(sol: Solution, system: Descriptor) -> str:
     found = []
     if system.ng:
         g, G = system.closures(q, ts[-1])
-        if not system.widest <= OPEN * (reach := float(np.abs(G).max())):
+        if not system.largest_g <= OPEN * (reach := float(np.abs(G).max())):
             which = largest_error(mech, g)
-            opened = f"closures stood open by {system.widest:.2g}, on arms of {reach:.2g} m"
+            opened = f"closures stood open by {system.largest_g:.2g}, on arms of {reach:.2g} m"
             found.append(f"{opened} ({which.name!r} by {which.text} at the end)")
-        if formulation != "index1" and not system.fastest <= SLIPPING:
+        if formulation != "index1" and not system.largest_rate <= SLIPPING:
             which = largest_error(mech, G @ v + system.g_t(ts[-1]), "/s")
-            slipped = f"rows that depended on others are not kept: |G v| reached {system.fastest:.2g} (1 + |v|)"
+            slipped = f"rows that depended on others are not kept: |G v| reached {system.largest_rate:.2g} (1 + |v|)"
             found.append(f"{slipped} ({which.name!r} opens by {which.text} at the end)")
     lost = _lost(sol, system)
     if not lost <= LOST:
@@ -43,7 +43,7 @@ def doubts(sol: Solution, system: Descriptor) -> str:
     return f"{'; '.join(found)}: take a smaller {'step' if fixed else 'rtol'}{'' if kept else ', or project=True'}"
 
 
-def _lost(sol: Solution, system: Descriptor) -> float:
+def _lost(sol: Solution, system: Index2System) -> float:
     """Largest |E - E_0 - W| at some steps over the largest of |W|, kinetic energy and the range of potential energy."""
     ys = sol.nodes[1]
     some = ys[np.unique(np.linspace(0, len(ys) - 1, SAMPLES + 1).astype(int))]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import StepError
 from ..mechanism.callbacks import called, checked, function_name
-from ..mechanism.formulations.index2 import Descriptor
+from ..mechanism.formulations.index2 import Index2System
 from ..solution.solution import Solution
 from ..system import Array, State, Step, System
 from .doubts import doubts
@@ -69,7 +69,7 @@ def report(run: RunState, status: str, message: str, seconds: float, times: Arra
     rows = [(i, rows) for i, rows in run.in_use if i < n]
     rest: dict[str, Any] = {"events": found, "singular": passed, "in_use": rows}
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **rest)
-    if full.success and isinstance(run.system, Descriptor) and (words := doubts(full, run.system)):
+    if full.success and isinstance(run.system, Index2System) and (words := doubts(full, run.system)):
         full.status, full.message = status, message = "doubtful", words
     if times is None:
         return full

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
-from ..mechanism.formulations.index2 import Descriptor
+from ..mechanism.formulations.index2 import Index2System
 from ..mechanism.singularity import Singular, crossing, singular
 from ..system import Array
 
@@ -58,7 +58,7 @@ class Path:
         reach: the longest way, signed.
     """
 
-    def __init__(self, system: Descriptor, ts: Array, y: Array, us: Array, rates: Array, reach: float) -> None:
+    def __init__(self, system: Index2System, ts: Array, y: Array, us: Array, rates: Array, reach: float) -> None:
         self.system, self.y, self.t, self.reach = system, y, ts[0], reach
         self.unit = abs(ts[-1] - ts[0]) or abs(reach)
         x, degree = (ts - ts[0]) / self.unit, 2 * len(ts) - 1
@@ -89,7 +89,7 @@ class Path:
         return np.concatenate([s.manifold.integrate(self.y[: s.nq], x), self.tail(dt)])
 
 
-def leap(system: Descriptor, run: Any, way: float, first: int) -> Leap | None:
+def leap(system: Index2System, run: Any, way: float, first: int) -> Leap | None:
     """Find the way over a singular configuration that lies about ``way`` seconds ahead; None where there is none.
 
     Args:

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..mechanism.assembly import START
-from ..mechanism.formulations.index2 import Descriptor
+from ..mechanism.formulations.index2 import Index2System
 from ..methods import Tableau
 from ..solution.solution import Problem
 from ..system import Array, System
@@ -87,7 +87,7 @@ def _stepper(
 
 def _set_watches(run: RunState, stepper: PythonStepper, formulation: str) -> None:
     """Let a mechanism's run look out for stiffness and singular configurations."""
-    if not isinstance(run.system, Descriptor):
+    if not isinstance(run.system, Index2System):
         return
     control = stepper if isinstance(stepper, Adaptive) and formulation != "index1" else None
     half_explicit = isinstance(run.tableau, Tableau)

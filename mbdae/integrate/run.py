@@ -10,7 +10,7 @@ from ..errors import StepError
 from ..solution.solution import Problem, Solution
 from ..system import Array, State, Step, System
 from .events import EventWatch
-from .growing import Rows
+from .growing_array import GrowingArray
 from .jumps import Jumps
 from .singularity_watch import SingularWatch
 from .stiffness import StiffnessWatch
@@ -38,7 +38,7 @@ class RunState:
         self.system, self.stepper, self.project = system, stepper, project
         self.state = State(start)
         self.rejected: int | None = 0
-        self.ts, self.ys, self.zs = [t0], Rows(start), Rows(np.full(self.system.nz, np.nan))
+        self.ts, self.ys, self.zs = [t0], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
         self.events = EventWatch((), lambda *_: 0.0)
         self.back: Callable[[Array], tuple[Array, Array, Array]] | None = None  # see `mbdae.integrate.retrace`

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..errors import StepError
-from ..mechanism.formulations.index2 import Descriptor
+from ..mechanism.formulations.index2 import Index2System
 from ..mechanism.singularity import Singular, open_limit, singular, tangent, turned, turning
 from ..system import Array
 from .leap import leap
@@ -59,25 +59,25 @@ class SingularWatch:
         closing: loops are to be closed where the ratio is small; a multiplier does so by itself.
     """
 
-    def __init__(self, system: Descriptor, kept: bool, control: "Adaptive | None", closing: bool) -> None:
+    def __init__(self, system: Index2System, kept: bool, control: "Adaptive | None", closing: bool) -> None:
         self.system, self.kept, self.control, self.closing = system, kept, control, closing
-        self._own: Descriptor | None = None
+        self._workspace: Index2System | None = None
         self.found: list[Singular] = []
         self.largest = 0.0
         self.restart(0)
 
     @property
-    def own(self) -> Descriptor:
+    def workspace(self) -> Index2System:
         """A workspace of the watch's own, made when there is something to look at: what it computes is not counted."""
-        if self._own is None:
-            self._own = self.system.twin()
-        if self._own.in_use != self.system.in_use:
-            self._own.hold(self.system.in_use)
-        return self._own
+        if self._workspace is None:
+            self._workspace = self.system.twin()
+        if self._workspace.in_use != self.system.in_use:
+            self._workspace.hold(self.system.in_use)
+        return self._workspace
 
     def _ratio(self, t: float, y: Array) -> float:
-        """See `Descriptor.pivot_ratio`."""
-        return self.own.pivot_ratio(t, y)
+        """See `Index2System.pivot_ratio`."""
+        return self.workspace.pivot_ratio(t, y)
 
     def restart(self, first: int) -> None:
         """Forces jump at node ``first``: what was before does not continue."""
@@ -91,7 +91,7 @@ class SingularWatch:
 
     def begin_step(self) -> None:
         """Forget what solves outside of the next step tell."""
-        self.system.weakest = 1.0
+        self.system.least_pivot_ratio = 1.0
 
     def refuse_landing(self, t: float, y: Array) -> None:
         """Refuse a fixed step that has a stage in a singular configuration, or ends there at (t, y).
@@ -101,7 +101,7 @@ class SingularWatch:
         Raises:
             StepError: with the time where the step ends.
         """
-        nearest = min(float(np.sqrt(self.system.weakest)), self.ratios[-1])
+        nearest = min(float(np.sqrt(self.system.least_pivot_ratio)), self.ratios[-1])
         limit = LANDED * min(self.largest, self.ratios[-1])
         if nearest < limit or (nearest < SUSPECT * self.largest and self._ratio(t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
@@ -110,9 +110,9 @@ class SingularWatch:
         """Return the largest ratio and the last one, and `SUSPECT`, `LANDED` and `ZONE`: see `refuse_landing`."""
         return self.largest, self.ratios[-1], SUSPECT, LANDED, ZONE
 
-    def quiet(self, weakest: Array) -> int:
+    def quiet(self, least_pivot_ratio: Array) -> int:
         """Pass over steps with nothing to look at, given their smallest ratios of pivots; return how many."""
-        new = np.sqrt(weakest)
+        new = np.sqrt(least_pivot_ratio)
         if self.entered is not None or not len(new):
             return 0
         largest = np.maximum(np.maximum.accumulate(new), self.largest)
@@ -130,7 +130,7 @@ class SingularWatch:
             StepError: for a singular configuration that the run cannot pass, or passed onto another branch; nodes
                 behind it are taken off.
         """
-        self.ratios.append(float(np.sqrt(self.system.weakest)))
+        self.ratios.append(float(np.sqrt(self.system.least_pivot_ratio)))
         self.largest = max(self.largest, self.ratios[-1])
         self._look(run, len(self.ratios) - 2)
         if last:
@@ -167,7 +167,7 @@ class SingularWatch:
             return False
         found = None
         with suppress(StepError):
-            found = leap(self.own, run, way, self.first)
+            found = leap(self.workspace, run, way, self.first)
         if found is None:
             return False
         error, move = (self.control.measure(run, found.y, x) for x in (found.error, found.move))
@@ -201,8 +201,8 @@ class SingularWatch:
         if not passed:
             return
         ends = [(run.ts[i], run.ys[i]) for i in (a, b)]
-        angle = turned(*(tangent(self.own, *end) for end in ends))
-        explained = EXPLAINED * abs(way) * turning(self.own, *ends[0], way)
+        angle = turned(*(tangent(self.workspace, *end) for end in ends))
+        explained = EXPLAINED * abs(way) * turning(self.workspace, *ends[0], way)
         if angle > BEND + explained:
             text = f"{passed}: there the run went over to another branch, {angle:.2g} rad beside the one before"
             self._end(run, a, f"{text}; take a smaller rtol, or project=True")
@@ -239,9 +239,9 @@ class SingularWatch:
 
     def _judge(self, run: "RunState", nodes: list[int], i: int, t: float, y: Array) -> None:
         """Keep what was found on step i, and end the run there if it cannot pass or took another branch."""
-        gap = max(np.abs(self.own.residual(run.ts[n], *self.own.split(run.ys[n]))[0]).max() for n in nodes)
-        limit = open_limit(self.own, t, y, self.largest, gap)
-        found = singular(self.own, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
+        gap = max(np.abs(self.workspace.residual(run.ts[n], *self.workspace.split(run.ys[n]))[0]).max() for n in nodes)
+        limit = open_limit(self.workspace, t, y, self.largest, gap)
+        found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
         if found is None or any(abs(found.t - other.t) <= SAME * (1 + abs(t)) for other in self.found):
             return
         self.found.append(found)
@@ -253,7 +253,7 @@ class SingularWatch:
     def _path(self, run: "RunState", i: int) -> Callable[[float], tuple[float, Array]]:
         """Theta -> time and point on step i; straight where an end of it is too singular for dense output."""
         t, h, y = run.ts[i], run.ts[i + 1] - run.ts[i], run.ys[i]
-        move = self.own.difference(y, run.ys[i + 1])
+        move = self.workspace.difference(y, run.ys[i + 1])
         try:
             dense = run.record().dense(i)
         except StepError:
@@ -261,4 +261,4 @@ class SingularWatch:
         return lambda theta: (t + theta * h, dense(theta))
 
     def _straight(self, y: Array, move: Array, theta: float) -> Array:
-        return self.own.add(y, theta * move)
+        return self.workspace.add(y, theta * move)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import StepError
-from ..mechanism.formulations.index2 import Descriptor
+from ..mechanism.formulations.index2 import Index2System
 from ..methods import Tableau
 from ..system import Array
 from .steppers.adaptive import NOTHING, Adaptive
@@ -61,7 +61,7 @@ class StiffnessWatch:
         control: of the steps.
     """
 
-    def __init__(self, system: Descriptor, tableau: Tableau, control: Adaptive) -> None:
+    def __init__(self, system: Index2System, tableau: Tableau, control: Adaptive) -> None:
         self.system, self.tableau, self.control = system, tableau, control
         self.next = self.pause = FIRST  # the node to look at, and the steps to the one after
         self.found: Stiff | None = None
@@ -113,7 +113,7 @@ def _growth(tableau: Tableau, z: complex) -> float:
     return float(abs(1 + z * (a.b @ np.linalg.solve(np.eye(len(a.b)) - z * a.A, np.ones(len(a.b))))))
 
 
-def _largest_eigenvalue(system: Descriptor, t: float, y: Array) -> complex:
+def _largest_eigenvalue(system: Index2System, t: float, y: Array) -> complex:
     """Return the largest eigenvalue of y' = f(t, y, z(t, y)) by the power method, one of two if they are a pair.
 
     Of three iterates x_2 = a x_1 + b x_0 is fitted, and lam^2 = a lam + b.

@@ -16,7 +16,7 @@ from .start import normalized
 from .workspace import make_data
 
 if TYPE_CHECKING:
-    from .formulations.index2 import Descriptor
+    from .formulations.index2 import Index2System
     from .mechanism import Mechanism
 
 TOLERANCE = 1e-12
@@ -57,7 +57,7 @@ def assemble(
     return q1, close_velocity(system, q1, v0, held_v, t)
 
 
-def close_position(system: "Descriptor", q: Array, held: Array, t: float) -> Array:
+def close_position(system: "Index2System", q: Array, held: Array, t: float) -> Array:
     """Find the configuration near q that closes every loop, coordinates ``held`` (their tangent indices) kept.
 
     Gauss-Newton from q itself; where that fails, or ends far from q, from the same small and larger displacements of
@@ -99,7 +99,7 @@ def close_position(system: "Descriptor", q: Array, held: Array, t: float) -> Arr
     raise open_closure(mech, largest_error(mech, system.closures(best, t)[0]), held, "configuration")
 
 
-def _gauss_newton(system: "Descriptor", q: Array, free: Array, t: float, rows: Residuals = closures) -> Array:
+def _gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: Residuals = closures) -> Array:
     """Damped steps with line search, at most one radian or metre at a time: stay on the branch."""
     m = system.manifold
     g, G = rows(system, q, t)
@@ -120,7 +120,7 @@ def _gauss_newton(system: "Descriptor", q: Array, free: Array, t: float, rows: R
     return q
 
 
-def _slide(system: "Descriptor", guess: Array, q: Array, free: Array, t: float) -> Array:
+def _slide(system: "Index2System", guess: Array, q: Array, free: Array, t: float) -> Array:
     """Move a closed configuration that lies far from the guess along what is left of freedom, towards the guess."""
     mech = system.mechanism
     for _ in range(SLIDES):
@@ -171,16 +171,16 @@ def _distance(mech: "Mechanism", q0: Array, q1: Array) -> float:
     return float(np.linalg.norm(mech.manifold.difference(q0, q1)))
 
 
-def _open(system: "Descriptor", q: Array, t: float) -> float:
+def _open(system: "Index2System", q: Array, t: float) -> float:
     residual = float(np.linalg.norm(system.closures(q, t)[0]))
     return residual if np.isfinite(residual) else np.inf
 
 
-def _closed(system: "Descriptor", q: Array, t: float) -> bool:
+def _closed(system: "Index2System", q: Array, t: float) -> bool:
     return _open(system, q, t) <= ACCEPT and not turned_over(system)
 
 
-def close_velocity(system: "Descriptor", q: Array, v: Array, held: Array, t: float) -> Array:
+def close_velocity(system: "Index2System", q: Array, v: Array, held: Array, t: float) -> Array:
     """Change v as little as possible in the mass metric so that G v + g_t = 0, held coordinates kept.
 
     Raises:

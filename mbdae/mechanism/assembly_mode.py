@@ -9,17 +9,17 @@ from ..system import Array
 from .closures.rows import DotProduct1
 
 if TYPE_CHECKING:
-    from .formulations.index2 import Descriptor
+    from .formulations.index2 import Index2System
 
-Residuals = Callable[["Descriptor", Array, float], tuple[Array, Array]]
+Residuals = Callable[["Index2System", Array, float], tuple[Array, Array]]
 
 
-def closures(system: "Descriptor", q: Array, t: float) -> tuple[Array, Array]:
+def closures(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
     """Return g (ng,) and G (ng, nv)."""
     return system.closures(q, t)
 
 
-def with_directions(system: "Descriptor", q: Array, t: float) -> tuple[Array, Array]:
+def with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
     """Return g and G with further rows cos - 1 for axes that shall point the same way.
 
     Where all is closed they vanish with their gradient. Where a frame is turned over they do not, and the sum of
@@ -37,7 +37,7 @@ def with_directions(system: "Descriptor", q: Array, t: float) -> tuple[Array, Ar
     return np.concatenate(values), np.vstack(slopes)
 
 
-def turned_over(system: "Descriptor") -> str:
+def turned_over(system: "Index2System") -> str:
     """Name of a closure whose products of axes vanish because a frame is turned over; empty for none.
 
     The kinematics of the workspace stand.

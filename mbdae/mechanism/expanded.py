@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import InputError
+from ..system import Array
 
-Array = np.ndarray
 Part = tuple[pin.JointModel, pin.SE3]
 
 

@@ -16,12 +16,12 @@ from .closures.closure_error import ClosureError, largest_error
 from .closures.constraints import Constraints, anchors
 from .closures.driver import Driver
 from .forces import bind_forces, named_force
-from .forces.laws import Laws
+from .forces.elements import ForceElements
 from .forces.spring_damper import SpringDamper
 from .formulations.compiled import Compiled
-from .formulations.ggl import GGL
-from .formulations.index1 import Index1
-from .formulations.index2 import Descriptor
+from .formulations.ggl import GGLSystem
+from .formulations.index1 import Index1System
+from .formulations.index2 import Index2System
 from .frames import Anchor, anchor, find_joint, joint_names
 from .joints import is_depth_first
 from .manifold import Manifold
@@ -30,7 +30,7 @@ from .start import Motor, OrderSettings, Start, coordinates
 from .workspace import make_data
 
 Coordinates = Mapping[str, float | Sequence[float]]
-SYSTEMS: dict[str, type[Descriptor]] = {"index2": Descriptor, "ggl": GGL, "index1": Index1}
+SYSTEMS: dict[str, type[Index2System]] = {"index2": Index2System, "ggl": GGLSystem, "index1": Index1System}
 
 
 class Mechanism:
@@ -148,7 +148,7 @@ class Mechanism:
 
     # -- forces and energy ---------------------------------------------------------------------------------------
 
-    def bind_forces(self, data: pin.Data) -> Laws:
+    def bind_forces(self, data: pin.Data) -> ForceElements:
         """Bind every force to a workspace."""
         return bind_forces(self.forces, self.model, data)
 
@@ -167,7 +167,7 @@ class Mechanism:
         formulation: str = "index2",
         baumgarte: tuple[float, float] | None = None,
         native: ModuleType | None = None,
-    ) -> Descriptor:
+    ) -> Index2System:
         """Bind the mechanism to a workspace of its own.
 
         Args:
@@ -186,7 +186,7 @@ class Mechanism:
             return Compiled(self, native) if native and formulation == "index2" else SYSTEMS[formulation](self)
         if formulation != "index1":
             raise InputError(f"baumgarte belongs to formulation 'index1', got it with {formulation!r}")
-        return Index1(self, baumgarte)
+        return Index1System(self, baumgarte)
 
     def coordinates(self, q: Coordinates, *, of_v: bool = False) -> tuple[Array, Array]:
         """Return values and the indices of the tangent coordinates that a table ``joint = value`` names.

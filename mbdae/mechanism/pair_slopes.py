@@ -17,9 +17,9 @@ from copy import copy
 
 import numpy as np
 
+from ..system import Array
 from .frames import Pair, motion_cross, skew, unit_gap, wrench_matrix
 
-Array = np.ndarray
 Rate = Callable[[Pair], Array]
 TINY = 1e-30  # a complex step
 _SKEW = np.array([skew(e).ravel() for e in np.eye(3)])

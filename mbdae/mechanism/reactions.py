@@ -7,12 +7,12 @@ import numpy as np
 
 from ..errors import InputError, UnknownNameError
 from ..system import Array
-from .closures import independent_rows as rowmath
+from .closures import independent_rows as independent_rows
 from .closures.driver import Driver
 from .frames import skew
 
 if TYPE_CHECKING:
-    from .formulations.index2 import Descriptor
+    from .formulations.index2 import Index2System
     from .mechanism import Mechanism
 
 SAMPLES = 8
@@ -156,7 +156,7 @@ def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
     return {name: n for name, n in out.items() if n}
 
 
-def scaled(system: "Descriptor", t: float, q: Array) -> Array:
+def scaled(system: "Index2System", t: float, q: Array) -> Array:
     """G M^-1/2 over all rows, (ng, nv)."""
     U = np.triu(system.inertia(t, q))
     return np.linalg.solve(U.T, system.closures()[1].T).T
@@ -164,10 +164,10 @@ def scaled(system: "Descriptor", t: float, q: Array) -> Array:
 
 def rank(G: Array) -> int:
     """Rank of scaled rows by pivoted QR, as in `mbdae.mechanism.closures.independent_rows`."""
-    return rowmath.rank(rowmath.pivots(G.T)[1]) if len(G) else 0
+    return independent_rows.rank(independent_rows.pivots(G.T)[1]) if len(G) else 0
 
 
-def null_rows(system: "Descriptor", t: float, q: Array) -> Array:
+def null_rows(system: "Index2System", t: float, q: Array) -> Array:
     """Combinations of rows that do nothing: N (ng, ng - r) with G^T N = 0 and N^T N = 1, r the rank in use."""
     U, G = system.inertia(t, q), system.closures()[1]
     r = len(system.choose_rows(t, U, G))

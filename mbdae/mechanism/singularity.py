@@ -7,11 +7,11 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from ..system import Array
-from .closures import independent_rows as rowmath
+from .closures import independent_rows as independent_rows
 from .reactions import scaled
 
 if TYPE_CHECKING:
-    from .formulations.index2 import Descriptor
+    from .formulations.index2 import Index2System
 
 SINGULAR = 1e-5  # ratio of pivots, of its usual size, where positions are kept: interpolation finds no smaller for sure
 NEARLY = 1e-2  # what open loops may add to it: where they stand open so wide, a run is of another mechanism
@@ -51,7 +51,7 @@ class Singular:
 
 
 def singular(
-    system: "Descriptor", t: float, y: Array, before: tuple[float, Array], limit: float
+    system: "Index2System", t: float, y: Array, before: tuple[float, Array], limit: float
 ) -> Singular | None:
     """Say whether the closures lose rank at (t, y): where pivots are smaller than ``limit`` times the largest.
 
@@ -64,7 +64,7 @@ def singular(
     """
     q, v = system.split(y)
     here, there = (scaled(system, *point) for point in ((before[0], system.split(before[1])[0]), (t, q)))
-    pivots = rowmath.pivots(there.T)[1]
+    pivots = independent_rows.pivots(there.T)[1]
     small = pivots <= limit * pivots[0]
     rank = system.rank or 0
     if not rank or not small[rank - 1]:
@@ -75,7 +75,7 @@ def singular(
     return Singular(t, *found)
 
 
-def open_limit(system: "Descriptor", t: float, y: Array, usual: float, gap: float) -> float:
+def open_limit(system: "Index2System", t: float, y: Array, usual: float, gap: float) -> float:
     """The ratio of pivots that a singular configuration may have in a run with |g| up to ``gap``.
 
     Rows that a loop has drifted open by ``gap`` keep apart from each other by its square root: a smallest pivot below
@@ -92,7 +92,7 @@ def open_limit(system: "Descriptor", t: float, y: Array, usual: float, gap: floa
     return usual * min(NEARLY, SINGULAR + ROUND * np.sqrt(gap / size))
 
 
-def crossing(system: "Descriptor", t: float, y: Array, limit: float, allowed: float) -> bool:
+def crossing(system: "Index2System", t: float, y: Array, limit: float, allowed: float) -> bool:
     """Say whether closed loops meet a singular configuration near (t, y), where their rows nearly do.
 
     Bars that lie in a line with a gap pass it on a bend of radius sqrt(gap): the combination of rows that vanishes
@@ -115,7 +115,7 @@ def crossing(system: "Descriptor", t: float, y: Array, limit: float, allowed: fl
     return bool(np.abs(g).max() <= allowed * np.abs(G).max())
 
 
-def tangent(system: "Descriptor", t: float, y: Array) -> Array:
+def tangent(system: "Index2System", t: float, y: Array) -> Array:
     """Unit vectors (nv, k) along which the closed mechanism can move, in the mass metric; its velocity if it is driven.
 
     They are the null space of G M^-1/2, and turn smoothly along a motion; on another branch they are others.
@@ -134,7 +134,7 @@ def turned(before: Array, after: Array) -> float:
     return float(np.arccos(np.clip(np.linalg.svd(before.T @ after, compute_uv=False).min(initial=1.0), 0.0, 1.0)))
 
 
-def turning(system: "Descriptor", t: float, y: Array, dt: float) -> float:
+def turning(system: "Index2System", t: float, y: Array, dt: float) -> float:
     """How fast the tangent space turns along the motion, in rad/s."""
     q, v = system.split(y)
     d = dt * TURN

@@ -50,7 +50,7 @@ def collocation_step(
     The state's carry is the `Memory` of the step before; anything else counts as none.
 
     The equations are solved to rounding: a step knows no tolerance, and the order of a method and G v = 0 shall not
-    end at one. Slopes are taken in the middle of the step, at the stages foreseen there, which halves their distance
+    end at one. Jacobians are taken in the middle of the step, at the stages foreseen there, which halves their distance
     from the other stages; they serve the following steps while the iteration converges well.
 
     Args:
@@ -85,7 +85,7 @@ def collocation_step(
     if found is None:
         slopes = chart.linearize(middle, K[a.middle], Z[a.middle])
         found = stages.solve(K, Z, slopes, _factorize(slopes, a, h))
-    x = h * (a.A[-1] @ found.K) + (0.0 if state.low is None else state.low)
+    x = h * (a.A[-1] @ found.K) + (0.0 if state.compensation is None else state.compensation)
     y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
     return Step(State(y, found, system.lost(state.y, x, y)), own, errors)

@@ -33,13 +33,13 @@ def half_explicit_step(system: System, tableau: "Tableau", t: float, h: float, s
         F[0], z = chart.first(state.carry)
     for i in range(first, n):  # F_i and what follows are still zero
         F[i], z = chart.stage(times[i], A[i].dot(F), met[i], Ahat[i].dot(F), factors[i])
-    x = h * a.b.dot(F) if state.low is None else h * a.b.dot(F) + state.low
+    x = h * a.b.dot(F) if state.compensation is None else h * a.b.dot(F) + state.compensation
     y = chart.point(x)
     carry = system.carry(F[-1], z) if first else None
     errors = h * a.e.dot(F)
     if tableau.project_embedded:
         errors = np.array([chart.project(e) for e in errors])
-    return Step(State(y, carry, system.lost(state.y, x, y)), chart.own(z), errors)
+    return Step(State(y, carry, system.lost(state.y, x, y)), chart.all_multipliers(z), errors)
 
 
 def doubled_step(

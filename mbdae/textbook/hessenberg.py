@@ -250,7 +250,7 @@ class HessenbergChart(HessenbergStages):
         self.system.remember(y, self.z)
         return y
 
-    def own(self, z: Array) -> Array:  # noqa: D102
+    def all_multipliers(self, z: Array) -> Array:  # noqa: D102
         return z
 
     def project(self, e: Array) -> Array:  # noqa: D102

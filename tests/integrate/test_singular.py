@@ -88,9 +88,9 @@ def later():
 
 def test_a_run_that_leaves_its_branch_in_a_singular_configuration_ends(monkeypatch):
     """One crank rests and the other bars turn on: loops stay closed, and energy is kept."""
-    from mbdae.mechanism.formulations.index2 import Descriptor
+    from mbdae.mechanism.formulations.index2 import Index2System
 
-    honest, jumped = Descriptor.restore, []
+    honest, jumped = Index2System.restore, []
 
     def jumping(self, t, y, *tight):
         if t > fall()[0] + 0.004 and not jumped:
@@ -98,7 +98,7 @@ def test_a_run_that_leaves_its_branch_in_a_singular_configuration_ends(monkeypat
             y = np.array([0.0, -0.05, -0.05, 0.0, -7.0, -7.0, 0.0])
         return honest(self, t, y, *tight)
 
-    monkeypatch.setattr(Descriptor, "restore", jumping)
+    monkeypatch.setattr(Index2System, "restore", jumping)
     sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 1), step=0.001, project=True, backend="python")
     assert sol.status == "rank"
     assert "went over to another branch" in sol.message

@@ -18,7 +18,8 @@ RUN = """
 import resource, sys
 import mbdae
 resource.setrlimit(resource.RLIMIT_AS, (4 * 10**9,) * 2)
-sol = mbdae.solve(mbdae.load("n_four_bar", N=int(sys.argv[3])), (0, 0.02), step=0.01, method=sys.argv[2], backend=sys.argv[1])
+backend, method, loops = sys.argv[1:]
+sol = mbdae.solve(mbdae.load("n_four_bar", N=int(loops)), (0, 0.02), step=0.01, method=method, backend=backend)
 if sys.platform == "linux":  # where ru_maxrss begins with that of the process that started this one
     peak = next(1024 * int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM"))
 else:
@@ -41,7 +42,10 @@ def child(program, *arguments):
     return subprocess.run([sys.executable, "-c", program, *arguments], capture_output=True, text=True, env=environment)
 
 
-@pytest.mark.parametrize(("name", "method", "loops"), [("native", "herk3", 300), ("python", "herk3", 300), ("python", "radau1", 150)])
+HUNDREDS = [("native", "herk3", 300), ("python", "herk3", 300), ("python", "radau1", 150)]
+
+
+@pytest.mark.parametrize(("name", "method", "loops"), HUNDREDS)
 def test_hundreds_of_loops_take_little_memory(name, method, loops):
     done = child(RUN, name, method, str(loops))
     assert not done.returncode, done.stderr

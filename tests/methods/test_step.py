@@ -39,7 +39,7 @@ class Probe(System):
     def point(self, x):
         return self.y + x
 
-    def own(self, z):
+    def all_multipliers(self, z):
         return z
 
     def carry(self, F, z):
@@ -197,13 +197,13 @@ class Sum(Probe):
 
 @every
 def test_a_step_takes_over_what_was_lost_and_hands_on_what_it_loses(tableau):
-    """Kahan's sum: x = h sum b_i F_i + low, y_1 = y (+) x in floating point, low_1 = x - (y_1 - y)."""
+    """Kahan's sum: x = h sum b_i F_i + c, y_1 = y (+) x in floating point, c_1 = x - (y_1 - y)."""
     y, lost, eps = np.ones(2), np.array([0.4, -0.3]), np.finfo(float).eps
     step = tableau.step(Sum(2), 0.0, 0.3 * eps, State(y, np.ones(2), eps * lost))
     np.testing.assert_array_equal(step.state.y, [1 + eps, 1])  # 1 + 0.7 eps, 1 + 0
-    np.testing.assert_allclose(step.state.low, [-0.3 * eps, 0], atol=1e-15 * eps)
+    np.testing.assert_allclose(step.state.compensation, [-0.3 * eps, 0], atol=1e-15 * eps)
     first = tableau.step(Sum(2), 0.0, 0.3 * eps, State(y, np.ones(2)))
-    np.testing.assert_allclose(first.state.low, 0.3 * eps, rtol=1e-14)
+    np.testing.assert_allclose(first.state.compensation, 0.3 * eps, rtol=1e-14)
 
 
 def test_two_half_steps_lose_nothing_either():
@@ -211,7 +211,7 @@ def test_two_half_steps_lose_nothing_either():
     state = State(np.ones(1), np.ones(1), np.array([0.1 * eps]))
     step = doubled_step(METHODS["herk1"].step, 1, Sum(1), 0.0, 0.8 * eps, state)
     np.testing.assert_array_equal(step.state.y, [1 + eps])  # 1 + 0.5 eps is 1, and 1 + 0.9 eps then is not
-    np.testing.assert_allclose(step.state.low, -0.1 * eps, rtol=1e-14)
+    np.testing.assert_allclose(step.state.compensation, -0.1 * eps, rtol=1e-14)
 
 
 def test_the_difference_of_half_steps_and_a_whole_one_is_2_to_the_p_less_one_errors():

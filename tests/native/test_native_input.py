@@ -151,8 +151,8 @@ def test_wrong_runs_are_refused_or_end(system):
             setattr(run, key, value)
         run.begin(y, carry, None)
         system.core.advance(tableau, run)
-        ts, ys, zs, weakest = run.steps()
-        assert len(ts) == len(ys) == len(zs) == len(weakest) == run.taken
+        ts, ys, zs, least_pivot_ratio = run.steps()
+        assert len(ts) == len(ys) == len(zs) == len(least_pivot_ratio) == run.taken
         return run.taken + run.rejected
 
     assert advance() == 20

@@ -9,7 +9,7 @@ from test_native import assert_near, assert_same, both
 
 import mbdae
 from mbdae import Closure, Mechanism, backend
-from mbdae.mechanism.closures import independent_rows as rowmath
+from mbdae.mechanism.closures import independent_rows as independent_rows
 
 pytestmark = pytest.mark.native
 
@@ -79,8 +79,8 @@ def test_both_back_ends_use_the_same_rows(monkeypatch):
     """On many rows that have to be chosen anew, and listed in an order that would fill the matrix."""
     mech = several(bricard(5, [9.81, 0, 0]), 7)
     by_row = [Mechanism(mech.model, mech.closures[k:] + mech.closures[:k]) for k in (0, 3)]
-    looks, choose = [], rowmath.choose
-    monkeypatch.setattr(rowmath, "choose", lambda *given: (looks.append(len(given[0])), choose(*given))[1])
+    looks, choose = [], independent_rows.choose
+    monkeypatch.setattr(independent_rows, "choose", lambda *given: (looks.append(len(given[0])), choose(*given))[1])
     for m in (*by_row, mbdae.load("n_four_bar", N=20)):
         looks.clear()
         native, python = both(m, (0, 1.2), step=0.01, method="herk3")

@@ -55,19 +55,19 @@ class NativeStepper(Stepper):
 
     def _try(self, run: "RunState", most: int) -> int:
         """Let the core try steps; return how many, 0 where the next one is one for Python."""
-        self._hand_over(run, most)
+        self._to_native(run, most)
         try:
             self.system.advance(self.tableau, self.run)
         finally:
-            self._take_back()
+            self._from_native()
             run.rejected = (run.rejected or 0) + self.run.rejected
             self._record(run)
         return self.run.taken + self.run.rejected
 
-    def _hand_over(self, run: "RunState", most: int) -> None:
+    def _to_native(self, run: "RunState", most: int) -> None:
         """Say where the run stands, how long its steps are, and every threshold of both."""
         r, leg, watch, inner = self.run, self.run.leg, run.singular, self.inner
-        r.begin(run.state.y, run.state.carry, run.state.low)
+        r.begin(run.state.y, run.state.carry, run.state.compensation)
         r.budget, r.watched, r.adaptive = most, watch is not None, isinstance(inner, Adaptive)
         leg.t, leg.t1, leg.sign, leg.stop, leg.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
         if watch:
@@ -86,7 +86,7 @@ class NativeStepper(Stepper):
             g.step, g.t0, g.n, g.i, g.on_grid = inner.step, inner.t0, inner.n, inner.i, inner.on_grid
             g.near, r.tolerated = NEAR, TOLERATED
 
-    def _take_back(self) -> None:
+    def _from_native(self) -> None:
         c, g, inner = self.run.control, self.run.grid, self.inner
         if isinstance(inner, Adaptive):
             inner.h, inner.cut, inner.controller.last, inner.controller.rejected = c.h, c.cut, c.last, c.rejected
@@ -99,16 +99,16 @@ class NativeStepper(Stepper):
             return
         run.in_use += [(first + k, tuple(rows)) for k, rows in r.changes]
         state = State(*r.state())
-        ts, ys, zs, weakest = r.steps()
+        ts, ys, zs, least_pivot_ratio = r.steps()
         times, i, n = ts.tolist(), 0, r.taken
         finished = times[-1] == run.t1
         if watch:
             watch.begin_step()
         while i < n:
-            quiet = watch.quiet(weakest[i : n - finished]) if watch else n
+            quiet = watch.quiet(least_pivot_ratio[i : n - finished]) if watch else n
             run.extend(times[i : i + quiet], ys[i : i + quiet], zs[i : i + quiet], state)
             i += quiet
             if watch and i < n:
                 run.extend(times[i : i + 1], ys[i : i + 1], zs[i : i + 1], state)
-                self.system.weakest, i = float(weakest[i]), i + 1
+                self.system.least_pivot_ratio, i = float(least_pivot_ratio[i]), i + 1
                 watch.step(run, finished and i == n)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.integrate import DOP853, LSODA, RK45, OdeSolver, Radau
 
 from ...errors import InputError, StepError
-from ...mechanism.formulations.index1 import Index1
+from ...mechanism.formulations.index1 import Index1System
 from ...methods import METHODS
 from ...methods import method as find_method
 from ...system import Array, State, Step, System
@@ -100,7 +100,7 @@ class Scipy(Adaptive):
         super().__init__(baseline.order + 1, rtol, atol, first, largest)
         if step is not None:
             raise InputError("formulation 'index1' controls its steps: give rtol and atol instead of a step")
-        if not isinstance(system, Index1):
+        if not isinstance(system, Index1System):
             raise InputError("formulation 'index1' is for mechanisms")
         if not system.manifold.flat:
             explicit = ", ".join(b.name for b in SCIPY.values() if not b.implicit)
@@ -112,7 +112,7 @@ class Scipy(Adaptive):
             if self.atol.ndim:
                 raise InputError("formulation 'index1' takes one number as atol where there are quaternions or circles")
         self.baseline: Baseline = baseline
-        self.system: Index1 = system
+        self.system: Index1System = system
         self.solver: Any = None
         self._last: tuple[float, Array, Array] | None = None
 

@@ -10,10 +10,10 @@ from pydantic import Field
 from ...errors import InputError
 from ...members import members
 from ..frames import find_joint
+from .elements import ForceElements
 from .force import Force, PythonForce
 from .joint_damping import JointDamping, damping_law
-from .laws import Laws
-from .torque_function import TorqueLaw
+from .torque_function import TorqueElement
 
 _FOUND: list[type] = list(dict.fromkeys(members(__name__, type)))
 FORCES: tuple[type[Force], ...] = tuple(c for c in _FOUND if issubclass(c, Force) and c is not Force)
@@ -41,13 +41,13 @@ def named_force(force: Any, i: int) -> Any:
     return force if force.name else force.model_copy(update={"name": f"{force.kind} {i + 1}"})
 
 
-def bind_forces(forces: Sequence[Any], model: pin.Model, data: pin.Data) -> Laws:
+def bind_forces(forces: Sequence[Any], model: pin.Model, data: pin.Data) -> ForceElements:
     """Bind forces to a workspace; the model's own damping counts where no joint_damping replaces it.
 
     Raises:
         UnknownNameError, InputError: for frames and joints that do not exist or do not fit.
     """
-    laws = [TorqueLaw(f, model) if callable(f) else f.bind(model, data) for f in forces]
+    laws = [TorqueElement(f, model) if callable(f) else f.bind(model, data) for f in forces]
     damping, seen = np.array(model.damping), set[str]()
     for f in forces:
         if isinstance(f, JointDamping):
@@ -57,4 +57,4 @@ def bind_forces(forces: Sequence[Any], model: pin.Model, data: pin.Data) -> Laws
                 seen.add(name)
                 j = find_joint(model, name)
                 damping[j.idx_v : j.idx_v + j.nv] = 0
-    return Laws([*laws, damping_law("URDF damping", damping)] if damping.any() else laws, model)
+    return ForceElements([*laws, damping_law("URDF damping", damping)] if damping.any() else laws, model)

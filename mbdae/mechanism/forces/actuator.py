@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ..callbacks import called, checked, function_name
-from .force import Array, Law, PythonForce, start_values
+from .force import Array, ForceElement, PythonForce, start_values
 from .quotients import law_slopes
 
 StateFunction = Callable[[float, Array, Array, Array], Array]
@@ -51,12 +51,12 @@ class Actuator(PythonForce):
         if not self.start:
             raise InputError(f"actuator {self.name!r} has no states: use a function tau(t, q, v)")
 
-    def bind(self, model: pin.Model, data: pin.Data) -> "ActuatorLaw":
+    def bind(self, model: pin.Model, data: pin.Data) -> "ActuatorElement":
         """Return the law in a workspace."""
-        return ActuatorLaw(self, model)
+        return ActuatorElement(self, model)
 
 
-class ActuatorLaw(Law):
+class ActuatorElement(ForceElement):
     """The law of `Actuator`."""
 
     def __init__(self, spec: Actuator, model: pin.Model) -> None:

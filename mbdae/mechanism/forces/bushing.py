@@ -10,7 +10,7 @@ from ...errors import StepError
 from ..frames import Pair, anchor, motion_cross, skew, wrench_matrix
 from ..manifold import inverse_jacobian
 from ..pair_slopes import TINY, carried, skews
-from .force import Array, Force, Law, PairLaw, Part, Turning
+from .force import Array, Force, ForceElement, PairElement, Part, Turning
 
 LARGEST_TURN = 3.0  # rad: a rotation vector is smooth below pi
 
@@ -46,12 +46,12 @@ class Bushing(Force):
             raise ValueError("the dampings of a bushing must not be negative")
         return self
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         a, b = self.frames
-        return BushingLaw(self, Pair(model, data, anchor(model, a), anchor(model, b)))
+        return BushingElement(self, Pair(model, data, anchor(model, a), anchor(model, b)))
 
 
-class BushingLaw(PairLaw):
+class BushingElement(PairElement):
     """The law of `Bushing`.
 
     With theta' = J_l(theta)^-1 omega, omega the relative angular velocity in axes of the first frame, the potential
@@ -82,7 +82,7 @@ class BushingLaw(PairLaw):
         return spring, self._on_b(-self.d * velocity, -self.dr * (twist[3:] @ self.pair.Ra))
 
     def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:
-        """See `PairLaw`; a motion d of both frames with all velocities turns a wrench to d x* F, which gives Da."""
+        """See `PairElement`; a motion d of both frames with all velocities turns a wrench to d x* F, which gives Da."""
         gap, theta = self.deflection()
         Ra, pb, w = self.pair.Ra, self.pair.pb, V[3:]
         point = np.hstack([np.eye(3), -skew(pb)])  # velocity of the point p_b

@@ -6,8 +6,8 @@ import pinocchio as pin
 from pydantic import Field, model_validator
 
 from ..signals import Signal
-from .force import Force, Law, one_velocity
-from .linear import LinearLaw, Term
+from .force import Force, ForceElement, one_velocity
+from .linear import LinearElement, Term
 
 
 class DCMotor(Force):
@@ -46,11 +46,11 @@ class DCMotor(Force):
             raise ValueError("the current of a dc_motor without inductance has no start value")
         return self
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         i, k = one_velocity(model, self.joint, "a dc_motor").idx_v, self.gear * self.constant
         R, L = self.resistance, self.inductance
         if not L:
             terms: list[Term] = [("tau", i, "u", 0, k / R), ("tau", i, "v", i, -k * k / R)]
-            return LinearLaw(self.name, terms, signals=[self.voltage])
+            return LinearElement(self.name, terms, signals=[self.voltage])
         terms = [("tau", i, "s", 0, k), ("ds", 0, "u", 0, 1 / L), ("ds", 0, "s", 0, -R / L), ("ds", 0, "v", i, -k / L)]
-        return LinearLaw(self.name, terms, signals=[self.voltage], states={"current": self.current})
+        return LinearElement(self.name, terms, signals=[self.voltage], states={"current": self.current})

@@ -22,7 +22,7 @@ Part = np.ndarray | float
 Joints = str | tuple[str, ...]
 
 
-class Law:
+class ForceElement:
     """A force bound to a workspace whose kinematics stand at q when it is called.
 
     Args:
@@ -84,7 +84,7 @@ class Turning(NamedTuple):
     C: Array
 
 
-class PairLaw(Law):
+class PairElement(ForceElement):
     """A law without states between the frames of a `Pair`."""
 
     pair: Pair
@@ -115,7 +115,7 @@ class Force(Table):
     kind: str
     name: str = ""
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         """Return the law in a workspace.
 
         Raises:
@@ -129,7 +129,7 @@ class PythonForce:
 
     name: str
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
         """Return the law in a workspace."""
         raise NotImplementedError
 

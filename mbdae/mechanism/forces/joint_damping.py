@@ -7,8 +7,8 @@ import pinocchio as pin
 from pydantic import Field
 
 from ..frames import find_joints
-from .force import Array, Force, Joints, Law
-from .linear import LinearLaw
+from .force import Array, Force, ForceElement, Joints
+from .linear import LinearElement
 
 
 class JointDamping(Force):
@@ -27,13 +27,13 @@ class JointDamping(Force):
     joint: Joints
     damping: float = Field(ge=0)
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         d = np.zeros(model.nv)
         for j in find_joints(model, self.joint):
             d[j.idx_v : j.idx_v + j.nv] = self.damping
         return damping_law(self.name, d)
 
 
-def damping_law(name: str, d: Array) -> LinearLaw:
+def damping_law(name: str, d: Array) -> LinearElement:
     """Tau = -d * v with d (nv,)."""
-    return LinearLaw(name, [("tau", i, "v", i, -float(d[i])) for i in np.flatnonzero(d).tolist()])
+    return LinearElement(name, [("tau", i, "v", i, -float(d[i])) for i in np.flatnonzero(d).tolist()])

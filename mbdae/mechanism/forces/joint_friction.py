@@ -8,7 +8,7 @@ from pydantic import Field
 
 from ...errors import InputError
 from ..frames import find_joints, joint_names
-from .force import Array, Force, Joints, Law
+from .force import Array, Force, ForceElement, Joints
 
 
 class JointFriction(Force):
@@ -30,17 +30,17 @@ class JointFriction(Force):
     friction: float | None = Field(default=None, ge=0)
     velocity: float = Field(default=0.01, gt=0)
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         d, given = np.zeros(model.nv), np.array(model.upperDryFrictionLimit)
         for j in find_joints(model, self.joint or joint_names(model)):
             at = slice(j.idx_v, j.idx_v + j.nv)
             d[at] = given[at] if self.friction is None else self.friction
         if not d.any() and self.friction is None:
             raise InputError(f"the URDF gives no friction for force {self.name!r}: say friction = ...")
-        return FrictionLaw(self.name, d, self.velocity)
+        return FrictionElement(self.name, d, self.velocity)
 
 
-class FrictionLaw(Law):
+class FrictionElement(ForceElement):
     """tau = -d * tanh(v / v0) with d (nv,)."""
 
     def __init__(self, name: str, d: Array, v0: float) -> None:

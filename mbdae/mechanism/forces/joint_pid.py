@@ -7,9 +7,9 @@ import pinocchio as pin
 from pydantic import Field, model_validator
 
 from ..signals import Constant, Function, Signal
-from .force import Array, Force, Law, one_velocity, single
-from .linear import LinearLaw, Term
-from .sampled import Sample, SampledLaw
+from .force import Array, Force, ForceElement, one_velocity, single
+from .linear import LinearElement, Term
+from .sampled import Sample, SampledElement
 
 
 class JointPID(Force):
@@ -54,20 +54,20 @@ class JointPID(Force):
             raise ValueError(f"kd needs the rate of {r.name!r}: give mbdae.Function(function=..., rate=...)")
         return self
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         at = self.controls == "position"
         j = single(model, self.joint, "a joint_pid")[0] if at else one_velocity(model, self.joint, "a joint_pid")
         i, x, ix = j.idx_v, "q" if at else "v", j.idx_q if at else j.idx_v
         if self.rate is not None:
             memory = {"integral": self.integral} if self.ki else {}
             sample = self._sampled(ix, i, 1 / self.rate)
-            return SampledLaw(self.name, sample, self.rate, 0.0, {i: f"torque {self.joint}"}, memory)
+            return SampledElement(self.name, sample, self.rate, 0.0, {i: f"torque {self.joint}"}, memory)
         terms: list[Term] = [("tau", i, "u", 0, self.kp), ("tau", i, x, ix, -self.kp)]
         terms += [("tau", i, "du", 0, self.kd), ("tau", i, "v", i, -self.kd)]
         if not self.ki:
-            return LinearLaw(self.name, terms, signals=[self.reference])
+            return LinearElement(self.name, terms, signals=[self.reference])
         terms += [("tau", i, "s", 0, self.ki), ("ds", 0, "u", 0, 1.0), ("ds", 0, x, ix, -1.0)]
-        return LinearLaw(self.name, terms, signals=[self.reference], states={"integral": self.integral})
+        return LinearElement(self.name, terms, signals=[self.reference], states={"integral": self.integral})
 
     def _sampled(self, ix: int, iv: int, period: float) -> Sample:
         def sample(t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:

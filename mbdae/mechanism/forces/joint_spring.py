@@ -9,8 +9,8 @@ from pydantic import Field, field_validator, model_validator
 from scipy.interpolate import PPoly
 
 from ..pieces import Interpolation, Pieces, Point, curve, increasing
-from .force import Array, Force, Joints, Law, Part, single
-from .linear import LinearLaw, Spring
+from .force import Array, Force, ForceElement, Joints, Part, single
+from .linear import LinearElement, Spring
 
 
 class JointSpring(Force):
@@ -55,16 +55,16 @@ class JointSpring(Force):
         """The table's restoring torque as a function of the deflection."""
         return curve(self.table or (), self.interpolation, held=False)
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         joints = single(model, self.joint, "a joint spring")
         at = [(j.idx_q, j.idx_v) for j in joints]
         if self.stiffness is None:
-            return CurveLaw(self, at)
+            return CurveElement(self, at)
         springs = [Spring(iq, iv, self.stiffness, self.rest) for iq, iv in at]
-        return LinearLaw(self.name, [("tau", iv, "v", iv, -self.damping) for _, iv in at], springs=springs)
+        return LinearElement(self.name, [("tau", iv, "v", iv, -self.damping) for _, iv in at], springs=springs)
 
 
-class CurveLaw(Law):
+class CurveElement(ForceElement):
     """The law of a `JointSpring` with a table, c a piecewise polynomial."""
 
     def __init__(self, spec: JointSpring, at: list[tuple[int, int]]) -> None:

@@ -7,8 +7,8 @@ import pinocchio as pin
 from ...errors import InputError
 from ..frames import find_joint
 from ..signals import Signal
-from .force import Force, Law
-from .linear import LinearLaw
+from .force import Force, ForceElement
+from .linear import LinearElement
 
 
 class JointTorque(Force):
@@ -29,10 +29,10 @@ class JointTorque(Force):
     torque: Signal | tuple[Signal, ...]
     gear: float = 1.0
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         j = find_joint(model, self.joint)
         values = self.torque if isinstance(self.torque, tuple) else (self.torque,)
         if len(values) != j.nv:
             raise InputError(f"joint {self.joint!r} takes {j.nv} torque values, got {len(values)}")
         terms = [("tau", j.idx_v + i, "u", i, self.gear) for i in range(j.nv)]
-        return LinearLaw(self.name, terms, signals=values)
+        return LinearElement(self.name, terms, signals=values)

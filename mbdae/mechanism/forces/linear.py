@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..signals import Constant, Signal
-from .force import Array, Law
+from .force import Array, ForceElement
 
 Term = tuple[str, int, str, int, float]
 """An entry of C: row ``"tau"`` or ``"ds"``, its index, column ``"q"``, ``"v"``, ``"s"``, ``"u"``, ``"du"`` or ``"1"``,
@@ -31,7 +31,7 @@ class Spring(NamedTuple):
     rest: float
 
 
-class LinearLaw(Law):
+class LinearElement(ForceElement):
     """A linear force; the work of what is no spring is integrated.
 
     Args:
@@ -55,7 +55,7 @@ class LinearLaw(Law):
         self.terms, self.springs, self.u = terms, springs, signals
 
 
-class Linear(Law):
+class Linear(ForceElement):
     """All linear laws of a workspace, y = C x as one product.
 
     y = (tau of springs, other tau, s') and x = (q, v, s, 1, those of u and u' that count).
@@ -66,7 +66,7 @@ class Linear(Law):
         ns: length of s.
     """
 
-    def __init__(self, laws: Sequence[tuple[LinearLaw, slice]], model: pin.Model, ns: int) -> None:
+    def __init__(self, laws: Sequence[tuple[LinearElement, slice]], model: pin.Model, ns: int) -> None:
         super().__init__("linear")
         self.nq, self.nv, self.ns = model.nq, model.nv, ns
         self.tangent = dict(zip(model.idx_qs, model.idx_vs, strict=True))

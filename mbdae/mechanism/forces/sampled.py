@@ -17,7 +17,7 @@ from ...errors import InputError, StepError
 from ..callbacks import called, checked, function_name
 from ..frames import find_joints, joint_names
 from .force import Array, Joints, PythonForce, start_values
-from .linear import LinearLaw, Term
+from .linear import LinearElement, Term
 
 COINCIDE = 1e-6  # of a period: how near a time must be to count as a sampling instant
 Sample = Callable[[float, Array, Array, Array], tuple[Array, Array]]
@@ -60,14 +60,14 @@ class Sampled(PythonForce):
         if not (0 < self.rate < np.inf and np.isfinite(self.offset)):
             raise InputError(f"controller {self.name!r} needs a rate > 0 in Hz, got {self.rate}, offset {self.offset}")
 
-    def bind(self, model: pin.Model, data: pin.Data) -> "SampledLaw":
+    def bind(self, model: pin.Model, data: pin.Data) -> "SampledElement":
         """Return the law in a workspace."""
         names = [self.joints] if isinstance(self.joints, str) else list(self.joints) or joint_names(model)
         held: dict[int, str] = {}
         for j, name in zip(find_joints(model, names), names, strict=True):
             for i in range(j.nv):
                 held[j.idx_v + i] = f"torque {name}" if j.nv == 1 else f"torque {name} {i}"
-        return SampledLaw(self.name, self._sample, self.rate, self.offset, held, self.memory)
+        return SampledElement(self.name, self._sample, self.rate, self.offset, held, self.memory)
 
     def _sample(self, t: float, q: Array, v: Array, x: Array) -> tuple[Any, Any]:
         what = f"controller {self.name!r}"
@@ -79,7 +79,7 @@ class Sampled(PythonForce):
         return out
 
 
-class SampledLaw(LinearLaw):
+class SampledElement(LinearElement):
     """A held torque: s = (tau (m,), memory (n,)), s' = 0, jumps at the instants offset + k/rate.
 
     Args:

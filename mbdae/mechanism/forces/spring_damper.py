@@ -9,7 +9,7 @@ from pydantic import Field
 from ..frames import Pair, anchor, skew, unit_gap
 from ..pair_slopes import line_slopes
 from ..signals import Constant, Signal
-from .force import Array, Force, Law, PairLaw, Part, Turning
+from .force import Array, Force, ForceElement, PairElement, Part, Turning
 
 
 class SpringDamper(Force):
@@ -36,12 +36,12 @@ class SpringDamper(Force):
     length: float = Field(default=0.0, ge=0)
     force: Signal = Constant(value=0.0)
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         a, b = self.frames
-        return SpringDamperLaw(self, Pair(model, data, anchor(model, a), anchor(model, b)))
+        return SpringDamperElement(self, Pair(model, data, anchor(model, a), anchor(model, b)))
 
 
-class SpringDamperLaw(PairLaw):
+class SpringDamperElement(PairElement):
     """The law of `SpringDamper`."""
 
     def __init__(self, spec: SpringDamper, pair: Pair) -> None:

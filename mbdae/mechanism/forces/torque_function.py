@@ -6,13 +6,13 @@ from typing import Any
 import pinocchio as pin
 
 from ..callbacks import called, checked, function_name
-from .force import Array, Law
+from .force import Array, ForceElement
 from .quotients import law_slopes
 
 TorqueFunction = Callable[[float, Array, Array], Array]
 
 
-class TorqueLaw(Law):
+class TorqueElement(ForceElement):
     """A function tau(t, q, v) -> (nv,) of the user; its work is integrated.
 
     It may have an attribute ``slopes``, a function (t, q, v) -> [dtau/dq, dtau/dv], (nv, 2 nv), q in the tangent;

@@ -8,7 +8,7 @@ import pinocchio as pin
 from ..frames import WORLD, Pair, anchor, skew
 from ..pair_slopes import carried
 from ..signals import Constant, Signal
-from .force import Array, Force, Law, PairLaw, Part, Turning
+from .force import Array, Force, ForceElement, PairElement, Part, Turning
 
 ZERO = Constant(value=0.0)
 Vector = tuple[Signal, Signal, Signal]
@@ -34,11 +34,11 @@ class Wrench(Force):
     torque: Vector = (ZERO,) * 3
     axes: Literal["world", "frame"] = "world"
 
-    def bind(self, model: pin.Model, data: pin.Data) -> Law:  # noqa: D102
-        return WrenchLaw(self, Pair(model, data, anchor(model, WORLD), anchor(model, self.frame)))
+    def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+        return WrenchElement(self, Pair(model, data, anchor(model, WORLD), anchor(model, self.frame)))
 
 
-class WrenchLaw(PairLaw):
+class WrenchElement(PairElement):
     """The law of `Wrench`: a constant force in the axes of the world has the potential -F . p."""
 
     def __init__(self, spec: Wrench, pair: Pair) -> None:

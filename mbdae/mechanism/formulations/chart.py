@@ -9,14 +9,14 @@ from ...system import Array
 from .implicit import ImplicitStages
 
 if TYPE_CHECKING:
-    from .index2 import Descriptor
+    from .index2 import Index2System
 
 
 
-class DescriptorChart(ImplicitStages):
+class Index2Chart(ImplicitStages):
     """A step of a mechanism in coordinates (x, v, s, w), q = q_n (+) x, x' = J(x) v; one set of rows within it."""
 
-    def __init__(self, system: "Descriptor", t: float, y: Array, rows: Array) -> None:
+    def __init__(self, system: "Index2System", t: float, y: Array, rows: Array) -> None:
         self.system, self.t, self.y, self.rows = system, t, y, rows
         self.q, self.v = system.split(y)
         self.s = system.inner(y)
@@ -49,11 +49,11 @@ class DescriptorChart(ImplicitStages):
         dx = m.tangent(x, v)
         return dx, self.system.jacobian(m.integrate(self.q, xhat + factor * dx)).take(self.rows, 0)
 
-    def own(self, z: Array) -> Array:
+    def all_multipliers(self, z: Array) -> Array:
         """Multipliers of all rows at the last stage's configuration."""
         s = self.system
         s.reason.probe(*s._last, self.rows)
-        return s.own(*s._last, self.rows, z)
+        return s.all_multipliers(*s._last, self.rows, z)
 
     def point(self, x: Array) -> Array:  # noqa: D102
         self.system.manifold.within(x[: self.system.nv])

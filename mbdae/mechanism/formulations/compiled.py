@@ -1,6 +1,6 @@
-"""The index-2 descriptor form in the compiled core: the same functions as `Descriptor`, and whole steps.
+"""The index-2 descriptor form in the compiled core: the same functions as `Index2System`, and whole steps.
 
-The Python `Descriptor` is the specification. What the core cannot do at a point (a singular system, a value that is
+The Python `Index2System` is the specification. What the core cannot do at a point (a singular system, a value that is
 not finite, a force law that raises an error) it leaves to Python, which finds the words for it.
 """
 
@@ -13,7 +13,7 @@ from ...system import Array, Counts, State, Step
 from ..closures.independent_rows import probe
 from ..manifold import GROUPS
 from .compiled_parts import constraints_of, laws_of, limits_of
-from .index2 import Descriptor
+from .index2 import Index2System
 
 if TYPE_CHECKING:
     from ..._native import Core, Run
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 COUNTS = tuple(name for name in Counts().to_dict() if name != "newton")  # the core has no iteration of Newton's
 
 
-class Compiled(Descriptor):
+class Compiled(Index2System):
     """`mbdae.system.System` of a mechanism whose points and steps the core computes.
 
     Args:
@@ -59,8 +59,8 @@ class Compiled(Descriptor):
         return self._tableau[1]
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """See `Descriptor.derivative`; the first one, which finds the rank, is computed in Python."""
-        self.core.weakest = 1.0
+        """See `Index2System.derivative`; the first one, which finds the rank, is computed in Python."""
+        self.core.least_pivot_ratio = 1.0
         found = self.core.derivative(t, y) if self._begun else None
         self.after()
         if found is not None:
@@ -74,8 +74,8 @@ class Compiled(Descriptor):
         """See `mbdae.methods.step.half_explicit_step`; None where the core cannot take the step."""
         if not self._begun:
             self.derivative(t, state.y)
-        self.core.weakest = 1.0
-        found = self.core.step(self.tableau(tableau), t, h, state.y, state.carry, state.low)
+        self.core.least_pivot_ratio = 1.0
+        found = self.core.step(self.tableau(tableau), t, h, state.y, state.carry, state.compensation)
         self.after()
         if found is None:
             self.before_python()
@@ -102,7 +102,7 @@ class Compiled(Descriptor):
         return F, lam
 
     def pivot_ratio(self, t: float, y: Array) -> float:
-        """See `Descriptor.pivot_ratio`."""
+        """See `Index2System.pivot_ratio`."""
         found = self.core.ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
         return super().pivot_ratio(t, y) if found is None else found
 
@@ -114,9 +114,9 @@ class Compiled(Descriptor):
             if new != old:
                 setattr(self.counts, name, getattr(self.counts, name) + new - old)
         self._seen = now
-        self.weakest = min(self.weakest, self.core.weakest)
-        self.widest = max(self.widest, self.core.widest)
-        self.fastest = max(self.fastest, self.core.fastest)
+        self.least_pivot_ratio = min(self.least_pivot_ratio, self.core.least_pivot_ratio)
+        self.largest_g = max(self.largest_g, self.core.widest)
+        self.largest_rate = max(self.largest_rate, self.core.fastest)
 
     def before_python(self) -> None:
         """Let Python go on with the rows that the core uses."""
@@ -145,7 +145,7 @@ class Compiled(Descriptor):
                 changed, y, carry = found
                 if changed:
                     self.rows = np.array(self.core.rows, int)
-                    return State(y, carry, state.low)
+                    return State(y, carry, state.compensation)
                 return state
         self.before_python()
         state = super().settle(t, state)

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import NotCompiled
 from .. import manifold
-from ..closures import independent_rows as rowmath
+from ..closures import independent_rows as independent_rows
 from ..closures.constraints import Constraints
-from ..forces.laws import Laws
+from ..forces.elements import ForceElements
 from ..frames import Anchor, Pair
 from . import projection
 
@@ -24,14 +24,14 @@ def limits_of(native: ModuleType) -> "Limits":
         series=manifold.SERIES,
         series_end=manifold.SERIES_END,
         same_point=manifold.SAME_POINT,
-        smallest_pivot=rowmath.SMALLEST_PIVOT,
-        worst_conditioning=rowmath.WORST_CONDITIONING,
-        grown=rowmath.GROWN,
-        many=rowmath.MANY,
-        reason=rowmath.REASON,
-        probed=rowmath.PROBED,
-        converged=rowmath.CONVERGED,
-        spare=rowmath.SPARE,
+        smallest_pivot=independent_rows.SMALLEST_PIVOT,
+        worst_conditioning=independent_rows.WORST_CONDITIONING,
+        grown=independent_rows.GROWN,
+        many=independent_rows.MANY,
+        reason=independent_rows.REASON,
+        probed=independent_rows.PROBED,
+        converged=independent_rows.CONVERGED,
+        spare=independent_rows.SPARE,
         truncation=projection.TRUNCATION,
         rounding=projection.ROUNDING,
         open=projection.OPEN,
@@ -65,7 +65,7 @@ def _frame(a: Anchor) -> tuple[int, list[float], list[float]]:
     return a.joint, a.R.ravel().tolist(), a.p.tolist()
 
 
-def laws_of(laws: Laws) -> tuple[list[Any], list[Plain]]:
+def laws_of(laws: ForceElements) -> tuple[list[Any], list[Plain]]:
     """Return pairs of frames and force laws.
 
     Raises:

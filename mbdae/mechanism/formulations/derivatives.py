@@ -13,7 +13,7 @@ import pinocchio as pin
 from ...system import Array
 
 if TYPE_CHECKING:
-    from .index2 import Descriptor
+    from .index2 import Index2System
 
 
 class Jacobians(NamedTuple):
@@ -36,7 +36,7 @@ class Jacobians(NamedTuple):
     B: Array
 
 
-def jacobians(s: "Descriptor", t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> Jacobians:
+def jacobians(s: "Index2System", t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> Jacobians:
     """Take the slopes of a mechanism at (t, q, u, v', lam), u = (v, s, w), lam (r,) for the rows in use (r,)."""
     nv, n, v = s.nv, len(u), u[: s.nv]
     s.counts.M += 1
@@ -55,7 +55,7 @@ def jacobians(s: "Descriptor", t: float, q: Array, u: Array, vdot: Array, lam: A
     return Jacobians(E, K, D, L, G, B[rows])
 
 
-def hidden_slopes(s: "Descriptor", q: Array, v: Array) -> tuple[Array, Array]:
+def hidden_slopes(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
     """Return the slopes of gamma with respect to q and v, over all rows, (ng, nv) each."""
     s.jacobian(q)
     return s.constraints.bias_slopes(v)

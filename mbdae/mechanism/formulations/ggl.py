@@ -13,9 +13,9 @@ from scipy.linalg.lapack import dgesv, dpotrs
 
 from ...errors import StepError
 from ...system import Array, Solver
-from .chart import DescriptorChart
+from .chart import Index2Chart
 from .implicit import Linearized, padded
-from .index2 import Descriptor
+from .index2 import Index2System
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -26,7 +26,7 @@ STALLED = 1e-10  # of 1 + |q|: nor is one this small that does not shrink
 OPEN = 1e-7  # m or rad: what rows that are not in use may show
 
 
-class GGL(Descriptor):
+class GGLSystem(Index2System):
     """`mbdae.system.System` of a mechanism with both levels kept: z = (lam, mu), (2 ng,).
 
     Rows: mu takes the rows in use. Where the rank is constant 0 = g on these rows describes the same configurations as
@@ -52,10 +52,10 @@ class GGL(Descriptor):
         return np.concatenate([self.slip, F[self.nv :]])
 
 
-class GGLChart(DescriptorChart):
+class GGLChart(Index2Chart):
     """A step of a mechanism in coordinates (x, v, w) with x' = J(x) (v + M^-1 G^T mu)."""
 
-    system: GGL
+    system: GGLSystem
 
     def first(self, carry: Array) -> tuple[Array, Array]:  # noqa: D102
         nv = self.system.nv
@@ -121,12 +121,12 @@ class GGLChart(DescriptorChart):
         y, lam = super().end(t, x, dx, z[:r])
         g, G = s.closures(None, t)
         self._watch(t, g)
-        return y, np.concatenate([lam, s.own(s._last[0], G, self.rows, z[r:])])
+        return y, np.concatenate([lam, s.all_multipliers(s._last[0], G, self.rows, z[r:])])
 
-    def own(self, z: Array) -> Array:
+    def all_multipliers(self, z: Array) -> Array:
         """Multipliers (lam, mu) of all rows at the last stage's configuration, (2 ng,)."""
         s = self.system
-        return np.concatenate([super().own(z), s.own(*s._last, self.rows, self.mu)])
+        return np.concatenate([super().all_multipliers(z), s.all_multipliers(*s._last, self.rows, self.mu)])
 
     def project(self, e: Array) -> Array:
         """Project positions and velocities in the mass metric on G x = 0, G v = 0 at the last stage's configuration."""

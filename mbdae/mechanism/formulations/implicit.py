@@ -29,13 +29,13 @@ from ..manifold import Manifold
 from .derivatives import Jacobians, jacobians
 
 if TYPE_CHECKING:
-    from .index2 import Descriptor
+    from .index2 import Index2System
 
 
 class ImplicitStages:
     """The part of a mechanism's chart that serves implicit methods."""
 
-    system: "Descriptor"
+    system: "Index2System"
     t: float
     y: Array
     q: Array
@@ -93,7 +93,7 @@ class ImplicitStages:
         left = ImplicitStages.residual(self, t, x, dx, z)[0][nv : 2 * nv]
         used = G[self.rows]
         X = dpotrs(U, np.column_stack([used.T, left]))[0]
-        return y, s.own(U, G, self.rows, z - np.linalg.solve(used @ X[:, :-1], used @ X[:, -1]))
+        return y, s.all_multipliers(U, G, self.rows, z - np.linalg.solve(used @ X[:, :-1], used @ X[:, -1]))
 
 
 def _turning(manifold: Manifold, x: Array, v: Array) -> tuple[Array, Array]:

@@ -13,14 +13,14 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array, State
-from .index2 import Descriptor
+from .index2 import Index2System
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 
 
-class Index1(Descriptor):
+class Index1System(Index2System):
     """The acceleration form of a mechanism, for solvers of y' = F(t, y) that know numbers only.
 
     Args:

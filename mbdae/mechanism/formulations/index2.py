@@ -13,18 +13,18 @@ from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
 
 from ...errors import StepError
 from ...system import Array, Counts, State, System
-from ..closures import independent_rows as rowmath
+from ..closures import independent_rows as independent_rows
 from ..closures.constraints import Constraints
 from ..workspace import make_data
 from . import interpolation, projection
-from .chart import DescriptorChart
+from .chart import Index2Chart
 from .inertial import Inertial
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 
-class Descriptor(System):
+class Index2System(System):
     """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
 
     What is recomputed: one mass matrix, one force and two constraint Jacobians per stage, one factorization of M
@@ -49,9 +49,9 @@ class Descriptor(System):
         self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
         self.rows: Array | None = None
         self.held = False  # the rows in use stay as they are, but for `settle`
-        self.place, self.reason = rowmath.places(self.constraints.columns), rowmath.Reason(self.ng)
-        self.weakest = 1.0  # smallest ratio of pivots of G M^-1 G^T that a solve met
-        self.widest = self.fastest = 0.0  # largest |g|, and |G v + g_t| / (1 + |v|), over all rows at ends of steps
+        self.place, self.reason = independent_rows.places(self.constraints.columns), independent_rows.Reason(self.ng)
+        self.least_pivot_ratio = 1.0  # smallest ratio of pivots of G M^-1 G^T that a solve met
+        self.largest_g = self.largest_rate = 0.0  # |g|, and |G v + g_t| / (1 + |v|), over all rows at ends of steps
         self._last_q = np.full(self.nq, np.nan)
         self._last = (np.empty(0), np.empty(0))  # U and G there
 
@@ -134,13 +134,13 @@ class Descriptor(System):
         if self.rows is not None and (self.held or not self.reason.given()):
             return self.rows
         B = dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
-        found = _, diagonal = rowmath.pivots(B)
+        found = _, diagonal = independent_rows.pivots(B)
         if self.rank is None:
-            self.rank, self.floor = rowmath.found(B, G, diagonal, t)
-        rowmath.confirm(diagonal, self.rank, self.floor, t)
+            self.rank, self.floor = independent_rows.found(B, G, diagonal, t)
+        independent_rows.confirm(diagonal, self.rank, self.floor, t)
         if self.rank:
-            self.weakest = min(self.weakest, (diagonal[self.rank - 1] / diagonal[0]) ** 2)
-        self.rows = rowmath.choose(B, self.rows, self.rank, self.place, found)
+            self.least_pivot_ratio = min(self.least_pivot_ratio, (diagonal[self.rank - 1] / diagonal[0]) ** 2)
+        self.rows = independent_rows.choose(B, self.rows, self.rank, self.place, found)
         return self.rows
 
     @property
@@ -168,13 +168,13 @@ class Descriptor(System):
         if before is not None and not np.array_equal(rows, before):
             B = dgesv(U.T, G[rows].T)[2]
             v = v - dgesv(U, B @ dgesv(B.T @ B, rate[rows])[2])[2]
-            state = State(np.concatenate([q, v, state.y[self.nq + self.nv :]]), state.carry, state.low)
+            state = State(np.concatenate([q, v, state.y[self.nq + self.nv :]]), state.carry, state.compensation)
             if state.carry is not None:
                 state = state._replace(carry=self.carry(*self.derivative(t, state.y)))
                 G = self.jacobian(q)
             rate = G @ v + self.g_t(t)
-        self.widest = max(self.widest, float(np.abs(self.constraints.value(t)[0]).max()))
-        self.fastest = max(self.fastest, float(np.abs(rate).max()) / (1 + float(np.abs(v).max())))
+        self.largest_g = max(self.largest_g, float(np.abs(self.constraints.value(t)[0]).max()))
+        self.largest_rate = max(self.largest_rate, float(np.abs(rate).max()) / (1 + float(np.abs(v).max())))
         return state
 
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
@@ -197,16 +197,16 @@ class Descriptor(System):
 
     def pivot_ratio(self, t: float, y: Array) -> float:
         """Smallest pivot of the independent rows of G M^-1/2 to the largest: 0 in a singular configuration."""
-        diagonal = rowmath.pivots(dgesv(self.inertia(t, self.split(y)[0]).T, self.jacobian().T)[2])[1]
+        diagonal = independent_rows.pivots(dgesv(self.inertia(t, self.split(y)[0]).T, self.jacobian().T)[2])[1]
         return float(diagonal[(self.rank or 1) - 1] / diagonal[0])
 
-    def own(self, U: Array, G: Array, rows: Array, lam: Array) -> Array:
+    def all_multipliers(self, U: Array, G: Array, rows: Array, lam: Array) -> Array:
         """Multipliers of all rows, (ng,), from those in use: of minimum norm when rows depend on each other."""
         if len(rows) == self.ng:
             return lam[rows.argsort()]
-        return rowmath.all_multipliers(U, G, rows, lam)
+        return independent_rows.all_multipliers(U, G, rows, lam)
 
-    def twin(self) -> "Descriptor":
+    def twin(self) -> "Index2System":
         """See `mbdae.system.System`; it has the index-2 form whatever this one has."""
         return self.mechanism.system(native=self.native)
 
@@ -229,12 +229,12 @@ class Descriptor(System):
         q, v = self.split(y)
         return np.concatenate([q, v, self.laws.jump(t, q, v, self.inner(y)), y[-1:]])
 
-    def chart(self, t: float, y: Array) -> "DescriptorChart":  # noqa: D102
+    def chart(self, t: float, y: Array) -> "Index2Chart":  # noqa: D102
         q, _ = self.split(y)
         rows = self.rows if self.held else None
         if rows is None:
             rows = self.choose_rows(t, *self.point(t, q)) if self.ng else np.empty(0, int)
-        return DescriptorChart(self, t, y, rows)
+        return Index2Chart(self, t, y, rows)
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', s', w') and lam (ng,) from M v' = f + G^T lam, 0 = G v' + gamma."""
@@ -246,7 +246,7 @@ class Descriptor(System):
         rhs = -self.gamma(q, v, t)[rows] if self.ng else np.empty(0)
         vdot, lam = self.saddle(t, U, Gr, Gr, f, rhs)
         rates[-1] -= lam @ self.g_t(t)[rows]
-        return np.concatenate([v, vdot, rates]), self.own(U, G, rows, lam)
+        return np.concatenate([v, vdot, rates]), self.all_multipliers(U, G, rows, lam)
 
     def saddle(self, t: float, U: Array, G: Array, Ghat: Array, f: Array, rhs: Array) -> tuple[Array, Array]:
         """Solve M v' = f + G^T lam, Ghat v' = rhs by Cholesky of M = U^T U and LU of Ghat M^-1 G^T."""
@@ -261,8 +261,8 @@ class Descriptor(System):
         pivot = np.abs(lu.diagonal())
         i, largest = pivot.argmin(), pivot[pivot.argmax()]
         self.reason.met(ratio := pivot[i] / largest)
-        self.weakest = min(self.weakest, ratio)
-        if info or not ratio > rowmath.SMALLEST_PIVOT:
+        self.least_pivot_ratio = min(self.least_pivot_ratio, ratio)
+        if info or not ratio > independent_rows.SMALLEST_PIVOT:
             name = self.mechanism.row_closure(int(self.rows[i] if self.rows is not None else 0))
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
         return X[-1] + lam.dot(X[:-1]), lam

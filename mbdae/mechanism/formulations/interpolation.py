@@ -9,7 +9,7 @@ from ...dense import fit, fits, nodes, powers, values
 from ...system import Array
 
 if TYPE_CHECKING:
-    from .index2 import Descriptor
+    from .index2 import Index2System
 
 PLAIN_ORDER = 4  # of v, from q, v and v' at both ends
 TAIL_ORDER = 3  # of s, from s and s' at both ends
@@ -17,7 +17,7 @@ WORK_NODES = 2
 
 
 def interpolant(
-    system: "Descriptor",
+    system: "Index2System",
     t: float,
     h: float,
     ends: tuple[Array, Array],
@@ -85,13 +85,13 @@ def interpolant(
     return at
 
 
-def plain(system: "Descriptor", order: int) -> bool:
+def plain(system: "Index2System", order: int) -> bool:
     """True where `sampled` serves: coordinates in a vector space, no states of actuators, no refinement."""
     return system.manifold.flat and not system.ns and order <= PLAIN_ORDER
 
 
 def sampled(
-    system: "Descriptor",
+    system: "Index2System",
     t: Array,
     h: Array,
     ends: tuple[Array, Array],
@@ -132,7 +132,7 @@ def sampled(
     return np.hstack([*state(theta, which), values(tail[which], theta)])
 
 
-def _power(system: "Descriptor", t: float, q: Array, v: Array) -> Array:
+def _power(system: "Index2System", t: float, q: Array, v: Array) -> Array:
     """Power of what has no potential, (1,), of a system without states of its own."""
     if system.driven:  # their power needs lam
         return system.derivative(t, np.concatenate([q, v, [0.0]]))[0][-1:]

@@ -10,7 +10,7 @@ from ...system import Array
 from ..closures.closure_error import largest_error
 
 if TYPE_CHECKING:
-    from .index2 import Descriptor
+    from .index2 import Index2System
 
 TRUNCATION = 1e-7  # of the largest singular value of G M^-1/2
 ITERATIONS = 10
@@ -18,7 +18,7 @@ ROUNDING = 1e-14  # of 1 + |q| or 1 + |v|: residuals below are left alone
 OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
 
 
-def restore(system: "Descriptor", t: float, y: Array, tight: bool = False) -> Array:
+def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> Array:
     """Return the nearest point with g(t, q) = 0 and G(q) v + g_t = 0, q first and then v, over all rows.
 
     Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g with a truncated pseudoinverse, M

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ..workspace import make_data
-from . import stick_figure as sticks
+from . import stick_figure
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
 
 Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
@@ -136,20 +136,20 @@ def make_scene(
         for corner in product(*shape.bounds.T)
     ]
     rods = [mark.rod for mark in closures if mark.rod > 0]
-    size = sticks.proportions(model, points, rods, corners)
-    parts = list(sticks.generate(model, points, size, {joint for joint, _ in corners}))
+    size = stick_figure.proportions(model, points, rods, corners)
+    parts = list(stick_figure.generate(model, points, size, {joint for joint, _ in corners}))
     for mark in closures:
-        parts += sticks.closure_balls(mark.name, (mark.first, mark.second), size.width)
+        parts += stick_figure.closure_balls(mark.name, (mark.first, mark.second), size.width)
     shapes += [_shape(role, g, meshes) for role, g in parts]
     fixed = [*visuals, *(g for _, g in parts)]
     anchors: list[tuple[Anchor, ...]] = [((int(g.parentJoint), g.placement),) for g in fixed]
     for mark in closures:
         if mark.rod > 0:
-            shapes.append(_shape("closure", sticks.rod(mark.name, mark.rod, size.width), meshes))
+            shapes.append(_shape("closure", stick_figure.rod(mark.name, mark.rod, size.width), meshes))
             anchors.append((mark.first, mark.second))
     for mark in springs:
         both = (mark.first, mark.second), (mark.second, mark.first)
-        for tube, ends in zip(sticks.tubes(mark.name, mark.rod, size.width), both, strict=False):
+        for tube, ends in zip(stick_figure.tubes(mark.name, mark.rod, size.width), both, strict=False):
             shapes.append(_shape("force", tube, meshes))
             anchors.append(ends)
     return Scene(tuple(_uniquely_named(shapes)), model, tuple(anchors))

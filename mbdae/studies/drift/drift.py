@@ -110,8 +110,8 @@ def history(sol: Solution) -> History:
 def _names(sol: Solution) -> tuple[str, str]:
     """The method of a run, and the same with its tolerance or step."""
     method, settings = str(variant_of(sol.settings)), sol.settings
-    pace = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {brief(settings.get('rtol', np.nan))}"
-    return method, f"{method}, {pace}"
+    control = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {brief(settings.get('rtol', np.nan))}"
+    return method, f"{method}, {control}"
 
 
 def drift(sol: Solution) -> Drift:

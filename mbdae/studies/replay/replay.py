@@ -21,8 +21,8 @@ import umsgpack
 from ...errors import InputError, require
 from ...files import write_whole
 from ..figures import COLOURS
-from . import tracks
-from .panes import Pane, Plot, Signal, panes
+from . import animation_tracks as tracks
+from .plot_panels import Plot, PlotPanel, Signal, panes
 from .threejs import mesh_data, node, scene_object, typed
 
 __all__ = ["animate"]
@@ -197,7 +197,7 @@ def _layers(scene: "Scene") -> Iterator[tuple["Shape", int]]:
         yield shape, len(scene.shapes) - k if shape.role == "closure" else 0
 
 
-def _pane(pane: Pane) -> dict[str, Any]:
+def _pane(pane: PlotPanel) -> dict[str, Any]:
     curves = [
         {
             "name": {"g": "|g|", "Gv": "|G v|"}.get(c.name, c.name),

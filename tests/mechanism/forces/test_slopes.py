@@ -7,7 +7,7 @@ from chains import difference_quotient, random_q, tree
 
 from mbdae import DCMotor, JointDamping, JointPID, JointSpring, JointTorque, Mechanism, Sampled
 from mbdae.errors import NotCompiled
-from mbdae.mechanism.forces.force import Law
+from mbdae.mechanism.forces.force import ForceElement
 from mbdae.mechanism.formulations.compiled_parts import laws_of
 from mbdae.mechanism.signals import Harmonic, Steps
 
@@ -65,5 +65,5 @@ def test_steps_jump_within_linear_laws():
 
 
 def test_a_law_without_counterpart_in_the_core_says_so():
-    with pytest.raises(NotCompiled, match="force 'mine' of kind Law"):
-        Law("mine").plain()
+    with pytest.raises(NotCompiled, match="force 'mine' of kind ForceElement"):
+        ForceElement("mine").plain()

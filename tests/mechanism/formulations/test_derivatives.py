@@ -9,14 +9,12 @@ import pytest
 from chains import JOINTS, difference_quotient, random_q, tree
 
 from mbdae import Actuator, Bushing, Closure, Driver, Mechanism, Sampled, SpringDamper
-from mbdae.errors import InputError, StepError
+from mbdae.errors import StepError
 from mbdae.mechanism.closures.closure import KINDS
 from mbdae.mechanism.closures.rows import FrameRows
-from mbdae.mechanism.expanded import expand, parts
 from mbdae.mechanism.forces import FORCES, PYTHON_FORCES
-from mbdae.mechanism.forces.force import Law, PairLaw
-from mbdae.mechanism.forces.linear import LinearLaw
-from mbdae.mechanism.formulations import inertial
+from mbdae.mechanism.forces.force import ForceElement, PairElement
+from mbdae.mechanism.forces.linear import LinearElement
 from mbdae.mechanism.formulations.derivatives import hidden_slopes, jacobians
 from mbdae.mechanism.frames import wrench_matrix
 
@@ -107,7 +105,7 @@ def test_every_kind_of_closure_and_force_is_tried():
     assert all(forces.values()), [name for name, some in forces.items() if not some]
 
 
-@pytest.mark.parametrize("base", [FrameRows, Law], ids=lambda c: c.__name__)
+@pytest.mark.parametrize("base", [FrameRows, ForceElement], ids=lambda c: c.__name__)
 def test_every_row_and_law_has_slopes(base):
     """Linear laws have theirs together, those between frames say how their wrenches turn."""
 
@@ -115,9 +113,9 @@ def test_every_row_and_law_has_slopes(base):
         return [x for sub in c.__subclasses__() for x in (sub, *below(sub))]
 
     for c in below(base):
-        if c.__module__.startswith("mbdae") and c is not PairLaw and not issubclass(c, LinearLaw):
-            name = "turning" if issubclass(c, PairLaw) else "slopes"
-            assert getattr(c, name) is not getattr(PairLaw if issubclass(c, PairLaw) else base, name), c
+        if c.__module__.startswith("mbdae") and c is not PairElement and not issubclass(c, LinearElement):
+            name = "turning" if issubclass(c, PairElement) else "slopes"
+            assert getattr(c, name) is not getattr(PairElement if issubclass(c, PairElement) else base, name), c
 
 
 def closed(kind):
@@ -254,47 +252,6 @@ def test_stiffness_is_symmetric_at_an_equilibrium():
     assert sizes[-1] < 1e-12
     assert sizes[-2] < 1e-4
     close(J.K[:nv], J.K[:nv].T, 1e-14)
-
-
-@pytest.mark.parametrize("kind", JOINTS)
-@pytest.mark.parametrize("largest", [0, 100])
-def test_inertial_slopes_on_every_kind_of_joint(kind, largest, monkeypatch):
-    """Of Pinocchio, and of large models with nv^2 numbers."""
-    monkeypatch.setattr(inertial, "LARGEST", largest)
-    model, rng = tree([kind, "rx", kind, kind], [0, 1, 2, 1], seed=1), np.random.default_rng(2)
-    model.armature = rng.uniform(0.1, 0.5, model.nv)
-    q, (v, a), data = random_q(model, rng), rng.standard_normal((2, model.nv)), model.createData()
-
-    def tau(x, dv=0.0):
-        return pin.rnea(model, data, pin.integrate(model, q, x), v + dv, a).copy()
-
-    M, by_q, by_v = inertial.Inertial(model).slopes(q, v, a)
-    close(by_q, differences(tau, model.nv, 1e-2))
-    close(by_v, differences(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
-    U = np.triu(pin.crba(model, data, q))
-    close(M, U + np.triu(U, 1).T, 1e-14)
-
-
-def test_nested_joints_are_expanded():
-    """A composite of universal and composite joints; q, J and the poses of bodies stay the same numbers."""
-    inner, outer = pin.JointModelComposite(), pin.JointModelComposite()
-    inner.addJoint(pin.JointModelSphericalZYX(), pin.SE3.Random())
-    inner.addJoint(pin.JointModelPX(), pin.SE3.Random())
-    outer.addJoint(pin.JointModelUniversal(np.array([0, 0, 1.0]), np.array([0, 1.0, 0])), pin.SE3.Random())
-    outer.addJoint(inner, pin.SE3.Random())
-    model = pin.Model()
-    for i in range(2):
-        joint = model.addJoint(i, outer, pin.SE3.Random(), f"double {i}")
-        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
-    out = expand(model)
-    assert out.njoints == 1 + 2 * 6
-    q, data, other = random_q(model, np.random.default_rng(0)), model.createData(), out.createData()
-    close(pin.computeJointJacobians(out, other, q), pin.computeJointJacobians(model, data, q), 1e-14)
-    close(other.oMi[12].homogeneous, data.oMi[2].homogeneous, 1e-14)
-    flat = tree(["revolute", "free"], [0, 1])
-    assert expand(flat) is flat
-    with pytest.raises(InputError, match="ellipsoid"):
-        parts(pin.JointModel(pin.JointModelEllipsoid(0.1, 0.2, 0.3)))
 
 
 def test_functions_bring_their_own_slopes():

@@ -9,7 +9,7 @@ from chains import difference_quotient, free_force, jacobian, rates, rod
 
 import mbdae
 from mbdae import Closure, Mechanism
-from mbdae.mechanism.closures import independent_rows as rowmath
+from mbdae.mechanism.closures import independent_rows as independent_rows
 from mbdae.methods import METHODS
 from mbdae.studies.drift.drift import drift
 from mbdae.system import State
@@ -131,14 +131,14 @@ def other_cut():
 
 def test_rows_are_chosen_anew_on_the_way(monkeypatch):
     chosen = set()
-    choose = rowmath.choose
+    choose = independent_rows.choose
 
     def record(B, *given):
         out = choose(B, *given)
         chosen.add((B.shape[1], tuple(int(i) for i in out)))
         return out
 
-    monkeypatch.setattr(rowmath, "choose", record)
+    monkeypatch.setattr(independent_rows, "choose", record)
     for cut, gravity in ((5, [9.81, 0, 0]), (3, [0, 0, -9.81])):
         chosen.clear()
         sol = fall(cut, gravity, "python")
@@ -177,8 +177,9 @@ def test_rows_that_share_their_load(other_cut):
 
 def test_rows_fixed_at_the_start_lose_the_way(other_cut, monkeypatch):
     # shows that the tests above can fail: without a new choice a row that is not in use opens
-    choose = rowmath.choose
-    monkeypatch.setattr(rowmath, "choose", lambda B, rows, *more: choose(B, None, *more) if rows is None else rows)
+    choose = independent_rows.choose
+    once = lambda B, rows, *more: choose(B, None, *more) if rows is None else rows  # noqa: E731
+    monkeypatch.setattr(independent_rows, "choose", once)
     sol = fall(5, [9.81, 0, 0], "python", project=False)
     assert not sol.success or drift(sol).g_max > 1e-3 or np.abs(sol.q - other_cut.q).max() > 1e-3
 

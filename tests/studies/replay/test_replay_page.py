@@ -17,7 +17,7 @@ from scenes import motion
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError
-from mbdae.studies.replay import panes
+from mbdae.studies.replay import plot_panels as panes
 from mbdae.studies.replay.replay import animate
 
 ORANGE = np.array([242, 142, 43])

@@ -7,13 +7,13 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from .force import Array, Law, Part
-from .linear import Linear, LinearLaw
+from .force import Array, ForceElement, Part
+from .linear import Linear, LinearElement
 
-Bound = tuple[Law, slice]
+Bound = tuple[ForceElement, slice]
 
 
-class Laws:
+class ForceElements:
     """All laws of a workspace, and the states of those that have some, one behind the other: s (ns,).
 
     Attributes:
@@ -23,14 +23,14 @@ class Laws:
         ns: number of states.
     """
 
-    def __init__(self, laws: Sequence[Law], model: pin.Model) -> None:
+    def __init__(self, laws: Sequence[ForceElement], model: pin.Model) -> None:
         self.nv, self.ns, self.names = model.nv, 0, [law.name for law in laws]
         self.bound: list[Bound] = []
         for law in laws:
             self.bound.append((law, slice(self.ns, self.ns + len(law.states))))
             self.ns += len(law.states)
-        linear = [(law, at) for law, at in self.bound if isinstance(law, LinearLaw)]
-        self.acting: list[Bound] = [(law, at) for law, at in self.bound if not isinstance(law, LinearLaw)]
+        linear = [(law, at) for law, at in self.bound if isinstance(law, LinearElement)]
+        self.acting: list[Bound] = [(law, at) for law, at in self.bound if not isinstance(law, LinearElement)]
         if linear:
             self.acting.insert(0, (Linear(linear, model, self.ns), slice(0, self.ns)))
 
@@ -64,7 +64,7 @@ class Laws:
         return conservative, other, rates
 
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        """Return the sum of the exact slopes, (nv + ns + 1, 2 nv + ns), see `Law.slopes`; kinematics stand at q."""
+        """Return the sum of the exact slopes, (nv + ns + 1, 2 nv + ns), see `ForceElement`; kinematics stand at q."""
         nv = self.nv
         out = np.zeros((nv + self.ns + 1, 2 * nv + self.ns))
         for law, at in self.acting:

@@ -7,7 +7,7 @@ import numpy as np
 from ..system import Array
 
 
-class Rows:
+class GrowingArray:
     """Rows of equal length, read like a list of them; as an array, `numpy` copies what is there.
 
     A row counts when all of it is written, so that an interrupt in between leaves the table readable.

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from ...errors import InputError, StepError
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
-from ...mechanism.formulations.index1 import Index1
+from ...mechanism.formulations.index1 import Index1System
 from ...solution.solution import Solution
 from ...system import Array
 from ..drift.drift import drift
@@ -48,7 +48,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Course:
+class Task:
     """A mechanism, a start, a time span, and the common times of the samples.
 
     Attributes:
@@ -82,8 +82,8 @@ class Course:
 
         t0, t1 = self.t_span
         free = {"rtol": trial.rtol, "max_steps": self.max_steps}
-        pace = free if trial.n is None else {"step": abs(t1 - t0) / trial.n}
-        options = {**trial.variant.arguments(), **pace, "backend": self.backend}
+        control = free if trial.n is None else {"step": abs(t1 - t0) / trial.n}
+        options = {**trial.variant.arguments(), **control, "backend": self.backend}
         tell = check if stop else None
         sol = solve(self.mechanism, self.t_span, self.q, self.v, progress=tell, **options)  # type: ignore[arg-type]
         if sol.status == "interrupted":
@@ -98,7 +98,7 @@ class Course:
         configuration, which that equation does not pass, it is interpolated.
         """
         m, system = self.mechanism, self.mechanism.system("index1")
-        assert isinstance(system, Index1)
+        assert isinstance(system, Index1System)
         y = np.array([_carried(system, sol, t) for t in self.times])
         lam = np.full((len(y), m.ng), np.nan)  # there is none in a singular configuration
         for row, t, point in zip(lam, self.times, y, strict=True):
@@ -155,7 +155,7 @@ class Course:
         return [first, second], samples, np.maximum(self.difference(samples, others).max(axis=0), rounding)
 
 
-def _carried(system: Index1, sol: Solution, t: float) -> Array:
+def _carried(system: Index1System, sol: Solution, t: float) -> Array:
     """The point of a run at time t, from its last step end before t."""
     ts, ys, _ = sol.nodes
     i = int(np.searchsorted(ts, t, side="right")) - 1 if ts[-1] > ts[0] else int(np.sum(np.asarray(ts) >= t)) - 1

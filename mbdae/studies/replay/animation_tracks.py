@@ -10,7 +10,7 @@ from ...errors import InputError, several
 from ...mechanism.frames import paths
 from ...system import Array
 from ..figures import COLOURS
-from .panes import resampled
+from .plot_panels import resampled
 from .threejs import node, typed
 
 if TYPE_CHECKING:

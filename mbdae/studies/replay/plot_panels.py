@@ -34,7 +34,7 @@ class Curve(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Pane:
+class PlotPanel:
     """Curves over one pair of axes.
 
     Attributes:
@@ -50,7 +50,7 @@ class Pane:
 
 def panes(
     sol: "Solution", plots: str | Sequence[Plot] | None, own: Mapping[str, Signal], ghosts: Iterable["Solution"] = ()
-) -> list[Pane]:
+) -> list[PlotPanel]:
     """Return the panes of a solution, one for each entry and unit.
 
     Args:
@@ -114,7 +114,7 @@ def _liveliest(table: Mapping[str, Curve], names: list[str]) -> _Group:
     return _Group(tuple(n for n in names if n in best), f", {MOST} of {len(names)} that move the most")
 
 
-def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechanism") -> list[Pane]:
+def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechanism") -> list[PlotPanel]:
     unit = {name: _unit(name, mech) for name in group.names}
     out = []
     for kind in dict.fromkeys(unit.values()):
@@ -122,7 +122,7 @@ def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechan
         curves = [t[n]._replace(ghost=k - 1) for k, t in enumerate(tables) for n in names if n in t]
         word = names[0] if len(names) == 1 and names[0] not in ("g", "Gv") else WORDS.get(kind, kind)
         title = f"{word} ({kind}){group.note}" if kind not in ("", "1", word) else word + group.note
-        out.append(Pane(title, tuple(curves), logarithmic=set(names) <= {"g", "Gv"}))
+        out.append(PlotPanel(title, tuple(curves), logarithmic=set(names) <= {"g", "Gv"}))
     return out
 
 
