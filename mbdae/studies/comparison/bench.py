@@ -16,7 +16,7 @@ from ...solution.archive import versions
 from ..variant import Variant
 from ..workers import Stop, pool
 from .comparison import Comparison, Point, in_order
-from .task import Samples, Task, Trial
+from .motion import Motion, Samples, Trial
 
 LONG = 2.0  # s: a run that takes longer is timed once
 Progress = Callable[[float, str], None]
@@ -25,7 +25,7 @@ Progress = Callable[[float, str], None]
 class TrialConditions(NamedTuple):
     """What the runs share: what is computed, the reference, and whether the first time counts."""
 
-    task: Task
+    motion: Motion
     reference: Samples | None = None
     clock: bool = False
 
@@ -33,21 +33,21 @@ class TrialConditions(NamedTuple):
 def measured(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> Point:
     """Make a run and hold it against the reference."""
     assert job.reference is not None
-    sol = job.task.solve(trial, stop)
-    point = job.task.measure(trial, sol, job.reference)
+    sol = job.motion.solve(trial, stop)
+    point = job.motion.measure(trial, sol, job.reference)
     return replace(point, times=(sol.stats["seconds"],)) if job.clock and point.success else point
 
 
 def timed(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> float:
     """Repeat a run for its wall time in s."""
-    return job.task.solve(trial, stop).stats["seconds"]
+    return job.motion.solve(trial, stop).stats["seconds"]
 
 
 class Bench:
     """The runs of a comparison, those that are finished, and the file that keeps them.
 
     Args:
-        task: what is computed.
+        motion: what is computed.
         trials: the runs.
         pair: methods of the reference.
         rtol: their tolerance.
@@ -62,7 +62,7 @@ class Bench:
 
     def __init__(
         self,
-        task: Task,
+        motion: Motion,
         trials: list[Trial],
         pair: list[Variant],
         rtol: float,
@@ -71,7 +71,7 @@ class Bench:
         passes: int,
         fresh: bool = False,
     ) -> None:
-        self.task, self.trials, self.pair, self.rtol, self.path = task, trials, pair, rtol, path
+        self.motion, self.trials, self.pair, self.rtol, self.path = motion, trials, pair, rtol, path
         self.tell: Progress = progress or (lambda done, name: None)
         self.passes, self.passed = passes, 0
         self.points: dict[tuple, Point] = {}
@@ -79,14 +79,14 @@ class Bench:
         self.uncertainty: dict[str, float] = {}
         self.samples: Samples | None = None
         machine = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
-        about = {"versions": versions(), "command": sys.argv, "machine": machine, "backend": task.backend}
+        about = {"versions": versions(), "command": sys.argv, "machine": machine, "backend": motion.backend}
         self.meta = {"key": self.key(), **about}
         if path and path.exists() and not fresh:
             self._read(path)
 
     def key(self) -> str:
         """What two comparisons must share to have points in common: mechanism, start, times, reference, version."""
-        c = self.task
+        c = self.motion
         what = (
             describe(c.mechanism), c.q.tolist(), c.v.tolist(), c.t_span, c.times.tolist(), [str(v) for v in self.pair],
             self.rtol, c.max_steps, c.backend, versions()["mbdae"],
@@ -109,7 +109,7 @@ class Bench:
         """Compute the reference, if any run is still to be held against it."""
         if self.open():
             self.tell(0.0, "reference")
-            runs, self.samples, u = self.task.reference(self.pair, self.rtol)
+            runs, self.samples, u = self.motion.reference(self.pair, self.rtol)
             self.reference, self.witness = str(runs[0]), str(runs[1])
             self.uncertainty = dict(zip(("q", "v", "lam"), u.tolist(), strict=True))
 
@@ -117,7 +117,7 @@ class Bench:
         """Make the runs that are missing, here or in processes."""
         todo = self.open()
         if self.samples is not None and todo:
-            job = TrialConditions(self.task, self.samples, clock)
+            job = TrialConditions(self.motion, self.samples, clock)
             self._pass(measured, job, todo, workers, lambda trial, point: self._keep(point))
 
     def time(self, repeats: int, workers: int) -> None:
@@ -131,7 +131,7 @@ class Bench:
         for r in range(repeats):
             short = [labels[k] for k, p in self.points.items() if k in labels and len(p.times) <= r and _again(p)]
             if short:
-                self._pass(timed, TrialConditions(self.task), short, workers, keep, f"time {r + 1} of {repeats}: ")
+                self._pass(timed, TrialConditions(self.motion), short, workers, keep, f"time {r + 1} of {repeats}: ")
 
     def _pass(
         self,
@@ -155,7 +155,7 @@ class Bench:
                 self._say(len(finished) / len(trials), f"{what}{trial} done")
                 keep(trial, found)
 
-            sent = job._replace(task=replace(job.task, mechanism=light(job.task.mechanism)))
+            sent = job._replace(motion=replace(job.motion, mechanism=light(job.motion.mechanism)))
             with pool("processes", workers, function, sent, "workers=1") as there:
                 there.work(trials, kept)
         self.passed += 1
@@ -176,7 +176,7 @@ class Bench:
         return self._comparison([], complete)
 
     def _comparison(self, more: list[tuple], complete: bool) -> Comparison:
-        c, labels = self.task, [t.label for t in self.trials]
+        c, labels = self.motion, [t.label for t in self.trials]
         points = in_order(self.points.values(), list(dict.fromkeys([*labels, *more])))
         about = (self.reference, self.witness, self.uncertainty)
         return Comparison(c.mechanism.title, c.t_span, points, *about, complete, self.meta)

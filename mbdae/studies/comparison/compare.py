@@ -16,7 +16,7 @@ from ...system import Array
 from ..variant import Variant, variants
 from .bench import Bench, Progress
 from .comparison import Comparison
-from .task import Task, Trial
+from .motion import Motion, Trial
 
 __all__ = ["compare"]
 
@@ -84,9 +84,9 @@ def compare(
         UnknownNameError: for a method or formulation that does not exist.
     """
     require(mech, Mechanism, "compare takes a Mechanism (see mbdae.load)")
-    task = _task(mech, t_span, q, v, outputs, max_steps)
+    motion = _motion(mech, t_span, q, v, outputs, max_steps)
     trials = _trials(variants(methods, formulations), rtol, steps)
-    task = replace(task, backend=_backend(mech, trials, backend))
+    motion = replace(motion, backend=_backend(mech, trials, backend))
     pair = variants(reference)
     if len(pair) != 2 or not 1e-14 < reference_rtol < 1e-5:
         raise InputError(f"a reference is two methods and a tolerance below 1e-5, got {reference!r}, {reference_rtol}")
@@ -94,7 +94,7 @@ def compare(
         raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")
     clock = repeats > 0 and (timed_together or workers == 1)
     passes = max(1, repeats + (not clock))
-    bench = Bench(task, trials, pair, reference_rtol, Path(resume) if resume else None, progress, passes, fresh)
+    bench = Bench(motion, trials, pair, reference_rtol, Path(resume) if resume else None, progress, passes, fresh)
     complete = False
     try:
         bench.refer()
@@ -118,15 +118,15 @@ def _backend(mech: Mechanism, trials: list[Trial], backend: str) -> str:
     return "native" if choose(backend) else "python"
 
 
-def _task(
+def _motion(
     mech: Mechanism, t_span: Sequence[float] | None, q: Array | None, v: Array | None, outputs: int, max_steps: int
-) -> Task:
+) -> Motion:
     t0, t1 = checked_span(mech.duration if t_span is None else t_span)
     if outputs < 1 or max_steps < 1:
         raise InputError(f"expected at least one output and one step, got {outputs = }, {max_steps = }")
     y = mech.point(q, v)
     times = np.linspace(t0, t1, outputs + 1)[1:]
-    return Task(mech, y[: mech.nq], y[mech.nq : mech.nq + mech.nv], (t0, t1), times, max_steps)
+    return Motion(mech, y[: mech.nq], y[mech.nq : mech.nq + mech.nv], (t0, t1), times, max_steps)
 
 
 def _trials(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequence[int] | None) -> list[Trial]:

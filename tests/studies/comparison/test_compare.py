@@ -7,8 +7,8 @@ import mbdae
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.studies.comparison import bench
 from mbdae.studies.comparison.comparison import Comparison, Point
+from mbdae.studies.comparison.motion import Motion
 from mbdae.studies.comparison.ranking import rank, sentence, targets, work_at
-from mbdae.studies.comparison.task import Task
 from mbdae.studies.variant import Variant, of, variants
 
 METHODS = ("pherk5", "herk3", "ggl:pherk5", "project:pherk5", "index1:RK45")
@@ -109,10 +109,10 @@ def test_fixed_steps_show_the_order(four_bar):
 def test_samples_are_not_interpolated(four_bar):
     """A step over the whole span has the error of its end at every common time, not that of a polynomial."""
     y = four_bar.point()
-    task = Task(four_bar, y[:3], y[3:6], (0.0, 0.2), np.array([0.05, 0.2]), 1000)
+    motion = Motion(four_bar, y[:3], y[3:6], (0.0, 0.2), np.array([0.05, 0.2]), 1000)
     sol = mbdae.solve(four_bar, (0, 0.2), method="radau5", step=0.2)
     tight = mbdae.solve(four_bar, (0, 0.2), method="pherk6", rtol=1e-11, t_eval=[0.05, 0.2])
-    error = np.abs(task.sample(sol).q - tight.q).max(axis=1)
+    error = np.abs(motion.sample(sol).q - tight.q).max(axis=1)
     assert error[0] < 1e-10
     assert error[1] > 1e-8
 
@@ -221,8 +221,8 @@ def test_failed_runs_survive_files(tmp_path):
 @pytest.mark.parametrize("name", ["c.csv", "c.json"])
 def test_what_is_finished_is_not_done_again(four_bar, tmp_path, monkeypatch, name):
     runs = []
-    real = Task.solve
-    monkeypatch.setattr(Task, "solve", lambda self, task, *rest: runs.append(str(task)) or real(self, task, *rest))
+    real = Motion.solve
+    monkeypatch.setattr(Motion, "solve", lambda self, trial, *rest: runs.append(str(trial)) or real(self, trial, *rest))
 
     def stop(done, what):
         if what.startswith("herk3, rtol 1e-05"):
@@ -251,8 +251,8 @@ def test_what_is_finished_is_not_done_again(four_bar, tmp_path, monkeypatch, nam
 
 def test_times_are_taken_in_turn(four_bar, monkeypatch):
     order = []
-    real = Task.solve
-    monkeypatch.setattr(Task, "solve", lambda self, task, *rest: order.append(str(task)) or real(self, task, *rest))
+    real = Motion.solve
+    monkeypatch.setattr(Motion, "solve", lambda self, trial, *rest: order.append(str(trial)) or real(self, trial, *rest))
     told = []
     study = mbdae.compare(four_bar, (0, 0.2), **QUICK | {"repeats": 3}, progress=lambda done, name: told.append(done))
     names = [f"{m}, rtol {r:g}" for m in QUICK["methods"] for r in QUICK["rtol"]]

@@ -48,7 +48,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Task:
+class Motion:
     """A mechanism, a start, a time span, and the common times of the samples.
 
     Attributes:
