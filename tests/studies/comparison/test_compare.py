@@ -252,7 +252,7 @@ def test_what_is_finished_is_not_done_again(four_bar, tmp_path, monkeypatch, nam
 def test_times_are_taken_in_turn(four_bar, monkeypatch):
     order = []
     real = Motion.solve
-    monkeypatch.setattr(Motion, "solve", lambda self, trial, *rest: order.append(str(trial)) or real(self, trial, *rest))
+    monkeypatch.setattr(Motion, "solve", lambda self, run, *rest: order.append(str(run)) or real(self, run, *rest))
     told = []
     study = mbdae.compare(four_bar, (0, 0.2), **QUICK | {"repeats": 3}, progress=lambda done, name: told.append(done))
     names = [f"{m}, rtol {r:g}" for m in QUICK["methods"] for r in QUICK["rtol"]]
