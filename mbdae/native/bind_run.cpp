@@ -104,7 +104,7 @@ void bind_run(nb::module_& m) {
             const Steps& s = r.steps;
             const size_t n = s.t.size();
             return nb::make_tuple(vector(s.t), array(s.y, {n, n ? s.y.size() / n : 0}),
-                                  array(s.z, {n, n ? s.z.size() / n : 0}), vector(s.weakest));
+                                  array(s.z, {n, n ? s.z.size() / n : 0}), vector(s.least_pivot_ratio));
           },
           "Return t (n,), y (n, ...), z (n, ng) and the smallest ratios of pivots (n,) of the steps taken.");
 #undef FIELD

@@ -246,10 +246,10 @@ NB_MODULE(_native, m) {
       .def_prop_ro("rank", [](const PyCore& c) { return c.core->system.rows.rank; })
       .def_prop_ro("counts", [](const PyCore& c) { return c.core->system.counts; })
       .def_prop_rw(
-          "weakest", [](const PyCore& c) { return c.core->system.rows.weakest; },
-          [](PyCore& c, double x) { c.core->system.rows.weakest = x; })
-      .def_prop_ro("widest", [](const PyCore& c) { return c.core->system.widest; })
-      .def_prop_ro("fastest", [](const PyCore& c) { return c.core->system.fastest; })
+          "least_pivot_ratio", [](const PyCore& c) { return c.core->system.rows.least_pivot_ratio; },
+          [](PyCore& c, double x) { c.core->system.rows.least_pivot_ratio = x; })
+      .def_prop_ro("largest_g", [](const PyCore& c) { return c.core->system.largest_g; })
+      .def_prop_ro("largest_rate", [](const PyCore& c) { return c.core->system.largest_rate; })
       .def("use", use, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
            "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
       .def("settle", settle, nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),

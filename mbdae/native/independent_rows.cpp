@@ -28,7 +28,7 @@ void IndependentRows::use(const std::vector<int>& rows, int rank_, double floor_
   if (!version_ || rows != rows_) set(rows);
 }
 
-void IndependentRows::met(double ratio) { now_ = ratio, weakest = std::min(weakest, ratio); }
+void IndependentRows::met(double ratio) { now_ = ratio, least_pivot_ratio = std::min(least_pivot_ratio, ratio); }
 
 void IndependentRows::set(std::vector<int> rows) {
   rows_ = std::move(rows);
@@ -51,7 +51,10 @@ bool IndependentRows::choose(const double* Z) {
   pivots(nv_, ng, Z, order_, pivots_, work_);
   if (rank && !(pivots_[rank - 1] > floor * pivots_[0])) throw Trouble();
   if (static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.grown * pivots_[0]) throw Trouble();
-  if (rank) weakest = std::min(weakest, (pivots_[rank - 1] / pivots_[0]) * (pivots_[rank - 1] / pivots_[0]));
+  if (rank) {
+    const double smallest = pivots_[rank - 1] / pivots_[0];
+    least_pivot_ratio = std::min(least_pivot_ratio, smallest * smallest);
+  }
   if (version_) {
     if (rank == ng || !rank) return false;
     B_.resize(static_cast<size_t>(rank) * nv_);

@@ -16,7 +16,7 @@ class IndependentRows {
   int rank = -1;           // -1: not known yet
   double floor = 0;        // of the ratio of pivots: below, the rank has fallen
   bool held = false;       // the rows in use stay as they are, but for `settle`
-  double weakest = 1;      // smallest ratio of pivots of G M^-1 G^T met since Python looked
+  double least_pivot_ratio = 1;      // smallest ratio of pivots of G M^-1 G^T met since Python looked
   bool estranged = false;  // other rows than those in use may be independent of them
 
   const std::vector<int>& neighbours(int row) const { return neighbours_[row]; }  // with a column in common, sorted

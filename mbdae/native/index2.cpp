@@ -109,8 +109,8 @@ bool Index2System::settle(double t, State& s) {
   }
   gap_ = point.g;
   constraints.gaps(t, gap_.data());
-  widest = std::max(widest, largest(gap_.data(), ng));
-  fastest = std::max(fastest, largest(rate_.data(), ng) / (1 + largest(v, nv)));
+  largest_g = std::max(largest_g, largest(gap_.data(), ng));
+  largest_rate = std::max(largest_rate, largest(rate_.data(), ng) / (1 + largest(v, nv)));
   return changed;
 }
 

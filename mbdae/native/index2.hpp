@@ -47,7 +47,7 @@ class Index2System {
   SaddleSystem saddle;
   const int nq, nv, ng, ns;
   const int ny, length;            // of the tangent (x, v, s, w), and of y
-  double widest = 0, fastest = 0;  // largest |g|, and |G v + g_t| / (1 + |v|), over all rows at the ends of steps
+  double largest_g = 0, largest_rate = 0;  // |g|, and |G v + g_t| / (1 + |v|), over all rows at the ends of steps
 
   bool driven() const { return !constraints.drivers.empty(); }
   int measured() const { return driven() ? ny : ny - 1; }  // components under error control

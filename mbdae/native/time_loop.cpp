@@ -19,7 +19,8 @@ double TimeLoop::error_norm(const double* e, int errors, double noise) const {
 bool TimeLoop::landing() {
   if (!run_.grid.behind(run_.leg)) return false;
   const SingularWatch& w = run_.watch;
-  const double nearest = std::min(std::sqrt(s_.rows.weakest), w.before), limit = w.landed * std::min(w.usual, w.before);
+  const double nearest = std::min(std::sqrt(s_.rows.least_pivot_ratio), w.before);
+  const double limit = w.landed * std::min(w.usual, w.before);
   if (nearest < limit) return true;
   return nearest < w.suspect * w.usual && s_.ratio(next_.y.data(), std::max(s_.rows.rank, 1)) < limit;
 }
@@ -69,7 +70,7 @@ bool TimeLoop::attempt() {
   else if (!run_.control.propose(run_.leg, p))
     return false;
   const double h = run_.leg.sign * p.h;
-  if (run_.watched) s_.rows.weakest = 1;
+  if (run_.watched) s_.rows.least_pivot_ratio = 1;
   try {
     if (run_.adaptive)
       step_.controlled(tableau_, run_.leg.t, h, run_.state, next_, z_.data(), errors_);
@@ -93,7 +94,7 @@ bool TimeLoop::attempt() {
   steps.t.push_back(run_.leg.t);
   steps.y.insert(steps.y.end(), run_.state.y.begin(), run_.state.y.end());
   steps.z.insert(steps.z.end(), z_.begin(), z_.end());
-  steps.weakest.push_back(s_.rows.weakest);
+  steps.least_pivot_ratio.push_back(s_.rows.least_pivot_ratio);
   return true;
 }
 
@@ -114,7 +115,10 @@ void TimeLoop::advance() {
       return;
     }
     if (run_.taken == taken) continue;
-    if (run_.watched) watch.before = std::sqrt(s_.rows.weakest), watch.usual = std::max(watch.usual, watch.before);
+    if (run_.watched) {
+      watch.before = std::sqrt(s_.rows.least_pivot_ratio);
+      watch.usual = std::max(watch.usual, watch.before);
+    }
     if (run_.watched && run_.adaptive && watch.before < watch.zone * watch.usual) return;  // Python looks ahead
     if (!(std::chrono::duration<double>(Clock::now() - started).count() <= run_.seconds)) return;
   }

@@ -18,7 +18,7 @@ struct SingularWatch {
 
 // The steps that were taken, n of them.
 struct Steps {
-  Numbers t, weakest;  // (n,); weakest: smallest ratio of pivots that each of them met
+  Numbers t, least_pivot_ratio;  // (n,); least_pivot_ratio: smallest ratio of pivots that each of them met
   Numbers y, z;        // (n, length), (n, ng) by rows
   std::vector<std::pair<long, std::vector<int>>> changes;  // after how many steps which rows came into use
 };

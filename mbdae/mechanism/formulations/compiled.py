@@ -115,8 +115,8 @@ class Compiled(Index2System):
                 setattr(self.counts, name, getattr(self.counts, name) + new - old)
         self._seen = now
         self.least_pivot_ratio = min(self.least_pivot_ratio, self.core.least_pivot_ratio)
-        self.largest_g = max(self.largest_g, self.core.widest)
-        self.largest_rate = max(self.largest_rate, self.core.fastest)
+        self.largest_g = max(self.largest_g, self.core.largest_g)
+        self.largest_rate = max(self.largest_rate, self.core.largest_rate)
 
     def before_python(self) -> None:
         """Let Python go on with the rows that the core uses."""
