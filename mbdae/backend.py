@@ -64,7 +64,7 @@ def choose(backend: str) -> ModuleType | None:
 
 @cache
 def _warn() -> None:
-    warnings.warn(f"{SLOW}, ten to forty times slower than with its compiled core; {status()}", stacklevel=5)
+    warnings.warn(f"{SLOW}, ten to forty times slower than with its compiled core; {status()}", stacklevel=6)
 
 
 @cache

@@ -43,7 +43,7 @@ class Counts:
 
 
 class State(NamedTuple):
-    """What a one-step method carries: the point y, and the derivative that makes a first stage explicit.
+    """What a one-step method carries: the point y (n,), and the derivative that makes a first stage explicit.
 
     ``compensation`` (ny,) is what rounding lost of the increments so far; the next step adds it (compensated summation,
     Hairer, Lubich, Wanner, Geometric Numerical Integration, VIII.5), so that many small steps cost few digits.
@@ -63,20 +63,24 @@ class Step(NamedTuple):
 
 
 Solver = Callable[[Array, Array], tuple[Array, Array]]
+"""Solves a linear system: right sides (ny,) and (m,) -> unknowns (ny,) and (m,), m the number of unknown z."""
 
 
 class Linearization(Protocol):
     """Slopes of a problem E x' = E f(t, x, z), 0 = g(t, x) at a point, E a matrix of its choice; holds arrays only."""
 
     def weigh(self, e: Array) -> Array:
-        """Return E e, (ny,)."""
+        """Return E e, (ny,), of e (ny,)."""
 
     def factorize(self, mu: complex) -> Solver:
         """Return the solver (r, c) -> (dk, dz) of (E - mu (E f)_x) dk - (E f)_z dz = r, mu g_x dk = c."""
 
 
 class Chart(Protocol):
-    """A problem in tangent coordinates x at the start of a step, y = y_n (+) x; charts live for one step."""
+    """A problem in tangent coordinates x (ny,) at the start of a step, y = y_n (+) x (n,); charts live for one step.
+
+    x' is (ny,), z as a stage returns it (m,): the unknowns, one for each row that is solved for.
+    """
 
     def first(self, carry: Any) -> tuple[Array, Array]:
         """Return (x', z) of the explicit first stage, at x = 0."""
@@ -85,20 +89,20 @@ class Chart(Protocol):
         """Return (x', z) at (t, y_n (+) x), with z such that g(that, y_n (+) (xhat + factor x')) = 0."""
 
     def point(self, x: Array) -> Array:
-        """Return y_n (+) x."""
+        """Return y_n (+) x, (n,)."""
 
     def all_multipliers(self, z: Array) -> Array:
-        """Return the last stage's z in full, (nz,)."""
+        """Return z of the last stage, (m,), in full, (nz,)."""
 
     def project(self, e: Array) -> Array:
-        """Project a small tangent vector e at the last stage's point onto the tangent of 0 = g along f_z."""
+        """Project a small tangent vector e (ny,) at the last stage's point onto the tangent of 0 = g along f_z; (ny,)."""
 
     @property
     def unknowns(self) -> Any:
         """Which z are solved for: values (m,) of other steps serve while this stays the same."""
 
     def start(self) -> tuple[Array, Array]:
-        """Return x' at x = 0 and the unknown z (m,) from the hidden constraint."""
+        """Return x' (ny,) at x = 0 and the unknown z (m,) from the hidden constraint."""
 
     def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
         """Return E (f(t, x, z) - x'), (ny,), and -g(t, x), (m,), at a stage of an implicit method."""
@@ -107,7 +111,7 @@ class Chart(Protocol):
         """Take the slopes at (x, x', z)."""
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return y_n (+) x, where a step ends, and z there in full, (nz,), made to fit x' = f(t, x, z)."""
+        """Return y_n (+) x (n,), where a step ends, and z there in full, (nz,), made to fit x' = f(t, x, z)."""
 
 
 class System(Protocol):
@@ -116,7 +120,7 @@ class System(Protocol):
     What stands here with a body is so for a problem without rows to choose, jumps and a core that computes it.
 
     Attributes:
-        ny: length of tangent vectors.
+        ny: length of tangent vectors; a point y has n numbers, more than ny where quaternions are among them.
         nz: number of constraints.
         counts: the work done so far.
         measured: the components of a tangent vector whose error is controlled.
@@ -144,7 +148,7 @@ class System(Protocol):
         """Open a step at (t, y)."""
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """Return (y' in the tangent at y, z) from g_t + g_y f(t, y, z) = 0, the root near a guess of z."""
+        """Return y' (ny,) in the tangent at y (n,), and z (nz,), from g_t + g_y f(t, y, z) = 0: the root near a guess."""
 
     def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
         """Return y' (n, ny) and z (n, nz) at points (n, ...), see `derivative`; nan where they cannot be found."""
@@ -162,16 +166,16 @@ class System(Protocol):
         """Return what a method with an explicit first stage keeps of a derivative at the new point."""
 
     def add(self, y: Array, x: Array) -> Array:
-        """Return y (+) x."""
+        """Return y (+) x, (n,)."""
 
     def lost(self, y0: Array, x: Array, y1: Array) -> Array:
-        """Return what rounding lost of x in y1 = y0 (+) x, (ny,); zero where the tangent is curved."""
+        """Return what rounding lost of x (ny,) in y1 = y0 (+) x (n,), (ny,); zero where the tangent is curved."""
 
     def difference(self, y0: Array, y1: Array) -> Array:
         """Return y1 (-) y0 in the tangent at y0, (ny,)."""
 
     def restore(self, t: float, y: Array, tight: bool = False) -> Array:
-        """Return the point nearest to y that meets what the methods do not keep: positions of a mechanism.
+        """Return the point (n,) nearest to y that meets what the methods do not keep: positions of a mechanism.
 
         As far as it matters elsewhere, or as closely as rounding allows.
         """
@@ -197,7 +201,7 @@ class System(Protocol):
         return sign * np.inf
 
     def jump(self, t: float, y: Array) -> Array:
-        """Return y just after time t: y itself, but for what jumps there."""
+        """Return y (n,) just after time t: y itself, but for what jumps there."""
         return y
 
     def size(self, y: Array) -> Array:
@@ -212,4 +216,4 @@ class System(Protocol):
     def interpolant(
         self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int
     ) -> Callable[[float], Array]:
-        """Return theta -> y on a step, of the wanted order, from y and y' at both ends."""
+        """Return theta -> y (n,) on a step, of the wanted order, from y (n,) and y' (ny,) at both ends."""

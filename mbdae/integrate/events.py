@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
 SAME = 1e-10  # s, or relative to t: an event this close to the start is the start, whose state carries rounding
-Evaluate = Callable[[float, Array], float]
 BESIDE = 1e-3  # of a step: how far on either side of an event the slope of its function is taken
 TRIALS = 8  # steps towards a terminal event, of which three or four are needed
 
