@@ -95,7 +95,7 @@ class Chart(Protocol):
         """Return z of the last stage, (m,), in full, (nz,)."""
 
     def project(self, e: Array) -> Array:
-        """Project a small tangent vector e (ny,) at the last stage's point onto the tangent of 0 = g along f_z; (ny,)."""
+        """Project a small tangent vector e (ny,) at the last stage's point onto the tangent of 0 = g along f_z."""
 
     @property
     def unknowns(self) -> Any:
@@ -148,7 +148,7 @@ class System(Protocol):
         """Open a step at (t, y)."""
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
-        """Return y' (ny,) in the tangent at y (n,), and z (nz,), from g_t + g_y f(t, y, z) = 0: the root near a guess."""
+        """Return y' (ny,) in the tangent at y (n,), z (nz,) from g_t + g_y f(t, y, z) = 0: the root near a guess."""
 
     def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
         """Return y' (n, ny) and z (n, nz) at points (n, ...), see `derivative`; nan where they cannot be found."""
