@@ -71,6 +71,17 @@ def difference_quotient(function, h):
     return sum(w * (function(k * h) - function(-k * h)) for k, w in weights.items()) / h
 
 
+def differences(function, n, h=1e-3):
+    """Columns d/de function(e x) for the unit vectors x of length n."""
+    return np.array([difference_quotient(lambda s, e=e: np.asarray(function(s * e)), h) for e in np.eye(n)]).T
+
+
+def close(found, expected, tolerance=1e-11, size=0.0):
+    """Compare relative to the largest entry, or to a size."""
+    scale = max(np.abs(expected).max(initial=0.0), size)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * max(scale, 1e-3))
+
+
 def rod(model, parent, placement, length, name, axis=(0.0, -1.0, 0.0), mass=1.0, width=0.02):
     """Hinge a rod along x to a joint; its end is the frame ``name_tip``."""
     joint = model.addJoint(parent, pin.JointModelRevoluteUnaligned(np.array(axis)), placement, name)

@@ -18,6 +18,9 @@ from .callbacks import called, checked, function_name
 from .pieces import Interpolation, Pieces, Point, curve, increasing
 from .tables import Table
 
+SPACING = 3e-3  # s, of differences
+SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # weights of central differences of order six
+
 
 class _Signal(Table):
     """A function of time."""
@@ -25,6 +28,16 @@ class _Signal(Table):
     @abstractmethod
     def at(self, t: float, k: int = 0) -> float:
         """Return the k-th derivative with respect to time, k = 0, 1, 2."""
+
+    def slope(self, t: float, k: int = 0) -> float:
+        """Return the derivative of the k-th derivative: a difference of order six where it is not given."""
+        if k < 2 and self.known(k + 1):
+            return self.at(t, k + 1)
+        return sum(w * (self.at(t + i * SPACING, k) - self.at(t - i * SPACING, k)) for i, w in SIXTH.items()) / SPACING
+
+    def known(self, k: int) -> bool:
+        """Whether the k-th derivative is given, k = 0, 1, 2."""
+        return True
 
     def jump(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, where it is not smooth; sign * inf if none."""
@@ -206,6 +219,9 @@ class Function(_Signal):
             raise InputError(f"the {('value', 'rate', 'acceleration')[k]} of {self.name!r} is needed (mbdae.Function)")
         what = f"function {self.name!r}"
         return float(checked(called(what, function, t), (), t, what))
+
+    def known(self, k: int) -> bool:  # noqa: D102
+        return (self.function, self.rate, self.acceleration)[k] is not None
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "python", "call": self.at}

@@ -10,7 +10,7 @@ import pinocchio as pin
 from ...errors import InputError
 from ..callbacks import called, checked, function_name
 from .force import Array, ForceElement, PythonForce, start_values
-from .quotients import law_slopes
+from .quotients import by_time, law_slopes
 
 StateFunction = Callable[[float, Array, Array, Array], Array]
 
@@ -67,6 +67,9 @@ class ActuatorElement(ForceElement):
         what = [f"{part} of actuator {self.name!r}" for part in ("torque", "rate")]
         tau = checked(called(what[0], self.spec.torque, t, q, v, s), v.shape, t, what[0])
         return 0.0, tau, checked(called(what[1], self.spec.rate, t, q, v, s), s.shape, t, what[1])
+
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        return by_time(lambda t: np.concatenate(self.evaluate(t, q, v, s)[1:]), t, v)
 
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         def law(q: Array, v: Array, s: Array) -> Array:

@@ -75,6 +75,16 @@ class ForceElements:
                 out[to, columns] += block[..., 2 * nv :]
         return out
 
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:
+        """Return the sum of what `ForceElement.by_time` gives, (nv + ns + 1,); kinematics stand at q."""
+        nv, out = self.nv, np.zeros(self.nv + self.ns + 1)
+        for law, at in self.acting:
+            known = np.zeros(nv + at.stop - at.start + 1) + law.by_time(t, q, v, s[at])
+            out[:nv] += known[:nv]
+            out[nv + at.start : nv + at.stop] += known[nv:-1]
+            out[-1] += known[-1]
+        return out
+
     def potential(self, q: Array) -> float:
         """Potential energy in J; the kinematics stand at q."""
         return sum(law.potential(q) for law, _ in self.acting)

@@ -51,6 +51,10 @@ class ForceElement:
         """
         raise NotImplementedError
 
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array | float:
+        """Return the derivative of (tau, s', power of the other part) with respect to time, (nv + ns + 1,), or 0."""
+        return 0.0
+
     def potential(self, q: Array) -> float:
         """Potential energy in J."""
         return 0.0

@@ -107,6 +107,13 @@ class Linear(ForceElement):
         power[nv : 2 * nv] += self.evaluate(t, q, v, s)[1]
         return np.vstack([A[:nv] + A[nv : 2 * nv], A[2 * nv :], power])
 
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        x = np.zeros(len(q) + len(v) + len(s) + 1 + len(self.u))
+        x[len(x) - len(self.u) :] = [u.slope(t, k) for u, k in self.u]
+        y = np.bincount(self.y, self.values * x.take(self.x), 2 * self.nv + self.ns)
+        other = y[self.nv : 2 * self.nv]
+        return np.concatenate([other, y[2 * self.nv :], [other @ v]])
+
     @cached_property
     def _matrix(self) -> Array:
         """dy/d(q in the tangent, v, s), (2 nv + ns, 2 nv + ns)."""

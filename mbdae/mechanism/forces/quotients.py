@@ -15,6 +15,12 @@ STEP = 6e-6
 LawFunction = Callable[[Array, Array, Array], Array]
 
 
+def by_time(law: Callable[[float], Array], t: float, v: Array) -> Array:
+    """Return the derivative of (tau, s', power) with respect to time, for law: t -> (tau, s')."""
+    change = (law(t + STEP) - law(t - STEP)) / ((t + STEP) - (t - STEP))
+    return np.append(change, change[: len(v)] @ v)
+
+
 def law_slopes(
     law: LawFunction,
     own: Callable[..., Any] | None,

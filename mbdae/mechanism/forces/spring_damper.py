@@ -64,6 +64,11 @@ class SpringDamperElement(PairElement):
         spring = Turning(-pull * w, stretch - pull * Da, -stretch - pull * Db, np.zeros((6, 6)))
         return spring, Turning(push * w, push * Da + damper * V.dot(Da), push * Db + damper * V.dot(Db), damper * w)
 
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        self.pair.locate()
+        tau = self.spec.force.slope(t) * self.pair.torque(line_slopes(self.pair)[0])
+        return np.append(tau, tau @ v)
+
     def potential(self, q: Array) -> float:  # noqa: D102
         self.pair.locate()
         return 0.5 * self.spec.stiffness * (unit_gap(self.pair)[0] - self.spec.length) ** 2

@@ -53,9 +53,16 @@ class WrenchElement(PairElement):
         moment = self.pair.torque(np.concatenate([np.zeros(3), m])) if m.any() else np.zeros_like(v)
         return (force, moment) if self.steady else (0.0, force + moment)
 
-    def vectors(self, t: float) -> tuple[Array, Array]:
-        """Return force and torque in the axes of the world, (3,) each."""
-        n, m = (np.array([s.at(t) for s in part]) for part in (self.spec.force, self.spec.torque))
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        self.pair.locate()
+        n, m = self.vectors(t, slope=True)
+        tau = self.pair.torque(np.concatenate([n, m + skew(self.pair.pb) @ n]))
+        return np.append(tau, tau @ v)
+
+    def vectors(self, t: float, *, slope: bool = False) -> tuple[Array, Array]:
+        """Return force and torque in the axes of the world, or their slopes in time, (3,) each."""
+        parts = (self.spec.force, self.spec.torque)
+        n, m = (np.array([s.slope(t) if slope else s.at(t) for s in part]) for part in parts)
         return (self.pair.Rb @ n, self.pair.Rb @ m) if self.spec.axes == "frame" else (n, m)
 
     def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:  # noqa: D102

@@ -1,4 +1,4 @@
-"""The exact first derivatives of a mechanism's equations with respect to q (in the tangent), v and s.
+"""The exact first derivatives of a mechanism's equations with respect to q (in the tangent), v, s and t.
 
 The inertial part M v' + nle comes from Pinocchio on the expanded tree, rows and laws know their own: see
 `mbdae.mechanism.expanded`, `mbdae.mechanism.pair_slopes`, the files of closures and those of forces. Python functions
@@ -59,3 +59,14 @@ def hidden_slopes(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
     """Return the slopes of gamma with respect to q and v, over all rows, (ng, nv) each."""
     s.jacobian(q)
     return s.constraints.bias_slopes(v)
+
+
+def time_slopes(s: "Index2System", t: float, q: Array, v: Array, states: Array, lam: Array) -> tuple[Array, ...]:
+    """Return the slopes of (f, h, power), (nv + ns + 1,), of G v + g_t and of gamma, (ng,) each, in time."""
+    pin.computeJointJacobians(s.model, s.data, q)
+    out, (_, _, bend) = s.laws.by_time(t, q, v, states), s.constraints.motion(t)
+    out[-1] += lam @ bend
+    third = np.zeros(s.ng)
+    for at, driver in s.constraints.driven:
+        third[at] = driver.motion.slope(t, 2)
+    return out, -bend, -third

@@ -20,10 +20,10 @@ from ...errors import InputError
 from ...system import Array
 from ..closures.constraints import Constraints
 from ..forces import bind_forces
-from ..forces.force import PairLaw
+from ..forces.force import PairElement
 from ..frames import support
 from .derivatives import hidden_slopes, jacobians
-from .index2 import Descriptor
+from .index2 import Index2System
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -107,7 +107,7 @@ class Parameters:
 
     def __init__(self, make: Make, values: Mapping[str, float]) -> None:
         self.mech = mech = make(values)
-        self.system = s = Descriptor(mech)
+        self.system = s = Index2System(mech)
         self.all: list[Parameter] = []
         for name, value in values.items():
             h = WIDTH * (abs(value) or 1.0)
@@ -182,9 +182,7 @@ class Parameters:
 class _Opened:
     """The mechanism with frozen free joints before joints whose place changes, and below frames that are moved."""
 
-    def __init__(self, mech: "Mechanism", places: list[int], frames: list[int], s: Descriptor) -> None:
-        from ..mechanism import Mechanism
-
+    def __init__(self, mech: "Mechanism", places: list[int], frames: list[int], s: Index2System) -> None:
         old, model, last = mech.model, pin.Model(), [0]
         model.gravity = old.gravity
         self.real: list[int] = []
@@ -214,8 +212,8 @@ class _Opened:
             joint, place = (held[i], pin.SE3.Identity()) if i in held else (last[f.parentJoint], f.placement)
             model.addFrame(pin.Frame(f.name, joint, place, f.type), False)
         self.iq = [model.idx_qs[last[j]] + i for j in range(1, old.njoints) for i in range(old.nqs[j])]
-        forces = [f for f, (law, _) in zip(mech.forces, s.laws.bound, strict=False) if isinstance(law, PairLaw)]
-        self.model, self.system = model, Mechanism(model, mech.closures, forces, drivers=mech.drivers).system()
+        forces = [f for f, (law, _) in zip(mech.forces, s.laws.bound, strict=False) if isinstance(law, PairElement)]
+        self.model, self.system = model, type(mech)(model, mech.closures, forces, drivers=mech.drivers).system()
 
     def columns(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array, Array, Array]:
         """Columns of K, B, G and gamma_q of the frozen joints; the rows of K are those of the real ones, and power."""

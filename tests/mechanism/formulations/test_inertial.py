@@ -3,8 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import JOINTS, random_q, tree
-from mechanism.formulations.test_derivatives import close, differences
+from chains import JOINTS, close, differences, random_q, tree
 
 from mbdae.errors import InputError
 from mbdae.mechanism.expanded import expand, parts
