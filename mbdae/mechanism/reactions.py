@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import InputError, UnknownNameError
 from ..system import Array
-from .closures import independent_rows as independent_rows
+from .closures import independent_rows
 from .closures.driver import Driver
 from .frames import skew
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from ..system import Array
-from .closures import independent_rows as independent_rows
+from .closures import independent_rows
 from .reactions import scaled
 
 if TYPE_CHECKING:

@@ -146,11 +146,7 @@ class Reason:
 
     def __init__(self, ng: int) -> None:
         self.many, self.best, self.estranged = ng > MANY, 0.0, False
-        self.now = np.nan  # nothing was solved since it was asked for
-
-    def met(self, ratio: float) -> None:
-        """A system of the rows in use was solved, with pivots of this ratio, smallest to largest."""
-        self.now = ratio
+        self.now = np.nan  # ratio of pivots, smallest to largest, of the system of the rows in use that was solved last
 
     def probe(self, U: np.ndarray, G: np.ndarray, rows: np.ndarray) -> None:
         """See where a step ends whether a vector that the rows in use leave alone is left alone by the others.
@@ -192,15 +188,17 @@ def all_multipliers(U: np.ndarray, G: np.ndarray, rows: np.ndarray, lam: np.ndar
     out = np.zeros(len(G))
     if not len(rows):
         return out
-    B = dgesv(U.T, G.T)[2]
-    used = B[:, rows]
-    lu, _, C, info = dgesv(used.T @ used, used.T @ np.delete(B, rows, axis=1))  # its transpose, (r, ng - r)
+    B, others = dgesv(U.T, G.T)[2], np.ones(len(G), bool)
+    others[rows] = False
+    used = B.take(rows, 1).T
+    lu, _, C, info = dgesv(used.dot(used.T), used.dot(B[:, others]))  # its transpose, (r, ng - r)
     pivot = np.abs(lu.diagonal())
-    if info or not pivot.min() > SMALLEST_PIVOT * pivot.max():
+    if info or not pivot[pivot.argmin()] > SMALLEST_PIVOT * pivot[pivot.argmax()]:
         return minimum_norm(G, len(rows), lam.dot(G.take(rows, 0)))
-    n = np.linalg.solve(np.eye(C.shape[1]) + C.T @ C, C.T @ lam)
-    out[rows] = lam - C @ n
-    out[np.delete(np.arange(len(G)), rows)] = n
+    S = C.T.dot(C)
+    S.ravel()[:: len(S) + 1] += 1
+    n = dgesv(S, lam.dot(C))[2]
+    out[rows], out[others] = lam - C.dot(n), n
     return out
 
 

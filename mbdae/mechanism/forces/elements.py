@@ -48,6 +48,8 @@ class ForceElements:
 
     def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return tau (nv,), and s' and the power of what has no potential, (ns + 1,)."""
+        if not self.acting:
+            return np.zeros(self.nv), np.zeros(self.ns + 1)
         conservative, other, rates = self.parts(t, q, v, s)
         rates[-1] = other.dot(v)
         return conservative + other, rates

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import NotCompiled
 from .. import manifold
-from ..closures import independent_rows as independent_rows
+from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..forces.elements import ForceElements
 from ..frames import Anchor, Pair

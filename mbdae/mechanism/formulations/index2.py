@@ -13,7 +13,7 @@ from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
 
 from ...errors import StepError
 from ...system import Array, Counts, State, System
-from ..closures import independent_rows as independent_rows
+from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..workspace import make_data
 from . import interpolation, projection
@@ -260,7 +260,7 @@ class Index2System(System):
         self.counts.factorizations += 1
         pivot = np.abs(lu.diagonal())
         i, largest = pivot.argmin(), pivot[pivot.argmax()]
-        self.reason.met(ratio := pivot[i] / largest)
+        self.reason.now = ratio = pivot[i] / largest
         self.least_pivot_ratio = min(self.least_pivot_ratio, ratio)
         if info or not ratio > independent_rows.SMALLEST_PIVOT:
             name = self.mechanism.row_closure(int(self.rows[i] if self.rows is not None else 0))
