@@ -61,8 +61,8 @@ def test_a_step_ends_where_it_is_long(sign):
 @pytest.mark.parametrize("h", [0.25, 0.25 * (1 - 1e-12), 0.3, 7.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_last_step_of_a_leg_ends_at_its_end(h, sign):
-    pace, stop = adaptive(h), 2.0 + 0.25 * sign
-    assert pace.propose(at(2.0, stop, stop + 8 * sign * ulp(2), sign)) == (0.25, stop + 8 * sign * ulp(2))
+    stepper, stop = adaptive(h), 2.0 + 0.25 * sign
+    assert stepper.propose(at(2.0, stop, stop + 8 * sign * ulp(2), sign)) == (0.25, stop + 8 * sign * ulp(2))
 
 
 def test_a_step_that_leaves_a_little_of_its_leg_is_not_made_longer():
@@ -72,9 +72,9 @@ def test_a_step_that_leaves_a_little_of_its_leg_is_not_made_longer():
 
 def test_steps_stay_below_the_largest_and_the_cap():
     assert adaptive(0.1, largest=0.03).propose(at(0.0, 1.0)) == (0.03, 0.03)
-    pace = adaptive(0.1)
-    pace.cap = 0.02
-    assert pace.propose(at(0.0, 1.0)) == (0.02, 0.02)
+    stepper = adaptive(0.1)
+    stepper.cap = 0.02
+    assert stepper.propose(at(0.0, 1.0)) == (0.02, 0.02)
 
 
 def test_a_step_size_below_the_rounding_of_time_is_no_step():
@@ -87,63 +87,63 @@ def test_a_step_size_below_the_rounding_of_time_is_no_step():
 @pytest.mark.parametrize("largest", [np.inf, 0.05])
 def test_behind_a_step_that_its_leg_cut_short_the_step_is_as_long_as_before(largest):
     """The error of a short step says little: h = 0.9 h err^(0.03 - 1/k) err_last^0.04 would have to grow anew."""
-    run, pace = at(2.0, 2.01), adaptive(0.1, largest=largest)
-    h, _ = pace.propose(run)
-    assert pace.judge(run, h, 0.5)
-    assert pace.h == 0.1 > Controller(4).next_step(0.01, 0.5)
+    run, stepper = at(2.0, 2.01), adaptive(0.1, largest=largest)
+    h, _ = stepper.propose(run)
+    assert stepper.judge(run, h, 0.5)
+    assert stepper.h == 0.1 > Controller(4).next_step(0.01, 0.5)
 
 
 def test_behind_a_step_that_its_leg_cut_a_little_the_step_may_grow():
-    run, pace = at(2.0, 2.09), adaptive(0.1)
-    assert pace.judge(run, pace.propose(run)[0], 1e-6)
-    assert pace.h == pytest.approx(Controller(4).next_step(0.09, 1e-6))
-    assert pace.h > 0.1
+    run, stepper = at(2.0, 2.09), adaptive(0.1)
+    assert stepper.judge(run, stepper.propose(run)[0], 1e-6)
+    assert stepper.h == pytest.approx(Controller(4).next_step(0.09, 1e-6))
+    assert stepper.h > 0.1
 
 
 def test_a_step_in_the_middle_of_its_leg_may_shrink():
-    run, pace = at(2.0, 3.0), adaptive(0.1)
-    assert pace.judge(run, pace.propose(run)[0], 0.99)
-    assert pace.h == Controller(4).next_step(0.1, 0.99) < 0.1
+    run, stepper = at(2.0, 3.0), adaptive(0.1)
+    assert stepper.judge(run, stepper.propose(run)[0], 0.99)
+    assert stepper.h == Controller(4).next_step(0.1, 0.99) < 0.1
 
 
 def test_a_step_that_was_cut_short_and_rejected_shrinks():
-    run, pace = at(2.0, 2.01), adaptive(0.1)
-    assert not pace.judge(run, pace.propose(run)[0], 16.0)
-    assert pace.h == pytest.approx(0.009 * 16**-0.25)
+    run, stepper = at(2.0, 2.01), adaptive(0.1)
+    assert not stepper.judge(run, stepper.propose(run)[0], 16.0)
+    assert stepper.h == pytest.approx(0.009 * 16**-0.25)
 
 
 def test_largest_steps_are_not_cut():
     """What the user bounds comes back to the size the error asked for, not the other way round."""
-    run, pace = at(2.0, 3.0), adaptive(0.5, largest=0.1)
-    assert pace.judge(run, pace.propose(run)[0], 0.5)
-    assert pace.h == Controller(4).next_step(0.1, 0.5)
+    run, stepper = at(2.0, 3.0), adaptive(0.5, largest=0.1)
+    assert stepper.judge(run, stepper.propose(run)[0], 0.5)
+    assert stepper.h == Controller(4).next_step(0.1, 0.5)
 
 
 @pytest.mark.parametrize(("error", "accepted"), [(0.0, True), (1.0, True), (1.0 + 1e-15, False), (nan, False)])
 def test_steps_are_accepted_up_to_an_error_of_one(error, accepted):
-    pace = adaptive(0.1)
-    assert pace.judge(at(0.0, 1.0), 0.1, error) is accepted
-    assert pace.controller.rejected is not accepted
-    assert accepted or pace.h < 0.1
+    stepper = adaptive(0.1)
+    assert stepper.judge(at(0.0, 1.0), 0.1, error) is accepted
+    assert stepper.controller.rejected is not accepted
+    assert accepted or stepper.h < 0.1
 
 
 def test_a_step_that_cannot_be_taken_is_tried_with_a_fifth():
-    run, pace = at(0.0, 1.0), adaptive(0.1)
-    assert pace.may_retry(run, 0.1, StepError("newton", "no root"))
-    assert pace.h == pytest.approx(0.02)
-    pace.h = 1e-17
+    run, stepper = at(0.0, 1.0), adaptive(0.1)
+    assert stepper.may_retry(run, 0.1, StepError("newton", "no root"))
+    assert stepper.h == pytest.approx(0.02)
+    stepper.h = 1e-17
     with pytest.raises(StepError, match="no root"):
-        pace.propose(run)
-    assert not pace.may_retry(run, 1e-17, StepError("newton", "no root"))
+        stepper.propose(run)
+    assert not stepper.may_retry(run, 1e-17, StepError("newton", "no root"))
 
 
 def test_the_reason_of_a_step_that_was_not_taken_is_forgotten_two_steps_later():
-    run, pace = at(0.0, 1.0), adaptive(0.1)
-    pace.may_retry(run, 0.1, StepError("newton", "no root"))
+    run, stepper = at(0.0, 1.0), adaptive(0.1)
+    stepper.may_retry(run, 0.1, StepError("newton", "no root"))
     reasons = []
     for _ in range(2):
-        pace.judge(run, 0.02, 0.5)
-        reasons.append(pace.reason)
+        stepper.judge(run, 0.02, 0.5)
+        reasons.append(stepper.reason)
     assert reasons == ["no root", ""]
 
 
@@ -152,13 +152,13 @@ def test_errors_are_measured_in_the_larger_of_both_ends():
     run = at(0.0, 1.0, y=(3.0, -1.0, 9.0))
     errors, ends = np.array([[0.3, 0.08, 1e9]]), State(np.array([-2.0, 4.0, 0.0]))
     scale = np.array([0.01 + 0.1 * 3, 0.02 + 0.1 * 4])
-    pace = adaptive(rtol=0.1, atol=np.array([0.01, 0.02]))
+    stepper = adaptive(rtol=0.1, atol=np.array([0.01, 0.02]))
     expected = np.sqrt(((errors[0, :2] / scale) ** 2).mean())
-    assert pace.error(run, Step(ends, None, errors)) == pytest.approx(expected)
+    assert stepper.error(run, Step(ends, None, errors)) == pytest.approx(expected)
     run.system = Rates(noise=0.2)
     expected = np.sqrt(((errors[0, :2] / (scale + 0.2 * 0.5)) ** 2).mean())
-    assert pace.error(run, Step(ends, None, errors)) == pytest.approx(expected)
-    assert pace.measure(run, ends.y, errors[0]) == pytest.approx(np.sqrt(((errors[0, :2] / scale) ** 2).mean()))
+    assert stepper.error(run, Step(ends, None, errors)) == pytest.approx(expected)
+    assert stepper.measure(run, ends.y, errors[0]) == pytest.approx(np.sqrt(((errors[0, :2] / scale) ** 2).mean()))
 
 
 def test_both_error_vectors_count():
@@ -198,17 +198,17 @@ def first_step(f, y, k, scale, left=1e3):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_first_step_is_that_of_the_book(f, by_hand, sign):
     run = at(0.0, sign * 1e3, sign=sign, y=(1.0, 1.0, 7.0), system=Rates(f))
-    pace = adaptive(None, rtol=0.1, atol=1e-3)
-    assert pace.ready(run)
-    assert pace.h == pytest.approx(first_step(lambda y: sign * f(y), run.state.y, 4, 0.101), rel=1e-9)
-    assert by_hand is None or pace.h == pytest.approx(by_hand, rel=1e-9)
+    stepper = adaptive(None, rtol=0.1, atol=1e-3)
+    assert stepper.ready(run)
+    assert stepper.h == pytest.approx(first_step(lambda y: sign * f(y), run.state.y, 4, 0.101), rel=1e-9)
+    assert by_hand is None or stepper.h == pytest.approx(by_hand, rel=1e-9)
 
 
-def grid(pace, t, stop, end=None, t1=1.0):
+def grid(stepper, t, stop, end=None, t1=1.0):
     """Steps of a run to the end of its leg: their sizes and the times where they end."""
     out, sign = [], 1.0 if t1 > 0 else -1.0
     while not out or out[-1][1] != (stop if end is None else end):
-        h, t = pace.propose(at(t, stop, end, sign, t1=t1))
+        h, t = stepper.propose(at(t, stop, end, sign, t1=t1))
         out.append((h, t))
         assert len(out) < 20
     return [x for pair in out for x in pair]
@@ -226,25 +226,25 @@ def test_fixed_steps_follow_the_grid_to_the_end(sign):
 
 @pytest.mark.parametrize("step", [0.1 * (1 + 1e-14), 0.1 * (1 - 1e-14)])
 def test_a_grid_that_misses_the_end_by_rounding_has_no_step_more(step):
-    pace = Fixed(step, 0.0, 1.0)
-    assert pace.n == 10
-    assert len(grid(pace, 0.0, 1.0)) == 20
+    stepper = Fixed(step, 0.0, 1.0)
+    assert stepper.n == 10
+    assert len(grid(stepper, 0.0, 1.0)) == 20
     assert Fixed(0.1 * (1 - 1e-9), 0.0, 1.0).n == 11
 
 
 def test_fixed_steps_leave_the_grid_for_the_end_of_a_leg_and_come_back():
-    pace = Fixed(0.25, 0.0, 1.0)
-    assert grid(pace, 0.0, 0.4, 0.4 + 1e-14) == pytest.approx([0.25, 0.25, 0.15, 0.4], abs=1e-13)
-    assert grid(pace, 0.4, 1.0) == pytest.approx([0.1, 0.5, 0.25, 0.75, 0.25, 1.0])
+    stepper = Fixed(0.25, 0.0, 1.0)
+    assert grid(stepper, 0.0, 0.4, 0.4 + 1e-14) == pytest.approx([0.25, 0.25, 0.15, 0.4], abs=1e-13)
+    assert grid(stepper, 0.4, 1.0) == pytest.approx([0.1, 0.5, 0.25, 0.75, 0.25, 1.0])
 
 
 @pytest.mark.parametrize("off", [-1e-12, 0.0, 1e-12])
 def test_a_leg_that_ends_on_the_grid_has_no_crumb(off):
-    pace, stop = Fixed(0.25, 0.0, 1.0), 0.5 + off
-    first = grid(pace, 0.0, stop, stop + 1e-15)
+    stepper, stop = Fixed(0.25, 0.0, 1.0), 0.5 + off
+    first = grid(stepper, 0.0, stop, stop + 1e-15)
     assert first == pytest.approx([0.25, 0.25, 0.25, 0.5])
     assert first[-1] == stop + 1e-15
-    assert grid(pace, stop, 1.0) == pytest.approx([0.25, 0.75, 0.25, 1.0])
+    assert grid(stepper, stop, 1.0) == pytest.approx([0.25, 0.75, 0.25, 1.0])
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

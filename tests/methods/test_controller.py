@@ -1,4 +1,4 @@
-"""Step-size control by its formulas, and how a pace uses it: the numbers, not what comes of them."""
+"""Step-size control by its formulas, and how a stepper uses it: the numbers, not what comes of them."""
 
 import numpy as np
 import pytest
