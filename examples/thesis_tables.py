@@ -12,7 +12,7 @@ Run: python examples/thesis_tables.py
 import numpy as np
 
 from mbdae import METHODS, solve
-from mbdae.textbook.hessenberg import hessenberg_a
+from mbdae.textbook.problems import hessenberg_a
 
 FAMILIES = {
     "Radau IIA": ("radau1", "radau3", "radau5"),

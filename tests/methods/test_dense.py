@@ -5,7 +5,7 @@ import pytest
 
 import mbdae
 from mbdae.dense import fit, nodes, powers, refine
-from mbdae.textbook.hessenberg import TEXTBOOK
+from mbdae.textbook.problems import TEXTBOOK
 
 SWEEPS = range(9)
 

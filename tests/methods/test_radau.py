@@ -13,7 +13,7 @@ from mbdae.methods import method
 from mbdae.methods.collocation import Memory
 from mbdae.methods.radau import RadauIIA
 from mbdae.system import State
-from mbdae.textbook.hessenberg import hessenberg_a
+from mbdae.textbook.problems import hessenberg_a
 
 NAMES = [name for name, m in mbdae.METHODS.items() if isinstance(m, RadauIIA)]
 ANDREWS = {  # at t = 0.03; quadruple precision, two codes that agree to 1e-12

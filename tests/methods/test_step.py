@@ -11,7 +11,7 @@ from mbdae.methods.exact import exact
 from mbdae.methods.step import doubled_step
 from mbdae.methods.tableau import Tableau
 from mbdae.system import Counts, State, Step, System
-from mbdae.textbook.hessenberg import hessenberg_a
+from mbdae.textbook.problems import hessenberg_a
 
 TABLEAUS = {name: m for name, m in METHODS.items() if isinstance(m, Tableau)}
 every = pytest.mark.parametrize("tableau", TABLEAUS.values(), ids=TABLEAUS.keys())

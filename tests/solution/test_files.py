@@ -14,6 +14,7 @@ from mbdae.errors import InputError
 from mbdae.mechanism.forces.joint_pid import JointPID
 from mbdae.mechanism.start import Start
 from mbdae.solution import archive
+from mbdae.textbook.problems import hessenberg_a
 
 
 @pytest.fixture(scope="module")
@@ -179,5 +180,5 @@ def test_a_notebook_shows_the_replay(sol):
     assert "&lt;!DOCTYPE html&gt;" in page
     assert "pherk6" in repr(sol)
     assert len(repr(sol)) < 200
-    textbook = mbdae.solve(mbdae.textbook.hessenberg.TEXTBOOK["hessenberg_a"](), (0, 0.1))
+    textbook = mbdae.solve(hessenberg_a(), (0, 0.1))
     assert textbook._repr_html_() is None

@@ -20,7 +20,7 @@ from ...cli.options import (
 from ...mechanism import load
 from ...methods import METHODS, method
 from ...methods.order.conditions import check_conditions
-from ...textbook.hessenberg import TEXTBOOK
+from ...textbook.problems import TEXTBOOK
 from .order import check_order
 
 

@@ -27,13 +27,12 @@ from ..workers import pool
 from .file import SweepFile
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
-from .plan import Parameters, Random, Task, names, tasks
+from .plan import Parameters, Task, names, tasks
 from .run import SOLVE, Job, Maker, check_settings, run, split
 from .table import Sweep, column_kinds, completed
 
 __all__ = ["sweep"]
 
-__all__ = ["Random", "Sweep", "sweep"]
 Model = str | Path | Callable[..., Mechanism]
 Progress = Callable[[float, str], None]
 METHOD = inspect.signature(solve).parameters["method"].default
@@ -229,7 +228,6 @@ def _manifest(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]
     """What tells sweeps apart, as plain data; long parts as checksums."""
     model = job.model if isinstance(job.model, str) else function_name(job.model)
     made = describe(mech) if isinstance(job.model, str) else fingerprint(job.model)
-    functions = [fingerprint(x) for x in job.outputs if not isinstance(x, str)]
     return {
         "model": model,
         "mechanism": _checksum(made),
@@ -239,7 +237,7 @@ def _manifest(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]
         "times": list(job.times) if isinstance(job.times, tuple) else job.times,
         "outputs": [label(x) for x in job.outputs],
         "settings": json.loads(json.dumps(job.settings, default=_as_data)),
-        "functions": _checksum([functions, fingerprint(job.settings)]),
+        "functions": _checksum([[fingerprint(x) for x in job.outputs if callable(x)], fingerprint(job.settings)]),
         "version": versions()["mbdae"],
     }
 

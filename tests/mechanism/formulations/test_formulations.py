@@ -12,7 +12,7 @@ from motions import ALL, distance, free_loop, levels, model, run, start_of
 import mbdae
 from mbdae import Mechanism
 from mbdae.__main__ import cli
-from mbdae.textbook.hessenberg import hessenberg_a
+from mbdae.textbook.problems import hessenberg_a
 
 # -- scipy's solvers -------------------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ import mbdae
 from mbdae.methods import Tableau
 from mbdae.studies.order.measurement import Measurement, above, done
 from mbdae.studies.order.order import LEAST_OUTPUTS
-from mbdae.textbook.hessenberg import hessenberg_a
+from mbdae.textbook.problems import hessenberg_a
 
 REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")
 
