@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from .force import Array, ForceElement, Part
+from .force import Array, ForceElement
 from .linear import Linear, LinearElement
 
 Bound = tuple[ForceElement, slice]
@@ -50,20 +50,18 @@ class ForceElements:
         """Return tau (nv,), and s' and the power of what has no potential, (ns + 1,)."""
         if not self.acting:
             return np.zeros(self.nv), np.zeros(self.ns + 1)
-        conservative, other, rates = self.parts(t, q, v, s)
-        rates[-1] = other.dot(v)
-        return conservative + other, rates
-
-    def parts(self, t: float, q: Array, v: Array, s: Array) -> tuple[Part, Array, Array]:
-        """Return the conservative and the other part of tau, (nv,) each, and s' with a zero behind, (ns + 1,)."""
-        conservative: Part = 0.0
-        other, rates = np.zeros(self.nv), np.zeros(self.ns + 1)
-        for law, at in self.acting:
+        (law, at), *more = self.acting
+        rates = np.zeros(self.ns + 1)
+        conservative, other, rates[at] = law.evaluate(t, q, v, s[at])
+        for law, at in more:
             c, o, ds = law.evaluate(t, q, v, s[at])
             conservative, other = conservative + c, other + o
             if at.start < at.stop:
                 rates[at] += ds
-        return conservative, other, rates
+        if not isinstance(other, np.ndarray):
+            other = np.zeros(self.nv)
+        rates[-1] = other.dot(v)
+        return conservative + other, rates
 
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return the sum of the exact slopes, (nv + ns + 1, 2 nv + ns), see `ForceElement`; kinematics stand at q."""
