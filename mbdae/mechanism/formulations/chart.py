@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from .index2 import Index2System
 
 
-
 class Index2Chart(ImplicitStages):
     """A step of a mechanism in coordinates (x, v, s, w), q = q_n (+) x, x' = J(x) v; one set of rows within it."""
 
