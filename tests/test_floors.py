@@ -4,38 +4,15 @@ import ast
 import subprocess
 import sys
 from collections import defaultdict
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "mbdae"
-FLOORS = (  # a room, a file or folder of mbdae/, imports from the floors below its own, never from rooms beside it
-    ("errors",),
-    ("system",),
-    ("files", "linear", "dense", "backend", "members"),
-    ("mechanism", "methods", "textbook"),
-    ("solution",),
-    ("integrate",),
-    ("cli",),
-    ("studies",),
-    ("__init__",),
-    ("__main__",),
-)
-INSIDE = (  # the floors of mechanism/
-    ("workspace", "expanded", "tables", "callbacks"),
-    ("frames", "places"),
-    ("pair_slopes", "joints", "manifold", "pieces"),
-    ("signals",),
-    ("start",),
-    ("closures", "forces", "scene"),
-    ("formulations",),
-    ("assembly_mode", "reactions"),
-    ("assembly", "singularity"),
-    ("mechanism",),
-    ("formats",),
-    ("__init__",),
-)
+HOUSE = "errors < system < mechanism methods textbook < solution < integrate < cli < studies < __init__ < __main__"
+INSIDE = "frames joints signals < start < closures forces scene < formulations < mechanism < formats"  # of mechanism/
 SECRETS = {  # heavy or special imports, and the only places that may know them
     "pinocchio": "mechanism/**/*.py backend.py",  # the latter compares versions
     "coal": "mechanism/**/*.py",
@@ -78,25 +55,55 @@ def room(name, folder=PACKAGE):
     return first if first and exists else "__init__"
 
 
-def floor(name, floors=FLOORS):
-    found = [level for level, rooms in enumerate(floors) if name in rooms]
-    assert found, f"{name} has no floor: say where it belongs"
-    return found[0]
+def floor(name, order):
+    """Level of a room in an order of them; None for those that it does not name."""
+    return next((level for level, names in enumerate(order.split(" < ")) if name in names.split()), None)
+
+
+def home(name):
+    """What a module given by its dotted name belongs to: its folder, or itself where folders stand beside it."""
+    parts = name.split(".")
+    while not (file := ROOT.joinpath(*parts).with_suffix(".py")).is_file():
+        if (folder := ROOT.joinpath(*parts)).is_dir():
+            file = folder / "__init__.py"
+            break
+        parts.pop()
+    beside = any(path.is_dir() and any(path.glob("*.py")) for path in file.parent.iterdir())
+    return str((file if beside else file.parent).relative_to(ROOT))
+
+
+def dotted(path):
+    return ".".join(["mbdae", *path.relative_to(PACKAGE).with_suffix("").parts])
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_imports_go_down(path):
-    module = ".".join(["mbdae", *path.relative_to(PACKAGE).with_suffix("").parts])
-    for folder, floors in ((PACKAGE, FLOORS), (PACKAGE / "mechanism", INSIDE)):
-        inside = ".".join(folder.relative_to(ROOT).parts)
-        if not module.startswith(inside + "."):
-            continue
-        here = room(module, folder)
-        level = floor(here, floors)
-        for name in imported(path):
-            if name.split(".")[: inside.count(".") + 1] == inside.split("."):
-                there = room(name, folder)
-                assert there == here or floor(there, floors) < level, f"{path.name} ({here}) imports {name} ({there})"
+    for folder, order in ((PACKAGE, HOUSE), (PACKAGE / "mechanism", INSIDE)):
+        inside = ".".join(folder.relative_to(ROOT).parts) + "."
+        here = room(dotted(path), folder)
+        level = floor(here, order) if dotted(path).startswith(inside) else None
+        for name in imported(path) if level is not None else ():
+            there = room(name, folder) if name.startswith(inside) else here
+            below = floor(there, order)
+            assert there == here or below is None or below < level, f"{path.name} ({here}) imports {name} ({there})"
+
+
+def circle(graph):
+    try:
+        tuple(TopologicalSorter(graph).static_order())
+    except CycleError as e:
+        return e.args[1]
+    return None
+
+
+def test_no_circle_of_folders():
+    graph = {}
+    for path in FILES:
+        here = home(dotted(path))
+        found = {home(name) for name in imported(path) if name.split(".")[0] == "mbdae"}
+        graph.setdefault(here, set()).update(found - {here})
+    assert circle(graph) is None
+    assert circle({**graph, "mbdae/errors.py": {"mbdae/mechanism/mechanism.py"}})
 
 
 def test_the_test_sees_imports():
@@ -104,7 +111,9 @@ def test_the_test_sees_imports():
     found = set(imported(PACKAGE / "mechanism" / "formulations" / "index2.py"))
     assert {"pinocchio", "numpy", "mbdae.errors.StepError", "mbdae.system.Counts"} <= found
     assert not any("mechanism.mechanism" in name for name in found)
-    assert floor("methods") == floor("mechanism") < floor("integrate")
+    assert floor("methods", HOUSE) == floor("mechanism", HOUSE) < floor("integrate", HOUSE)
+    assert home("mbdae.mechanism.closures.rows.FrameRows") == "mbdae/mechanism/closures"
+    assert home("mbdae.mechanism.frames.Pair") == "mbdae/mechanism/frames.py"
     assert room("mbdae.mechanism.frames.Pair") == "mechanism"
     assert room("mbdae.load") == "__init__"
 

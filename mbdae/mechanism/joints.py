@@ -3,6 +3,20 @@
 import numpy as np
 import pinocchio as pin
 
+PER_VELOCITY = (
+    "armature",
+    "damping",
+    "rotorInertia",
+    "rotorGearRatio",
+    "lowerDryFrictionLimit",
+    "upperDryFrictionLimit",
+    "lowerEffortLimit",
+    "upperEffortLimit",
+    "lowerVelocityLimit",
+    "upperVelocityLimit",
+)
+PER_COORDINATE = ("lowerPositionLimit", "upperPositionLimit", "positionLimitMargin")
+
 
 def subspace(joint: pin.JointModel) -> np.ndarray:
     """The motion subspace of a joint at its neutral configuration, (6, nv), in its own frame."""

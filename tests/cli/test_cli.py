@@ -9,6 +9,7 @@ import time
 import warnings
 
 import pytest
+from commands import found
 
 import mbdae
 from mbdae import __main__ as command_line
@@ -95,12 +96,13 @@ EVERY = (
 
 
 def test_every_command_in_a_pipe_is_plain_text_or_one_document(tmp_path, monkeypatch, capsys):
-    assert {arguments.split()[0] for arguments in EVERY} == set(command_line.cli.commands)
+    every = [*EVERY, *found()]
+    assert {arguments.split()[0] for arguments in every} == set(command_line.cli.commands)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sweep.toml").write_text('model = "pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
     monkeypatch.setenv("FORCE_COLOR", "1")  # as machines that run tests set it
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # main() sets its own
-    for arguments in EVERY:
+    for arguments in every:
         for more in ([], ["--json"]):
             monkeypatch.setattr(sys, "argv", ["mbdae", *arguments.split(), *more])
             with pytest.raises(SystemExit) as stop:

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from click.testing import CliRunner
+from commands import found
 from scipy.integrate import solve_ivp
 from test_examples import example
 
@@ -185,8 +186,9 @@ COMMANDS = [
 def test_a_mechanism_without_closures_runs_through_every_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sweep.toml").write_text('model = "double_pendulum"\nend = 0.1\n[grid]\nsolve.rtol = [1e-3, 1e-6]\n')
-    for command in COMMANDS:
+    every = [*COMMANDS, *found()]
+    for command in every:
         result = CliRunner().invoke(cli, [*command.split(), "--json"])
         assert result.exit_code == 0, (command, result.output, result.exception)
         json.loads(result.stdout)
-    assert {command.split()[0] for command in COMMANDS} | {"models", "methods"} == set(cli.commands)
+    assert {command.split()[0] for command in every} | {"models", "methods"} == set(cli.commands)

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from .force import Array, ForceElement
+from .force import Array, ForceElement, Part
 from .linear import Linear, LinearElement
 
 Bound = tuple[ForceElement, slice]
@@ -48,20 +48,23 @@ class ForceElements:
 
     def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return tau (nv,), and s' and the power of what has no potential, (ns + 1,)."""
-        if not self.acting:
-            return np.zeros(self.nv), np.zeros(self.ns + 1)
-        (law, at), *more = self.acting
+        conservative, other, rates = self.parts(t, q, v, s)
+        rates[-1] = other.dot(v)
+        return conservative + other, rates
+
+    def parts(self, t: float, q: Array, v: Array, s: Array) -> tuple[Part, Array, Array]:
+        """Return the conservative and the other part of tau, (nv,) each, and s' with a zero behind, (ns + 1,)."""
         rates = np.zeros(self.ns + 1)
+        if not self.acting:
+            return 0.0, np.zeros(self.nv), rates
+        (law, at), *more = self.acting
         conservative, other, rates[at] = law.evaluate(t, q, v, s[at])
         for law, at in more:
             c, o, ds = law.evaluate(t, q, v, s[at])
             conservative, other = conservative + c, other + o
             if at.start < at.stop:
                 rates[at] += ds
-        if not isinstance(other, np.ndarray):
-            other = np.zeros(self.nv)
-        rates[-1] = other.dot(v)
-        return conservative + other, rates
+        return conservative, other if isinstance(other, np.ndarray) else np.zeros(self.nv), rates
 
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return the sum of the exact slopes, (nv + ns + 1, 2 nv + ns), see `ForceElement`; kinematics stand at q."""

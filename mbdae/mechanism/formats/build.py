@@ -8,8 +8,8 @@ import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError, printable
 from ..frames import WORLD, find_frame, frame_names
+from ..part import Part
 from ..tables import HUGE
-from .part import Part
 from .schema import Body, Frame, MechanismFile, Source
 from .tree import Tree, settled, turn_of_z
 

@@ -18,14 +18,14 @@ from ..closures.driver import Driver
 from ..forces import FORCES, PYTHON_FORCES
 from ..forces.actuator import Actuator
 from ..mechanism import Mechanism
+from ..part import Part, shortened
+from ..plain import made, written
 from ..start import Motor
 from ..tables import Table, one_line
 from ..workspace import make_data
 from .build import build
 from .library import IN_FOLDER, MECHANISM, PARAMETRIC, find, model_names
 from .parametric import read_parametric, split
-from .part import Part, shortened
-from .plain import made, written
 from .schema import MechanismFile, Source, read_toml
 from .sources import merged, read_source, restored
 

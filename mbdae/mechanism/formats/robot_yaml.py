@@ -24,10 +24,10 @@ from ...errors import InputError
 from ...files import text_of
 from ..closures.closure import Closure
 from ..frames import find_joint, joint_names
+from ..part import Part
 from ..places import Places
 from ..start import Motor
 from ..tables import one_line
-from .part import Part
 from .urdf import read_urdf
 
 FILE, URDF = "robot.yaml", "robot.urdf"

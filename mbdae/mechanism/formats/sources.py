@@ -10,14 +10,14 @@ from ...files import text_of
 from ..forces.joint_torque import JointTorque
 from ..forces.wrench import Wrench
 from ..frames import joint_names
+from ..part import Part, follow
 from ..places import Places
+from ..plain import made
 from ..scene.shapes import unpack
 from ..signals import Constant
 from ..start import Motor
 from .library import SOURCES, resolve
 from .mjcf.read import read_mjcf
-from .part import Part, follow
-from .plain import made
 from .robot_yaml import read_robot_yaml
 from .schema import MechanismFile, Source
 from .urdf import Record, read_urdf

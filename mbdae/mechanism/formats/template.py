@@ -23,13 +23,13 @@ import pinocchio as pin
 from ...errors import InputError, UnknownNameError
 from ..frames import find_joint, joint_names
 from ..mechanism import Mechanism
+from ..part import Part
 from ..start import Start
 from ..tables import Table
 from .build import body_inertia, placement
 from .library import PARAMETRIC, find
 from .load import Recipe, make, read
 from .parametric import parameter_names, split
-from .part import Part
 from .schema import Body, MechanismFile
 
 TABLES = ("body", "closure", "driver", "duration", "force", "frame", "gravity", "start")  # of a mechanism file

@@ -9,22 +9,9 @@ import pinocchio as pin
 from ...errors import InputError, UnknownNameError
 from ..closures.closure import Axis, Z
 from ..frames import find_joint, joint_names
-from ..joints import is_depth_first, joint_transform, subspace
+from ..joints import PER_COORDINATE, PER_VELOCITY, is_depth_first, joint_transform, subspace
 from ..start import coordinates
 
-PER_VELOCITY = (
-    "armature",
-    "damping",
-    "rotorInertia",
-    "rotorGearRatio",
-    "lowerDryFrictionLimit",
-    "upperDryFrictionLimit",
-    "lowerEffortLimit",
-    "upperEffortLimit",
-    "lowerVelocityLimit",
-    "upperVelocityLimit",
-)
-PER_COORDINATE = ("lowerPositionLimit", "upperPositionLimit", "positionLimitMargin")
 PLAIN: dict[str, Callable[[], pin.JointModel]] = {
     "spherical": pin.JointModelSpherical,
     "planar": pin.JointModelPlanar,

@@ -12,11 +12,11 @@ import pinocchio as pin
 from ...errors import InputError
 from ..closures.closure import Axis
 from ..frames import joint_names
+from ..part import Mimic, Part, follow, listed
 from ..places import Places
 from ..scene.meshes import stand_in
 from ..start import Value
 from ..tables import HUGE, Table
-from .part import Mimic, Part, follow, listed
 from .schema import WITH_AXIS
 from .tree import settled
 

@@ -21,7 +21,7 @@ from ...mechanism import Mechanism, describe
 from ...mechanism.callbacks import function_name
 from ...mechanism.formats.library import model_names
 from ...mechanism.formats.parametric import split as split_name
-from ...mechanism.formats.part import shortened
+from ...mechanism.part import shortened
 from ...solution.archive import versions
 from ..workers import pool
 from .file import SweepFile

@@ -4,7 +4,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import close, differences, random_q, tree
+from mechanism.forces.test_force_runs import ON_FOUR_BAR
 
+import mbdae
 from mbdae import (
     Actuator,
     Bushing,
@@ -81,9 +83,9 @@ def motor(slopes=None):
 
 
 def test_every_kind_of_force_is_tried():
-    forces = kinds_of_forces()
-    assert {c.__name__ for c in (*FORCES, *PYTHON_FORCES)} < set(forces)
-    assert all(forces.values()), [name for name, some in forces.items() if not some]
+    tried = {type(f).__name__ for f in ON_FOUR_BAR.values()}
+    tried |= {name for name, some in kinds_of_forces().items() if some}
+    assert {c.__name__ for c in (*FORCES, *PYTHON_FORCES)} < tried
 
 
 def test_every_law_has_slopes():
@@ -125,6 +127,13 @@ def test_slopes_of_every_kind_of_force(name):
         for _ in range(2):
             q, v, s = random_q(mech.model, rng, 0.8), *(rng.standard_normal(n) for n in (mech.nv, len(mech.states)))
             close(*law_differences(mech, q, v, s, 0.3), 1e-9 if name in ("function", "Actuator") else 1e-11)
+
+
+@pytest.mark.parametrize("name", [name for name, force in ON_FOUR_BAR.items() if not callable(force)])
+def test_slopes_of_every_force_on_the_four_bar(name):
+    mech, rng = mbdae.load("four_bar", forces=[ON_FOUR_BAR[name]]), np.random.default_rng(9)
+    q, v, s = mech.start[0] + 0.1 * rng.standard_normal(mech.nq), *map(rng.standard_normal, (mech.nv, len(mech.states)))
+    close(*law_differences(mech, q, v, s, 0.32), 1e-9)
 
 
 def test_slopes_of_bushings_at_small_and_large_turns():

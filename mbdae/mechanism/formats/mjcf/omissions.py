@@ -7,8 +7,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from ...part import listed
 from ...scene.shapes import mesh
-from ..part import listed
 from .actuators import actuator_name
 from .states import pose
 

@@ -16,12 +16,12 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError, UnknownNameError
+from ...part import Part
 from ...places import Places
+from ...plain import written
 from ...scene.shapes import pack
 from ...start import Start
 from ...tables import HUGE
-from ..part import Part
-from ..plain import written
 from .actuators import disabled, motors_of, springs_of, weightless
 from .equalities import loops_of
 from .files import check_files

@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 from pydantic import BaseModel
 
-from ...errors import InputError
-from ..closures.closure import Axis, Closure
-from ..closures.driver import Driver
-from ..frames import WORLD
-from ..start import Motor, Start
+from ..errors import InputError
+from .closures.closure import Axis, Closure
+from .closures.driver import Driver
+from .frames import WORLD
+from .start import Motor, Start
 
 NAMED = 4  # names before "and n more"
 T = TypeVar("T", bound=BaseModel)

@@ -11,11 +11,10 @@ import numpy as np
 import pinocchio as pin
 from pydantic import AllowInfNan, Field, ValidationError
 
-from ...errors import InputError
-from ..joints import subspace
-from ..scene.shapes import Place
-from ..tables import Table, one_line
-from .tree import PER_COORDINATE, PER_VELOCITY
+from ..errors import InputError
+from .joints import PER_COORDINATE, PER_VELOCITY, subspace
+from .scene.shapes import Place
+from .tables import Table, one_line
 
 WORD = "JointModel"
 COMPOSITE, SKEWED = "Composite", "RevoluteUnboundedUnaligned"
