@@ -158,8 +158,11 @@ class System(Protocol):
                 F[i], z[i] = self.derivative(t[i], y[i], near[i])
         return F, z
 
-    def whole_step(self, tableau: Any, t: float, h: float, state: State) -> Step | None:
-        """Return a step of a half-explicit method; None where `mbdae.methods.step` goes through its stages."""
+    def whole_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
+        """Return a step that is computed at once; None where `mbdae.methods` goes through its stages.
+
+        Controlled steps of collocation methods have an error estimate, and give up soon; others always have theirs.
+        """
         return None
 
     def carry(self, F: Array, z: Array) -> Any:

@@ -5,7 +5,9 @@ from typing import Any
 from ..backend import choose, status
 from ..errors import InputError
 from ..mechanism import Mechanism, NotCompiled
+from ..mechanism.formulations.inertial import LARGEST
 from ..methods import Tableau
+from ..methods.radau import RadauIIA
 from ..system import System
 
 
@@ -40,4 +42,8 @@ def lacking(problem: Any, tableau: Any, formulation: str) -> str:
         return "textbook problems"
     if formulation != "index2":
         return f"formulation {formulation!r}"
-    return "" if isinstance(tableau, Tableau) else f"method {tableau.name!r}"
+    if isinstance(tableau, Tableau):
+        return ""
+    if isinstance(tableau, RadauIIA):
+        return f"derivatives by more than {LARGEST} velocities" if problem.model.nv > LARGEST else ""
+    return f"method {tableau.name!r}"

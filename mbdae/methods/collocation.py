@@ -27,6 +27,8 @@ from .radau_coefficients import RadauArrays, lagrange
 TOLERANCE = 1e-16  # Newton error that is aimed at, relative to the size of y: rounding
 SOON = 1e-13  # above this no prediction is trusted: convergence is not geometric where z lags behind
 STALLED = 1e-11  # an iteration that ceases to converge below this has met rounding
+SLOWER = 0.9  # of the change before: where rounding stops the iteration
+SHARE = 1e-3  # of the largest component: none counts for less
 REUSE = 0.03  # slopes serve the next step while the iteration converges faster than this
 
 
@@ -137,7 +139,7 @@ class _Stages:
             if k:
                 rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
             converged = size <= TOLERANCE or (k and size <= SOON and rate < 1 and rate * size <= (1 - rate) * TOLERANCE)
-            if converged or (k and size <= STALLED and (size >= 0.9 * last or k == self.patience - 1)):
+            if converged or (k and size <= STALLED and (size >= SLOWER * last or k == self.patience - 1)):
                 return Memory(self.chart.unknowns, self.h, K, Z, slopes, solvers, rate)
             if not np.isfinite(size) or rate >= 1 or rate ** (self.patience - 1 - k) * size > STALLED:
                 break
@@ -153,7 +155,7 @@ class _Stages:
     def _scale(self, K: Array) -> Array:
         """The size of y and of its change, no component's below a thousandth of the largest."""
         scale = self.size[self.measured] + np.abs(self._moves(K)).max(axis=0)
-        return scale + 1e-3 * scale.max(initial=0.0) + np.finfo(float).tiny
+        return scale + SHARE * scale.max(initial=0.0) + np.finfo(float).tiny
 
     def _correction(self, K: Array, Z: Array, solvers: list[Solver]) -> tuple[Array, Array]:
         a, h, X = self.a, self.h, self.h * (self.a.A @ K)

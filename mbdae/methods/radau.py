@@ -9,10 +9,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from math import prod
+from typing import Any
 
 import numpy as np
 
 from ..system import State, Step, System
+from . import collocation
 from .collocation import collocation_step
 from .radau_coefficients import RadauArrays, coefficients
 from .tableau import Row, Tableau
@@ -134,13 +136,28 @@ class RadauIIA:
         miss = [Fraction(1), *(-x for x in start)]
         return tuple(str(b + gamma * e) for b, e in zip(self.exact_b, miss, strict=True))
 
+    def compiled(self, native: Any) -> Any:
+        """Return the method as the compiled core takes it, with the thresholds of its iteration."""
+        a = self.arrays
+        modes = [(complex(m.value), m.column.astype(complex).tolist(), m.row.astype(complex).tolist()) for m in a.modes]
+        real = -1 if a.real is None else a.real
+        return native.Radau(
+            a.c, a.A, modes, real, a.gamma, a.start, a.middle,
+            patience=PATIENCE, short_patience=SHORT_PATIENCE, tolerance=collocation.TOLERANCE, soon=collocation.SOON,
+            stalled=collocation.STALLED, reuse=collocation.REUSE, slower=collocation.SLOWER, share=collocation.SHARE,
+        )  # fmt: skip
+
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; see `mbdae.methods.collocation.collocation_step`. Its errors are empty, (0, ny)."""
-        return collocation_step(system, self.arrays, t, h, state, PATIENCE, estimate=False)
+        return system.whole_step(self, t, h, state) or collocation_step(
+            system, self.arrays, t, h, state, PATIENCE, estimate=False
+        )
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate, or give up where the iteration converges slowly."""
-        return collocation_step(system, self.arrays, t, h, state, SHORT_PATIENCE, estimate=True)
+        return system.whole_step(self, t, h, state, controlled=True) or collocation_step(
+            system, self.arrays, t, h, state, SHORT_PATIENCE, estimate=True
+        )
 
 
 radau1, radau3, radau5 = (RadauIIA(s) for s in (1, 2, 3))

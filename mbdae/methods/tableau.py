@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -130,6 +131,12 @@ class Tableau:
         of size h^(p+2). Without an embedded formula two half steps give the method's own local error, h^(p+1).
         """
         return self.order_embedded + 1 + bool(self.b_companion) if self.b_embedded else self.order + 1
+
+    def compiled(self, native: Any) -> Any:
+        """Return the method as the compiled core takes it."""
+        a, doubled = self.arrays, 0 if self.b_embedded else self.order
+        flags = bool(self.explicit_first), bool(self.project_embedded), doubled, self.noise
+        return native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, *flags)
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; see `mbdae.methods.step.half_explicit_step`."""

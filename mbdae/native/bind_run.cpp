@@ -1,5 +1,7 @@
 // What a run hands over: thresholds, the tableau, and its own state. Fields and units: limits.hpp, step.hpp,
 // step_control.hpp, time_loop.hpp; for type checkers: mbdae/_native.pyi.
+#include <nanobind/stl/complex.h>
+
 #include <cmath>
 
 #include "bindings.hpp"
@@ -47,7 +49,50 @@ Limits make_limits(const nb::kwargs& given) {
   return out;
 }
 
+Radau make_radau(const Array& c, const Array& A, const nb::list& modes, int real, double gamma, const Array& start,
+                 int middle, const nb::kwargs& given) {
+  Radau r;
+  const size_t s = c.size();
+  r.s = static_cast<int>(s);
+  if (!s || start.size() % s || start.size() / s < 1 || start.size() / s > 2) refuse("one or two rows of error weights");
+  r.c = numbers(c, s, "c"), r.A = numbers(A, s * s, "A"), r.start = numbers(start, start.size(), "start");
+  r.errors = static_cast<int>(start.size() / s), r.gamma = gamma;
+  for (nb::handle h : modes) {
+    const auto x = nb::cast<nb::tuple>(h);
+    if (x.size() != 3) refuse("a mode is a value, a column and a row");
+    Mode m{nb::cast<std::complex<double>>(x[0]), nb::cast<std::vector<std::complex<double>>>(x[1]),
+           nb::cast<std::vector<std::complex<double>>>(x[2])};
+    if (m.column.size() != s || m.row.size() != s) refuse("a mode has as many numbers as stages");
+    r.modes.push_back(m);
+  }
+  r.real = real, r.middle = middle;
+  if (real < -1 || real >= static_cast<int>(r.modes.size()) || middle < 0 || middle >= r.s) refuse("out of range");
+  for (const Numbers* x : {&r.c, &r.A, &r.start})
+    for (double v : *x)
+      if (!std::isfinite(v)) refuse("a method is finite");
+  size_t known = 0;
+#define TAKE(name) r.name = get<decltype(r.name)>(given, #name), ++known
+  TAKE(patience), TAKE(short_patience), TAKE(tolerance), TAKE(soon), TAKE(stalled), TAKE(reuse), TAKE(slower);
+  TAKE(share);
+#undef TAKE
+  if (given.size() != known) refuse("a threshold that is not known");
+  return r;
+}
+
 }  // namespace
+
+void bind_radau(nb::module_& m) {
+  nb::class_<StageMemory>(m, "StageMemory", "What a step of a collocation method leaves to the next one.");
+  nb::class_<Radau>(m, "Radau", "Coefficients of a collocation method, and thresholds of its iteration.")
+      .def(
+          "__init__",
+          [](Radau* self, const Array& c, const Array& A, const nb::list& modes, int real, double gamma,
+             const Array& start, int middle, const nb::kwargs& given) {
+            new (self) Radau(make_radau(c, A, modes, real, gamma, start, middle, given));
+          },
+          nb::arg("c"), nb::arg("A"), nb::arg("modes"), nb::arg("real"), nb::arg("gamma"), nb::arg("start"),
+          nb::arg("middle"), nb::arg("given"));
+}
 
 void bind_limits(nb::module_& m) {
   nb::class_<Limits>(m, "Limits", "Thresholds of points and steps.")
@@ -96,7 +141,7 @@ void bind_run(nb::module_& m) {
           nb::arg("y"), nb::arg("carry").none(), nb::arg("low").none(), "Set the state.")
       .def(
           "state",
-          [](const Run& r) { return nb::make_tuple(vector(r.state.y), maybe(r.state.carry), maybe(r.state.low)); },
+          [](const Run& r) { return nb::make_tuple(vector(r.state.y), carried(r.state), maybe(r.state.low)); },
           "Return y, carry and low.")
       .def(
           "steps",

@@ -13,9 +13,10 @@ using namespace mbdae;
 namespace {
 
 struct Core {
-  Core(const void* model, const Limits& limits, Description d) : system(model, limits, std::move(d)), step(system) {}
+  Core(const void* model, const Limits& limits, Description d) : system(model, limits, std::move(d)), step(system), stages(system) {}
   Index2System system;
   HalfExplicitStep step;
+  CollocationStep stages;
 };
 
 struct PyCore {
@@ -61,14 +62,15 @@ struct PyCore {
     core.reset(new Core(m, limits, std::move(out)));
   }
 
-  void check(const State& s, const Tableau& t) const {
+  void check(const State& s, const Tableau* t = nullptr) const {
     const Index2System& x = core->system;
     if (static_cast<int>(s.y.size()) != x.length) refuse("y has the wrong length");
-    if (t.first && static_cast<int>(s.carry.size()) != x.ny - x.nv) refuse("the method needs a carried derivative");
+    if (!t && !x.mechanics.expanded()) refuse("implicit methods need the expanded tree");
+    if (t && t->first && static_cast<int>(s.carry.size()) != x.ny - x.nv) refuse("the method needs a carried derivative");
     if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) refuse("low has the wrong length");
   }
 
-  nb::object model;   // kept alive
+  nb::object model, expanded;  // kept alive
   bool busy = false;  // read and written under the interpreter's lock
   std::thread::id owner;
   std::unique_ptr<Callbacks> callbacks;
@@ -138,7 +140,7 @@ nb::object settle(PyCore& c, double t, const Array& y, const nb::object& carry) 
     if (static_cast<int>(x.y.size()) != s.length) refuse("y has the wrong length");
     if (!x.carry.empty() && static_cast<int>(x.carry.size()) != s.ny - s.nv) refuse("carry has the wrong length");
     const bool changed = s.settle(t, x);
-    return nb::make_tuple(changed, vector(x.y), maybe(x.carry));
+    return nb::make_tuple(changed, vector(x.y), carried(x));
   });
 }
 
@@ -146,7 +148,7 @@ nb::object step(PyCore& c, const Tableau& tableau, double t, double h, const Arr
                 const nb::object& low) {
   return attempt(c, [&](Index2System& s) {
     State in = state(y, carry, low), out;
-    c.check(in, tableau);
+    c.check(in, &tableau);
     Numbers z(s.ng), errors;
     c.core->step.take(tableau, t, h, in, out, z.data(), errors);
     const size_t ny = s.ny;
@@ -155,15 +157,63 @@ nb::object step(PyCore& c, const Tableau& tableau, double t, double h, const Arr
   });
 }
 
-void advance(PyCore& c, const Tableau& tableau, Run& run) {
+nb::object collocate(PyCore& c, const Radau& radau, double t, double h, const Array& y, const nb::object& carry,
+                     const nb::object& low, bool controlled) {
+  return attempt(c, [&](Index2System& s) {
+    State in = state(y, carry, low), out;
+    c.check(in);
+    Numbers z(s.ng), errors;
+    c.core->stages.take(radau, controlled, t, h, in, out, z.data(), errors);
+    const size_t ny = s.ny;
+    return nb::make_tuple(vector(out.y), carried(out), maybe(out.low), vector(z),
+                          array(errors, {errors.size() / ny, ny}));
+  });
+}
+
+void expand(PyCore& c, nb::handle model) {
   const Turn turn(c);
-  c.check(run.state, tableau);
+  const void* m = model_pointer(model.ptr());
+  const auto size = model_sizes(m);
+  if (size[0] != c.core->system.nq || size[1] != c.core->system.nv) refuse("the expanded tree has other coordinates");
+  c.expanded = nb::borrow(model);
+  c.core->system.mechanics.expand(m);
+}
+
+nb::object slopes(PyCore& c, double t, const Array& q, const Array& u, const Array& vdot, const Array& lam) {
+  return attempt(c, [&](Index2System& s) {
+    if (!s.mechanics.expanded()) refuse("slopes need the expanded tree");
+    const size_t nv = s.nv, n = s.ny - s.nv;
+    Numbers a = numbers(q, s.nq, "q"), b = numbers(u, n, "u"), d = numbers(vdot, nv, "vdot");
+    Numbers l = numbers(lam, s.ng, "lam");
+    Slopes out;
+    s.slopes(t, a.data(), b.data(), d.data(), l.data(), out);
+    const size_t r = out.g_t.size();
+    return nb::make_tuple(array(out.M, {nv, nv}), array(out.K, {n, nv}), array(out.D, {n, n}), array(out.G, {r, nv}),
+                          array(out.B, {r, nv}), vector(out.g_t));
+  });
+}
+
+void run_loop(PyCore& c, Method& method, Run& run) {
   const size_t n = run.control.atol.size();
   if (run.adaptive && n != 1 && n != static_cast<size_t>(c.core->system.measured()))
     refuse("atol has the wrong length");
-  if (run.adaptive && !tableau.doubled && !tableau.errors) refuse("the tableau has no error estimate");
+  if (run.adaptive && !method.errors) refuse("the tableau has no error estimate");
   run.steps = Steps(), run.taken = run.rejected = 0, run.stuck = false;
-  many(c, [&] { TimeLoop(c.core->step, c.core->system, tableau, run).advance(); });
+  many(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
+}
+
+void advance(PyCore& c, const Tableau& tableau, Run& run) {
+  const Turn turn(c);
+  c.check(run.state, &tableau);
+  HalfExplicitMethod method(c.core->step, tableau);
+  run_loop(c, method, run);
+}
+
+void advance_stages(PyCore& c, const Radau& radau, Run& run) {
+  const Turn turn(c);
+  c.check(run.state);
+  CollocationMethod method(c.core->stages, radau);
+  run_loop(c, method, run);
 }
 
 nb::object derivative(PyCore& c, double t, const Array& y) {
@@ -225,7 +275,7 @@ void use(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool h
 NB_MODULE(_native, m) {
   m.doc() = "The compiled core of mbdae.";
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
-  bind_limits(m), bind_tableau(m), bind_run(m);
+  bind_limits(m), bind_tableau(m), bind_radau(m), bind_run(m);
 
   nb::class_<Counts>(m, "Counts", "Work done so far.")
       .def_ro("f", &Counts::f)
@@ -233,6 +283,7 @@ NB_MODULE(_native, m) {
       .def_ro("G", &Counts::G)
       .def_ro("solves", &Counts::solves)
       .def_ro("factorizations", &Counts::factorizations)
+      .def_ro("newton", &Counts::newton)
       .def_ro("projections", &Counts::projections)
       .def_ro("state_projections", &Counts::state_projections);
 
@@ -256,7 +307,13 @@ NB_MODULE(_native, m) {
            "Choose the rows of the next step: say whether others are taken, and return y and carry, or None.")
       .def("step", step, nb::arg("tableau"), nb::arg("t"), nb::arg("h"), nb::arg("y"), nb::arg("carry").none(),
            nb::arg("low").none(), "Return y, carry, low, z and errors after one step; None where it cannot be taken.")
+      .def("step", collocate, nb::arg("radau"), nb::arg("t"), nb::arg("h"), nb::arg("y"), nb::arg("carry").none(),
+           nb::arg("low").none(), nb::arg("controlled"), "The same of a collocation method.")
       .def("advance", advance, nb::arg("tableau"), nb::arg("run"), "Take many steps.")
+      .def("advance", advance_stages, nb::arg("radau"), nb::arg("run"), "Take many steps.")
+      .def("expand", expand, nb::arg("model"), "Say what the expanded tree is: slopes and implicit methods need it.")
+      .def("slopes", slopes, nb::arg("t"), nb::arg("q"), nb::arg("u"), nb::arg("vdot"), nb::arg("lam"),
+           "Return M, K, D, G, B and g_t of the rows in use, or None; lam (ng,) stands by row.")
       .def("derivative", derivative, nb::arg("t"), nb::arg("y"),
            "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
       .def("derivatives", derivatives, nb::arg("t"), nb::arg("y"),

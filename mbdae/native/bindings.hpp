@@ -4,6 +4,8 @@
 #include <initializer_list>
 #include <string>
 
+#include <nanobind/stl/shared_ptr.h>
+
 #include "description.hpp"
 
 namespace mbdae {
@@ -23,11 +25,15 @@ inline nb::object array(const Numbers& x, std::initializer_list<size_t> shape) {
 inline nb::object vector(const Numbers& x) { return array(x, {x.size()}); }
 inline nb::object maybe(const Numbers& x) { return x.empty() ? nb::none() : vector(x); }
 
+inline nb::object carried(const State& s) { return s.memory ? nb::cast(s.memory) : maybe(s.carry); }
+
 inline State state(const Array& y, const nb::object& carry, const nb::object& low) {
   State s;
   s.y = numbers(y, y.size(), "y");
+  const bool stages = nb::isinstance<StageMemory>(carry);
+  if (stages) s.memory = nb::cast<std::shared_ptr<StageMemory>>(carry);
   for (auto [from, to] : {std::pair<const nb::object&, Numbers&>(carry, s.carry), {low, s.low}})
-    if (!from.is_none()) {
+    if (!from.is_none() && !(stages && &to == &s.carry)) {
       auto x = nb::cast<Array>(from);
       to.assign(x.data(), x.data() + x.size());
     }
@@ -36,6 +42,7 @@ inline State state(const Array& y, const nb::object& carry, const nb::object& lo
 
 void bind_limits(nb::module_& m);
 void bind_tableau(nb::module_& m);
+void bind_radau(nb::module_& m);
 void bind_run(nb::module_& m);
 
 }  // namespace mbdae

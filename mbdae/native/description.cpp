@@ -21,7 +21,10 @@ void guarded(bool* interrupted, F&& f) {
   try {
     f();
   } catch (nb::python_error& e) {
-    if (!e.matches(PyExc_Exception)) *interrupted = true, e.restore();  // Ctrl-C, exit: raised again at the end
+    if (!e.matches(PyExc_Exception)) {  // Ctrl-C, exit: raised again at the end
+      *interrupted = true, e.restore();
+      throw Interrupted();
+    }
     throw Trouble();
   } catch (const nb::cast_error&) {
     throw Trouble();
@@ -51,6 +54,17 @@ Law::Call function(nb::handle f, const Sizes& n, int k, bool* interrupted) {
       const auto rate = nb::cast<Array>(both[1]);
       if (rate.size() != static_cast<size_t>(k)) throw Trouble();
       std::copy(rate.data(), rate.data() + k, ds);
+    });
+  };
+}
+
+// A function (t, q, v, s) -> slopes of (tau, s') and of the power, one row for each of them.
+Law::Slopes slopes(nb::handle f, const Sizes& n, int k, bool* interrupted) {
+  return [=](double t, const double* q, const double* v, const double* s, Numbers& out) {
+    guarded(interrupted, [&] {
+      const auto known = nb::cast<Array>(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, k)));
+      if (known.size() < out.size()) throw Trouble();
+      std::copy(known.data(), known.data() + out.size(), out.begin());
     });
   };
 }
@@ -136,6 +150,7 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Ca
       out.signals.push_back(signal(nb::cast<nb::dict>(h), callbacks));
   if (out.state < 0 || out.states < 0 || out.states > ns || out.state > ns - out.states) refuse("states out of range");
   if (d.contains("call")) out.call = function(callbacks.add(d), n, out.states, &callbacks.interrupted);
+  if (d.contains("slopes")) out.slopes = slopes(callbacks.add(d, "slopes"), n, out.states, &callbacks.interrupted);
   if (!out.kind->fits(out, n)) refuse("the numbers of a force law do not fit its kind");
   return out;
 }

@@ -28,9 +28,9 @@ struct Callbacks {
   std::vector<nb::object> functions;
   bool interrupted = false;
 
-  PyObject* add(const nb::dict& d) {  // borrowed: lives as long as the core
-    if (!d.contains("call")) refuse("missing key call");
-    functions.push_back(nb::borrow(d["call"]));
+  PyObject* add(const nb::dict& d, const char* key = "call") {  // borrowed: lives as long as the core
+    if (!d.contains(key)) refuse(std::string("missing key ") + key);
+    functions.push_back(nb::borrow(d[key]));
     return functions.back().ptr();
   }
 };

@@ -25,6 +25,7 @@ Index2System::Index2System(const void* model, const Limits& limits, Description 
       conservative_(nv),
       other_(nv),
       f_(nv),
+      f_bias_(nv),
       lam_(ng),
       gt_(ng),
       gap_(ng),
@@ -44,15 +45,20 @@ void Index2System::probe() {
   if (rows.many() && rows.dependent() && !saddle.others_depend(probe_)) rows.estranged = true;
 }
 
-void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates) {
+void Index2System::torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates) {
   counts.f += 1;
   std::fill(conservative_.begin(), conservative_.end(), 0.0);
   std::fill(other_.begin(), other_.end(), 0.0);
   for (const Law& law : laws_)
     law.add(mechanics, t, q, v, s + law.state, conservative_.data(), other_.data(), rates + law.state);
   rates[ns] = dot(other_.data(), v, nv);
-  mechanics.bias(q, v, f);
-  for (int i = 0; i < nv; ++i) f[i] = conservative_[i] + other_[i] - f[i];
+  for (int i = 0; i < nv; ++i) tau[i] = conservative_[i] + other_[i];
+}
+
+void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates) {
+  torque(t, q, v, s, f, rates);
+  mechanics.bias(q, v, f_bias_.data());
+  for (int i = 0; i < nv; ++i) f[i] -= f_bias_[i];
   if (!finite(f, nv)) throw Trouble();
 }
 
@@ -100,6 +106,7 @@ bool Index2System::settle(double t, State& s) {
     saddle.symmetric();
     saddle.normal(rate_.data(), f_.data());
     for (int i = 0; i < nv; ++i) v[i] -= f_[i];
+    s.memory.reset();
     if (!s.carry.empty()) {
       Numbers F(ny), z(ng);
       derivative(t, s.y.data(), F.data(), z.data());

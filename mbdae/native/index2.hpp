@@ -1,6 +1,7 @@
 // A mechanism in index-2 descriptor form, in a workspace of its own (mbdae/mechanism/formulations/index2.py).
 #pragma once
 
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -14,9 +15,19 @@
 
 namespace mbdae {
 
+struct StageMemory;  // collocation.hpp
+
 struct State {
   Numbers y;           // (nq + nv + ns + 1,): q, v, s, w
   Numbers carry, low;  // (nv + ns + 1,): v', s', w', and (ny,): what rounding took off y; both may be empty
+  std::shared_ptr<StageMemory> memory;  // what an implicit method carries instead; may be missing
+};
+
+// Slopes of (f + G^T lam - M v', h, power) and of G v + g_t at a point, by rows; n = nv + ns + 1
+// (mbdae/mechanism/formulations/derivatives.py).
+struct Slopes {
+  Numbers M, K, D, G, B;  // (nv, nv), (n, nv) by q, (n, n) by (v, s, w), (r, nv), (r, nv) of G v by q
+  Numbers g_t;            // (r,)
 };
 
 // What Python says of a mechanism.
@@ -57,6 +68,10 @@ class Index2System {
 
   // f (nv,) and the rates (s', power in W), (ns + 1,), where the kinematics stand at q.
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates);
+  // tau (nv,) of all laws, and the rates, where the kinematics stand at q.
+  void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
+  // Slopes at a point with v' (nv,) and lam (ng,) by row; the tree is expanded.
+  void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out);
   // y' (ny,) and lam (ng,) from the hidden constraint.
   void derivative(double t, const double* y, double* F, double* z);
   // Between two steps: which rows serve, and how far all of them are kept. True where others are taken; v is brought
@@ -67,6 +82,7 @@ class Index2System {
   void difference(const double* y0, const double* y1, double* out) const;
   void size(const double* y, double* out);  // magnitudes in the tangent, (ny,)
 
+  const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, that `derivative` found last
   double ratio(const double* q, int rank);                         // see mbdae/mechanism/singularity.py; uncounted
   double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
@@ -76,8 +92,9 @@ class Index2System {
   std::vector<Pair> law_pairs_;
   std::vector<Law> laws_;
   const Numbers probe_;               // (nv,)
-  Numbers conservative_, other_, f_;  // (nv,)
+  Numbers conservative_, other_, f_, f_bias_;  // (nv,)
   Numbers lam_, gt_, gap_, rate_;     // (ng,)
+  Numbers law_slopes_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
 };
 
 }  // namespace mbdae

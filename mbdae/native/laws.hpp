@@ -28,9 +28,17 @@ struct Forces {
   double *conservative, *other, *ds;
 };
 
+// Slopes by (q in the tangent, v, s), by rows of `width` numbers: of both parts of tau, (nv, width), and of s'.
+struct LawSlopes {
+  double *conservative, *other, *ds;
+  size_t width;
+  int states;  // the column of the law's first state
+};
+
 struct LawKind {
   bool (*fits)(Law& law, const Sizes& n);  // whether its numbers do; it may work out more
   void (*add)(const Law& law, const ForcePoint& p, const Forces& f);
+  void (*slopes)(const Law& law, const ForcePoint& p, const LawSlopes& out);  // the same of what `add` adds
 };
 
 // One of the kinds that the files of laws/ define, by the name of the file; nullptr for another name.
@@ -43,6 +51,8 @@ struct Law {
   };
   using Call =
       std::function<void(double t, const double* q, const double* v, const double* s, double* tau, double* ds)>;
+  // Slopes of (tau, s'), (nv + states, 2 nv + states) by rows.
+  using Slopes = std::function<void(double t, const double* q, const double* v, const double* s, Numbers& out)>;
 
   const LawKind* kind = nullptr;
   std::vector<int> rows, columns;  // indices
@@ -55,6 +65,7 @@ struct Law {
   bool turning = false;           // its axes turn with the frame
   bool steady = false;            // it has a potential
   Call call;                      // Python
+  Slopes slopes;                  // Python, too
   std::vector<Term> terms;        // worked out
   mutable std::vector<double> u;  // workspace
 

@@ -8,22 +8,61 @@
 
 namespace mbdae {
 
-void inverse_jacobian(const Limits& limits, int n, const double* ad, const double* x, double* y) {
-  double term[6], next[6], size = 0;
-  auto apply = [&](const double* in, double* out) {
-    for (int i = 0; i < n; ++i) {
-      double s = 0;
-      for (int j = 0; j < n; ++j) s += ad[i * n + j] * in[j];
-      out[i] = s;
-    }
+namespace {
+
+void times(int n, const double* A, const double* x, double* out) {
+  for (int i = 0; i < n; ++i) {
+    double s = 0;
+    for (int j = 0; j < n; ++j) s += A[i * n + j] * x[j];
+    out[i] = s;
+  }
+}
+
+// ad of p, (n, n) by rows; n.
+int ad(const Block& b, const double* p, double* X) {
+  std::fill(X, X + 36, 0.0);
+  auto skew = [&](const double* w, int row, int column, int width) {
+    X[row * width + column + 1] = -w[2], X[row * width + column + 2] = w[1];
+    X[(row + 1) * width + column] = w[2], X[(row + 1) * width + column + 2] = -w[0];
+    X[(row + 2) * width + column] = -w[1], X[(row + 2) * width + column + 1] = w[0];
   };
-  apply(x, next);
-  for (int i = 0; i < n; ++i) y[i] = x[i] + 0.5 * next[i], size = std::max(size, std::fabs(x[i])), term[i] = x[i];
+  if (b.kind == Block::se3) {
+    skew(p + 3, 0, 0, 6), skew(p, 0, 3, 6), skew(p + 3, 3, 3, 6);
+    return 6;
+  }
+  if (b.kind == Block::so3)
+    skew(p, 0, 0, 3);
+  else
+    X[1] = -p[2], X[2] = p[1], X[3] = p[2], X[5] = -p[0];
+  return 3;
+}
+
+}  // namespace
+
+void inverse_jacobian(const Limits& limits, int n, const double* X, const double* x, double* y) {
+  double term[6], next[6];
+  times(n, X, x, next);
+  for (int i = 0; i < n; ++i) y[i] = x[i] + 0.5 * next[i], term[i] = x[i];
+  const double size = largest(x, n);
   for (double b : limits.series) {
-    apply(term, next), apply(next, term);
-    double largest = 0;
-    for (int i = 0; i < n; ++i) y[i] += b * term[i], largest = std::max(largest, std::fabs(term[i]));
-    if (largest * std::fabs(b) <= limits.series_end * size) break;
+    times(n, X, term, next), times(n, X, next, term);
+    for (int i = 0; i < n; ++i) y[i] += b * term[i];
+    if (largest(term, n) * std::fabs(b) <= limits.series_end * size) break;
+  }
+}
+
+void inverse_jacobian_rate(const Limits& limits, int n, const double* X, const double* dX, const double* v,
+                           double* out) {
+  double term[6], dterm[6] = {0, 0, 0, 0, 0, 0}, next[6], dnext[6], work[6];
+  times(n, dX, v, out);
+  for (int i = 0; i < n; ++i) out[i] *= 0.5, term[i] = v[i];
+  const double size = largest(v, n);
+  for (double b : limits.series) {
+    times(n, X, term, next), times(n, dX, term, dnext), times(n, X, dterm, work);
+    for (int i = 0; i < n; ++i) dnext[i] += work[i];
+    times(n, X, next, term), times(n, dX, next, dterm), times(n, X, dnext, work);
+    for (int i = 0; i < n; ++i) dterm[i] += work[i], out[i] += b * dterm[i];
+    if (std::max(largest(term, n), largest(dterm, n)) * std::fabs(b) <= limits.series_end * size) break;
   }
 }
 
@@ -59,23 +98,29 @@ void Manifold::tangent(const double* x, double* dx) const {
   if (blocks_.empty()) return;
   within(x);
   for (const Block& b : blocks_) {
-    const double* p = x + b.at;
-    double ad[36] = {0}, out[6];
-    int n = 3;
-    auto skew = [&](const double* w, int row, int column, int width) {
-      ad[row * width + column + 1] = -w[2], ad[row * width + column + 2] = w[1];
-      ad[(row + 1) * width + column] = w[2], ad[(row + 1) * width + column + 2] = -w[0];
-      ad[(row + 2) * width + column] = -w[1], ad[(row + 2) * width + column + 1] = w[0];
-    };
-    if (b.kind == Block::so3) {
-      skew(p, 0, 0, 3);
-    } else if (b.kind == Block::se3) {
-      n = 6, skew(p + 3, 0, 0, 6), skew(p, 0, 3, 6), skew(p + 3, 3, 3, 6);
-    } else {
-      ad[1] = -p[2], ad[2] = p[1], ad[3] = p[2], ad[5] = -p[0];
-    }
-    inverse_jacobian(m_.limits, n, ad, dx + b.at, out);
+    double X[36], out[6];
+    const int n = ad(b, x + b.at, X);
+    inverse_jacobian(m_.limits, n, X, dx + b.at, out);
     std::copy(out, out + n, dx + b.at);
+  }
+}
+
+void Manifold::slopes(const double* x, const double* v, std::vector<TangentBlock>& out) const {
+  out.resize(blocks_.size());
+  for (size_t i = 0; i < blocks_.size(); ++i) {
+    const Block& b = blocks_[i];
+    TangentBlock& t = out[i];
+    double X[36], dX[36], column[6];
+    t.at = b.at, t.n = ad(b, x + b.at, X);
+    for (int k = 0; k < t.n; ++k) {
+      double e[6] = {0, 0, 0, 0, 0, 0};
+      e[k] = 1;
+      inverse_jacobian(m_.limits, t.n, X, e, column);
+      for (int j = 0; j < t.n; ++j) t.J[j * t.n + k] = column[j];
+      ad(b, e, dX);
+      inverse_jacobian_rate(m_.limits, t.n, X, dX, v + b.at, column);
+      for (int j = 0; j < t.n; ++j) t.turn[j * t.n + k] = column[j];
+    }
   }
 }
 

@@ -14,6 +14,12 @@ struct Block {
   int at;
 };
 
+// J(x) and d(J(x) v)/dx at a block, (n, n) by rows.
+struct TangentBlock {
+  int at, n;
+  double J[36], turn[36];
+};
+
 class Manifold {
  public:
   Manifold(Mechanics& m, bool flat, std::vector<Block> blocks, std::vector<int> turning);
@@ -25,6 +31,8 @@ class Manifold {
   void size(const double* q, double* out) const;                           // magnitudes in the tangent, (nv,)
   void within(const double* x) const;               // Trouble where a joint turns too far in one step
   void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v
+  // J(x), and d(J(x) v)/dx where J may differ from 1: (n, n) by rows for each block.
+  void slopes(const double* x, const double* v, std::vector<TangentBlock>& out) const;
 
  private:
   Mechanics& m_;
@@ -32,6 +40,10 @@ class Manifold {
   std::vector<int> turning_;  // (nv,) flags: rotations, which have no magnitude of their own
   Numbers neutral_;           // (nq,)
 };
+
+// out = d/ds J(x + s e) v, with X = ad_x and dX = ad_e (n, n) by rows.
+void inverse_jacobian_rate(const Limits& limits, int n, const double* X, const double* dX, const double* v,
+                           double* out);
 
 // y = J x, J = 1 + X/2 + sum B_2k/(2k)! X^2k with X = ad (n, n) by rows: the inverse right Jacobian of exp.
 void inverse_jacobian(const Limits& limits, int n, const double* ad, const double* x, double* y);

@@ -10,6 +10,7 @@
 #include <pinocchio/algorithm/jacobian.hpp>
 #include <pinocchio/algorithm/joint-configuration.hpp>
 #include <pinocchio/algorithm/kinematics.hpp>
+#include <pinocchio/algorithm/rnea-derivatives.hpp>
 #include <pinocchio/algorithm/rnea.hpp>
 
 namespace mbdae {
@@ -21,7 +22,7 @@ using Out = Eigen::Map<VectorXd>;
 
 namespace {
 
-// A workspace for crba in the world's convention, nonLinearEffects, forwardKinematics and computeJointJacobians alone:
+// A workspace for crba in the world's convention, nonLinearEffects, rnea, forwardKinematics and computeJointJacobians:
 // what the constructor from a model sets aside for second derivatives grows with nv^3. See mechanism/workspace.py.
 pinocchio::Data lean(const pinocchio::Model& model) {
   using namespace pinocchio;
@@ -30,13 +31,13 @@ pinocchio::Data lean(const pinocchio::Model& model) {
   for (const JointModel& joint : model.joints) data.joints.push_back(joint.createData());
   data.oMi.assign(n, SE3::Identity()), data.liMi = data.oMi;
   data.v.assign(n, Motion::Zero()), data.a = data.a_gf = data.v;
-  data.f.assign(n, Force::Zero());
+  data.f.assign(n, Force::Zero()), data.h = data.f;
   data.oYcrb.assign(n, Inertia::Zero());
   data.mass.assign(n, 0.0), data.com.assign(n, Eigen::Vector3d::Zero());
   data.nvSubtree = model.nvs;
   for (size_t i = n; --i > 0;) data.nvSubtree[model.parents[i]] += data.nvSubtree[i];
   data.J.setZero(6, model.nv), data.Ag.setZero(6, model.nv), data.M.setZero(model.nv, model.nv);
-  data.nle.setZero(model.nv);
+  data.nle.setZero(model.nv), data.tau.setZero(model.nv);
   return data;
 }
 
@@ -47,13 +48,16 @@ struct Mechanics::Workspace {
   const pinocchio::Model& model;
   pinocchio::Data data;
   VectorXd q, v, a;
+  const pinocchio::Model* tree = nullptr;  // expanded
+  std::unique_ptr<pinocchio::Data> derived;
 };
 
 Mechanics::Mechanics(const void* model, const Limits& limits_)
     : limits(limits_), w(new Workspace(*static_cast<const pinocchio::Model*>(model))) {
   nq = w->model.nq, nv = w->model.nv, joints = w->model.njoints;
-  ancestors.resize(nv);
+  ancestors.resize(nv), tangent.assign(nq, 0);
   const auto above = supports();
+  for (int j = 1; j < joints; ++j) tangent[w->model.idx_qs[j]] = w->model.idx_vs[j];
   for (int j = 1; j < joints; ++j)
     for (int i = 0; i < w->model.nvs[j]; ++i) {
       const auto& own = above[j];
@@ -91,6 +95,30 @@ void Mechanics::motions(const double* q, const double* v) {
 void Mechanics::bias(const double* q, const double* v, double* out) {
   w->q = In(q, nq), w->v = In(v, nv);
   Out(out, nv) = pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
+}
+
+void Mechanics::inverse(const double* q, const double* v, const double* a, double* out) {
+  w->q = In(q, nq), w->v = In(v, nv);
+  const VectorXd rate = In(a, nv);
+  Out(out, nv) = pinocchio::rnea(w->model, w->data, Vector(w->q), Vector(w->v), Vector(rate));
+}
+
+void Mechanics::expand(const void* model) {
+  w->tree = static_cast<const pinocchio::Model*>(model);
+  w->derived.reset(new pinocchio::Data(*w->tree));
+  parts.resize(nv);
+  for (int j = 1; j < w->tree->njoints; ++j)
+    for (int i = 0; i < w->tree->nvs[j]; ++i) parts[w->tree->idx_vs[j] + i] = j;
+}
+
+void Mechanics::slopes(const double* q, const double* v, const double* a, double* M, double* by_q, double* by_v) {
+  using Rows = Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+  pinocchio::Data& data = *w->derived;
+  w->q = In(q, nq), w->v = In(v, nv);
+  const VectorXd rate = In(a, nv);
+  pinocchio::computeRNEADerivatives(*w->tree, data, Vector(w->q), Vector(w->v), Vector(rate));
+  Rows(by_q, nv, nv) = data.dtau_dq, Rows(by_v, nv, nv) = data.dtau_dv;
+  Rows(M, nv, nv) = data.M.selfadjointView<Eigen::Upper>();
 }
 
 void Mechanics::integrate(const double* q, const double* x, double* out) {

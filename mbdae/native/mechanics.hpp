@@ -17,6 +17,8 @@ class Mechanics {
   const Limits limits;
   int nq, nv, joints;
   std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
+  std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
+  std::vector<int> parts;                   // (nv,) of each degree of freedom: its joint in the expanded tree
 
   std::vector<std::vector<int>> supports() const;  // of each joint: the degrees of freedom that move it
 
@@ -24,6 +26,14 @@ class Mechanics {
   void poses(const double* q);                                    // J and poses alone
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
   void bias(const double* q, const double* v, double* out);       // nle(q, v)
+  void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v)
+
+  // model points to the expanded tree (mechanism/expanded.py), which outlives this object; its workspace grows as nv^3.
+  void expand(const void* model);
+  bool expanded() const { return !parts.empty(); }
+  // M, and the slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; J and poses do not stand.
+  void slopes(const double* q, const double* v, const double* a, double* M, double* by_q, double* by_v);
+
   void integrate(const double* q, const double* x, double* out);  // q (+) x
   void difference(const double* q0, const double* q1, double* out);
   void neutral(double* q);

@@ -8,7 +8,7 @@
 namespace mbdae {
 
 struct Counts {
-  long f = 0, M = 0, G = 0, solves = 0, factorizations = 0, projections = 0, state_projections = 0;
+  long f = 0, M = 0, G = 0, solves = 0, factorizations = 0, newton = 0, projections = 0, state_projections = 0;
 };
 
 class Point {

@@ -6,6 +6,7 @@
 #include <numeric>
 #include <set>
 
+#include "pair_slopes.hpp"
 #include "vec3.hpp"
 
 namespace mbdae {
@@ -133,6 +134,23 @@ double Row::rate(const Pair& pair) const {
   return out;
 }
 
+void Row::slopes(const Pair& pair, Turning& t) const {
+  wrench(pair, t.F);
+  if (kind == distance) return line_slopes(pair, 1, t);
+  double x[3], X[9], P[9], PX[9];
+  turn(pair.Ra, a, x), skew(x, X);
+  if (kind == dot_product_1) {
+    double y[3];
+    turn(pair.Rb, b, y), skew(y, P);
+    product(P, X, PX), block(t.Da, 3, 3, PX, -1);
+    product(X, P, PX), block(t.Db, 3, 3, PX, 1);
+    return;
+  }
+  skew(pair.pb, P), product(P, X, PX);
+  block(t.Da, 0, 3, X, -1), block(t.Da, 3, 3, PX, -1);
+  carried(pair.pb, x, t.Db);
+}
+
 double Row::coordinate_value(const double* q, double* slope) const {
   const double x = angle(q + iq[0], nq[0]);
   double p = 0, curve = 0;
@@ -146,10 +164,13 @@ double Row::coordinate_value(const double* q, double* slope) const {
 }
 
 double Row::coordinate_bias(const double* q, const double* v) const {
-  if (iv[1] < 0) return 0;
+  return iv[1] < 0 ? 0 : -curvature(q) * v[iv[1]] * v[iv[1]];
+}
+
+double Row::curvature(const double* q) const {
   double p, slope, curve;
   horner(c, angle(q + iq[1], nq[1]), p, slope, curve);
-  return -curve * v[iv[1]] * v[iv[1]];
+  return curve;
 }
 
 Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
@@ -161,6 +182,7 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
     pairs.emplace_back(x.first, x.second, supports);
     pairs.back().turns_a = pairs.back().turns_b = false;
   }
+  of_pair.resize(pairs.size());
   for (Row& r : rows) {
     if (r.kind == Row::coordinate) {
       std::set<int> columns;
@@ -169,6 +191,7 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
       r.columns.assign(columns.begin(), columns.end());
       continue;
     }
+    of_pair[r.pair].push_back(static_cast<int>(&r - rows.data()));
     Pair& pair = pairs[r.pair];
     r.columns = pair.columns;
     if (r.has_a) pair.turns_a = true;

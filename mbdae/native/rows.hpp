@@ -36,6 +36,8 @@ struct Pair {
   double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
 };
 
+struct Turning;
+
 double unit_gap(const Pair& pair, double* n);  // distance, and the unit vector from a to b
 
 struct Row {
@@ -51,8 +53,10 @@ struct Row {
 
   double wrench(const Pair& pair, double* w) const;                // g, and the wrench on b, (6,)
   double rate(const Pair& pair) const;                             // Gdot v
+  void slopes(const Pair& pair, Turning& t) const;                 // the wrench, Da and Db
   double coordinate_value(const double* q, double* slope) const;   // g, and p'(x_j)
   double coordinate_bias(const double* q, const double* v) const;  // Gdot v
+  double curvature(const double* q) const;                         // p''(x_j)
 };
 
 struct RowKind {  // and what it has: an axis in a, an axis in b, a length
@@ -81,6 +85,7 @@ class Constraints {
   std::vector<Pair> pairs;
   std::vector<Row> rows;  // (ng,)
   std::vector<int> all;   // (ng,) 0, 1, ...
+  std::vector<std::vector<int>> of_pair;  // rows of each pair
   std::vector<Driver> drivers;
 
   // Entries of G for some rows, into G + row * nv (zero outside row.columns), and g where asked for.

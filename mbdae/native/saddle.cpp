@@ -74,6 +74,18 @@ void SaddleSystem::normal(const double* by_row, double* out) {
   point_.back(out);
 }
 
+void SaddleSystem::balance(double* left, double* lam) {
+  const std::vector<int>& position = rows_.position();
+  point_.half(left);
+  for (int k : rows_.in_use()) {
+    double s = 0;
+    for (int c : constraints_.rows[k].columns) s += point_.Z[static_cast<size_t>(k) * nv_ + c] * left[c];
+    x_[position[k]] = s;
+  }
+  lu_.solve(x_.data());
+  for (int k : rows_.in_use()) lam[k] -= x_[position[k]];
+}
+
 // A vector that the rows in use leave alone is left alone by those that depend on them.
 bool SaddleSystem::others_depend(const Numbers& probe) {
   const std::vector<int>& position = rows_.position();

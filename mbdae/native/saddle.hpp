@@ -19,6 +19,8 @@ class SaddleSystem {
   // Where `symmetric` was called last:
   void normal(const double* by_row, double* out);  // M^-1 G^T (G M^-1 G^T)^-1 times a vector (ng,) by row, (nv,)
   bool others_depend(const Numbers& probe);        // do the rows that are not in use? Seen on one vector (nv,)
+  // lam (ng,) by row of the rows in use, so that M^-1/2 (left + G^T dlam) is least; left (nv,) is lost.
+  void balance(double* left, double* lam);
   // Multipliers of all rows (ng,) from those in use, of minimum norm.
   void all_multipliers(const double* lam, double* z);
 

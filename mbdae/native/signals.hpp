@@ -8,6 +8,7 @@ namespace mbdae {
 
 // What the core cannot go on with; the Python step that is taken instead finds the words for it.
 struct Trouble {};
+struct Interrupted : Trouble {};  // Ctrl-C in a Python function: nothing else may be tried
 
 struct Signal {
   enum Kind { pieces, harmonic, python } kind = pieces;

@@ -8,8 +8,8 @@
 
 namespace mbdae {
 
-TimeLoop::TimeLoop(HalfExplicitStep& step, Index2System& system, const Tableau& tableau, Run& run)
-    : step_(step), s_(system), tableau_(tableau), run_(run), size0_(s_.ny), size1_(s_.ny), z_(s_.ng) {}
+TimeLoop::TimeLoop(Method& method, Index2System& system, Run& run)
+    : method_(method), s_(system), run_(run), size0_(s_.ny), size1_(s_.ny), z_(s_.ng) {}
 
 double TimeLoop::error_norm(const double* e, int errors, double noise) const {
   return run_.control.error_norm(e, errors, s_.ny, s_.measured(), size0_.data(), size1_.data(), s_.nv, 2 * s_.nv,
@@ -32,8 +32,8 @@ bool TimeLoop::judge(double h) {
     return true;
   }
   StepControl& control = run_.control;
-  const double noise = s_.ng ? tableau_.noise * largest(next_.y.data() + s_.nq, s_.nv) : 0;
-  const double error = error_norm(errors_.data(), tableau_.doubled ? 1 : tableau_.errors, noise);
+  const double noise = s_.ng ? method_.noise * largest(next_.y.data() + s_.nq, s_.nv) : 0;
+  const double error = error_norm(errors_.data(), method_.errors, noise);
   control.h = control.next_step(h, error);
   if (error <= 1) {
     control.h = std::max(control.h, control.cut);
@@ -47,7 +47,7 @@ void TimeLoop::project(double t) {
   const Numbers y = next_.y;
   restore(s_, t, next_.y.data());
   next_.low.clear();
-  if (!tableau_.first) return;
+  if (!method_.carries) return;
   Numbers move(s_.ny);
   s_.difference(y.data(), next_.y.data(), move.data());
   s_.size(next_.y.data(), size1_.data());
@@ -60,7 +60,7 @@ void TimeLoop::project(double t) {
   if (tolerated) return;
   Numbers F(s_.ny), z(s_.ng);  // what the method carries is found anew
   s_.derivative(t, next_.y.data(), F.data(), z.data());
-  next_.carry.assign(F.begin() + s_.nv, F.end());
+  next_.carry.assign(F.begin() + s_.nv, F.end()), next_.memory.reset();
 }
 
 bool TimeLoop::attempt() {
@@ -72,10 +72,7 @@ bool TimeLoop::attempt() {
   const double h = run_.leg.sign * p.h;
   if (run_.watched) s_.rows.least_pivot_ratio = 1;
   try {
-    if (run_.adaptive)
-      step_.controlled(tableau_, run_.leg.t, h, run_.state, next_, z_.data(), errors_);
-    else
-      step_.take(tableau_, run_.leg.t, h, run_.state, next_, z_.data(), errors_);
+    method_.take(run_.adaptive, run_.leg.t, h, run_.state, next_, z_.data(), errors_);
     if (run_.adaptive || run_.project) s_.size(next_.y.data(), size1_.data());
     if (!judge(p.h)) {
       ++run_.rejected;

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "collocation.hpp"
 #include "projection.hpp"
 #include "step.hpp"
 #include "step_control.hpp"
@@ -42,9 +43,48 @@ struct Run {
   bool stuck = false;  // the next step is not for the core
 };
 
+// A method that takes the steps of a run.
+class Method {
+ public:
+  virtual ~Method() = default;
+  virtual void take(bool controlled, double t, double h, const State& in, State& out, double* z, Numbers& errors) = 0;
+
+  const int errors;    // error estimates of a controlled step
+  const double noise;  // rounding of v by which they exceed eps |v|
+  const bool carries;  // a derivative or stages from step to step
+
+ protected:
+  Method(int errors_, double noise_, bool carries_) : errors(errors_), noise(noise_), carries(carries_) {}
+};
+
+class HalfExplicitMethod final : public Method {
+ public:
+  HalfExplicitMethod(HalfExplicitStep& step, const Tableau& a)
+      : Method(a.doubled ? 1 : a.errors, a.noise, a.first), step_(step), a_(a) {}
+  void take(bool controlled, double t, double h, const State& in, State& out, double* z, Numbers& errors) override {
+    controlled ? step_.controlled(a_, t, h, in, out, z, errors) : step_.take(a_, t, h, in, out, z, errors);
+  }
+
+ private:
+  HalfExplicitStep& step_;
+  const Tableau& a_;
+};
+
+class CollocationMethod final : public Method {
+ public:
+  CollocationMethod(CollocationStep& step, const Radau& a) : Method(a.errors, 0, true), step_(step), a_(a) {}
+  void take(bool controlled, double t, double h, const State& in, State& out, double* z, Numbers& errors) override {
+    step_.take(a_, controlled, t, h, in, out, z, errors);
+  }
+
+ private:
+  CollocationStep& step_;
+  const Radau& a_;
+};
+
 class TimeLoop {
  public:
-  TimeLoop(HalfExplicitStep& step, Index2System& system, const Tableau& tableau, Run& run);
+  TimeLoop(Method& method, Index2System& system, Run& run);
 
   void advance();  // take steps until something asks for Python
 
@@ -55,9 +95,8 @@ class TimeLoop {
   bool landing();          // does a fixed step lead into a singular configuration where another can be taken?
   double error_norm(const double* e, int errors, double noise) const;
 
-  HalfExplicitStep& step_;
+  Method& method_;
   Index2System& s_;
-  const Tableau& tableau_;
   Run& run_;
   State next_;
   Numbers errors_;         // (errors, ny)

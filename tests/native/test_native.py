@@ -237,7 +237,7 @@ def test_the_core_recovers_the_tableau(name):
     for stage in range(n):
         seen.clear()
         carry = np.array([float(stage == 0), 0.0]) if first else None
-        y, _, _, _, errors = system.core.step(system.tableau(tableau), t, h, np.zeros(3), carry, None)
+        y, _, _, _, errors = system.core.step(system.method(tableau), t, h, np.zeros(3), carry, None)
         times, speeds = np.array(seen).T
         np.testing.assert_allclose(times, t + h * a.c[first:], rtol=0, atol=1e-15)
         np.testing.assert_allclose(speeds / h, a.A[first:, stage], rtol=0, atol=1e-13)

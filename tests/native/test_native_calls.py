@@ -109,7 +109,6 @@ def test_a_mechanism_is_pickled_after_a_run():
 @pytest.mark.parametrize(
     ("problem", "options", "words"),
     [
-        ("four_bar", {"method": "radau5"}, "method 'radau5'"),
         ("four_bar", {"formulation": "ggl"}, "formulation 'ggl'"),
         ("four_bar", {"formulation": "index1", "method": "DOP853"}, "formulation 'index1'"),
         ("hessenberg", {}, "textbook problems"),

@@ -88,7 +88,7 @@ def test_arrays_of_other_kinds_are_read_or_refused(system):
 
 
 def test_wrong_states_are_refused(system):
-    core, tableau, y = system.core, system.tableau(METHODS["pherk5"]), system.mechanism.point()
+    core, tableau, y = system.core, system.method(METHODS["pherk5"]), system.mechanism.point()
     carry = core.derivative(0.0, y)[0][3:]
     step = lambda y=y, carry=carry, low=None, t=0.0, h=0.01: core.step(tableau, t, h, y, carry, low)  # noqa: E731
     assert step() is not None
@@ -128,7 +128,7 @@ def test_wrong_limits_are_refused():
 
 
 def test_wrong_runs_are_refused_or_end(system):
-    run, tableau = backend.load().Run(), system.tableau(METHODS["pherk5"])
+    run, tableau = backend.load().Run(), system.method(METHODS["pherk5"])
     y = system.mechanism.point()
     carry = system.core.derivative(0.0, y)[0][3:]
 

@@ -22,7 +22,7 @@ class NativeStepper(Stepper):
     Args:
         inner: chooses step sizes, and takes the steps that the core cannot take.
         system: the run's workspace.
-        tableau: a half-explicit method.
+        tableau: a method.
         project: positions are kept by projection.
     """
 
@@ -67,7 +67,7 @@ class NativeStepper(Stepper):
     def _to_native(self, run: "RunState", most: int) -> None:
         """Say where the run stands, how long its steps are, and every threshold of both."""
         r, leg, watch, inner = self.run, self.run.leg, run.singular, self.inner
-        r.begin(run.state.y, run.state.carry, run.state.compensation)
+        r.begin(run.state.y, self.system.carried(run.state), run.state.compensation)
         r.budget, r.watched, r.adaptive = most, watch is not None, isinstance(inner, Adaptive)
         leg.t, leg.t1, leg.sign, leg.stop, leg.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
         if watch:

@@ -78,4 +78,4 @@ class ActuatorElement(ForceElement):
         return law_slopes(law, self.spec.slopes, f"actuator {self.name!r}", self.model, t, q, v, s)
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
-        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
+        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "slopes": self.slopes}

@@ -35,4 +35,4 @@ class TorqueElement(ForceElement):
         return by_time(lambda t: self.torque(t, q, v)[1], t, v)
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
-        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:]}
+        return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "slopes": self.slopes}

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..._native import Core, Run
     from ..mechanism import Mechanism
 
-COUNTS = tuple(name for name in Counts().to_dict() if name != "newton")  # the core has no iteration of Newton's
+COUNTS = tuple(Counts().to_dict())
 
 
 class Compiled(Index2System):
@@ -48,15 +48,22 @@ class Compiled(Index2System):
         self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables)
         self._seen = [0] * len(COUNTS)
         self._begun = False
-        self._tableau: tuple[Any, Any] = (None, None)
+        self._method: tuple[Any, Any] = (None, None)
+        self._expanded = False
 
-    def tableau(self, tableau: Any) -> Any:
-        """Return the coefficients of a half-explicit method as the core takes them."""
-        if self._tableau[0] is not tableau:
-            a, order = tableau.arrays, 0 if tableau.b_embedded else tableau.order
-            flags = bool(tableau.explicit_first), bool(tableau.project_embedded), order, tableau.noise
-            self._tableau = tableau, self.native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, *flags)
-        return self._tableau[1]
+    def method(self, method: Any) -> Any:
+        """Return a method as the core takes it; an implicit one takes the expanded tree, too."""
+        if self._method[0] is not method:
+            self._method = method, method.compiled(self.native)
+            if isinstance(self._method[1], self.native.Radau):
+                self.expand()
+        return self._method[1]
+
+    def expand(self) -> None:
+        """Hand over the expanded tree, by which the core takes slopes."""
+        if not self._expanded:
+            self.core.expand(self.inertial.model)
+            self._expanded = True
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """See `Index2System.derivative`; the first one, which finds the rank, is computed in Python."""
@@ -70,12 +77,14 @@ class Compiled(Index2System):
         self.after_python()
         return found
 
-    def whole_step(self, tableau: Any, t: float, h: float, state: State) -> Step | None:
-        """See `mbdae.methods.step.half_explicit_step`; None where the core cannot take the step."""
+    def whole_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
+        """See `mbdae.system.System`; None where the core cannot take the step."""
         if not self._begun:
             self.derivative(t, state.y)
         self.core.least_pivot_ratio = 1.0
-        found = self.core.step(self.tableau(tableau), t, h, state.y, state.carry, state.compensation)
+        a, carry = self.method(method), self.carried(state)
+        implicit = (controlled,) if isinstance(a, self.native.Radau) else ()
+        found = self.core.step(a, t, h, state.y, carry, state.compensation, *implicit)
         self.after()
         if found is None:
             self.before_python()
@@ -83,10 +92,14 @@ class Compiled(Index2System):
         y, carry, low, z, errors = found
         return Step(State(y, carry, low), z, errors)
 
-    def advance(self, tableau: Any, run: "Run") -> None:
+    def carried(self, state: State) -> Any:
+        """Return what the core has carried from step to step; None for the stages of a step in Python."""
+        return state.carry if isinstance(state.carry, np.ndarray | self.native.StageMemory) else None
+
+    def advance(self, method: Any, run: "Run") -> None:
         """Take many steps, see `mbdae.integrate.steppers.native`; the run has them even if this is interrupted."""
         try:
-            self.core.advance(self.tableau(tableau), run)
+            self.core.advance(self.method(method), run)
         finally:
             self.after()
             if run.changes:
@@ -137,8 +150,7 @@ class Compiled(Index2System):
 
     def settle(self, t: float, state: State) -> State:
         """See `mbdae.system.System`."""
-        array = isinstance(state.carry, np.ndarray)
-        if self._begun and self.held and (array or state.carry is None):
+        if self._begun and self.held and (state.carry is None or self.carried(state) is not None):
             found = self.core.settle(t, state.y, state.carry)
             self.after()
             if found is not None:

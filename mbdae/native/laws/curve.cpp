@@ -18,6 +18,14 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   }
 }
 
-extern const LawKind curve{fits, add};
+static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
+  for (size_t i = 0; i < law.rows.size(); ++i) {
+    const int k = law.rows[i], from = law.columns[i];
+    out.conservative[k * out.width + p.m.tangent[from]] -= law.signals[0].at(p.q[from] - law.a[0], 1);
+    out.other[k * out.width + p.m.nv + k] -= law.a[1];
+  }
+}
+
+extern const LawKind curve{fits, add, slopes};
 
 }  // namespace mbdae::laws

@@ -13,6 +13,14 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
     if (law.a[i] != 0) f.other[i] -= law.a[i] * std::tanh(p.v[i] / law.a[nv]);
 }
 
-extern const LawKind friction{fits, add};
+static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
+  const int nv = p.m.nv;
+  for (int i = 0; i < nv; ++i) {
+    const double x = std::tanh(p.v[i] / law.a[nv]);
+    out.other[i * out.width + nv + i] += law.a[i] / law.a[nv] * (x * x - 1);
+  }
+}
+
+extern const LawKind friction{fits, add, slopes};
 
 }  // namespace mbdae::laws

@@ -38,6 +38,15 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   for (const Law::Term& x : law.terms) out[x.to][x.row] += x.value * in[x.from][x.column];
 }
 
-extern const LawKind linear{fits, add};
+static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
+  double* const to[] = {out.conservative, out.other, out.ds};
+  for (const Law::Term& x : law.terms) {
+    if (x.from > 2) continue;  // no function of q, v, s
+    const int column = x.from == 0 ? p.m.tangent[x.column] : x.from == 1 ? p.m.nv + x.column : out.states + x.column;
+    to[x.to][x.row * out.width + column] += x.value;
+  }
+}
+
+extern const LawKind linear{fits, add, slopes};
 
 }  // namespace mbdae::laws

@@ -1,5 +1,6 @@
 // Spring, damper and thrust between two points; a: stiffness, damping, length; signals: the thrust.
 #include "../laws.hpp"
+#include "../pair_slopes.hpp"
 #include "../vec3.hpp"
 
 namespace mbdae::laws {
@@ -23,6 +24,32 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   if (push != 0) pair.torque(p.m, w, push, f.other);
 }
 
-extern const LawKind spring_damper{fits, add};
+static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
+  Pair& pair = *law.pair;
+  pair.locate(p.m);
+  const PairSlopes here(p.m, pair, p.v);
+  const double k = law.a[0], c = law.a[1];
+  double w[6], VDa[6] = {0, 0, 0, 0, 0, 0}, VDb[6] = {0, 0, 0, 0, 0, 0};
+  const double d = unit_gap(pair, w), pull = k * (d - law.a[2]);
+  cross(pair.pb, w, w + 3);
+  const double push = law.signals[0].at(p.t) - c * dot(w, here.V, 6);
+  Turning spring, damper, line;
+  line_slopes(pair, -pull, spring), line_slopes(pair, push, damper), line_slopes(pair, 1, line);
+  for (int i = 0; i < 6; ++i)
+    for (int j = 0; j < 6; ++j) VDa[j] += here.V[i] * line.Da[6 * i + j], VDb[j] += here.V[i] * line.Db[6 * i + j];
+  for (int i = 0; i < 6; ++i) {
+    spring.F[i] = -pull * w[i], damper.F[i] = push * w[i];
+    for (int j = 0; j < 6; ++j) {
+      const int at = 6 * i + j;
+      spring.Da[at] += k * w[i] * w[j], spring.Db[at] -= k * w[i] * w[j];
+      damper.Da[at] -= c * w[i] * VDa[j], damper.Db[at] -= c * w[i] * VDb[j], damper.C[at] = -c * w[i] * w[j];
+    }
+  }
+  damper.damped = true;
+  here.torque(spring, out.conservative, out.width), here.torque(damper, out.other, out.width);
+  here.damping(damper.C, out.other + p.m.nv, out.width);
+}
+
+extern const LawKind spring_damper{fits, add, slopes};
 
 }  // namespace mbdae::laws

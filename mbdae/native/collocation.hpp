@@ -1,0 +1,71 @@
+// Steps of collocation methods (mbdae/methods/collocation.py, mbdae/mechanism/formulations/implicit.py).
+#pragma once
+
+#include <complex>
+#include <memory>
+#include <vector>
+
+#include "index2.hpp"
+
+namespace mbdae {
+
+struct Mode {  // of A: A x = Re sum column value (row . x)
+  std::complex<double> value;
+  std::vector<std::complex<double>> column, row;  // (s,)
+};
+
+// Coefficients of a method with s stages, and the thresholds of its iteration.
+struct Radau {
+  int s = 0;
+  Numbers c, A;  // (s,), (s, s) by rows
+  std::vector<Mode> modes;
+  int real = -1;  // the number of the real mode; -1: none
+  double gamma = 0;
+  Numbers start;  // (1 or 2, s) by rows
+  int errors = 0, middle = 0;
+  int patience = 0, short_patience = 0;  // iterations for a given step, and where a smaller one can be taken
+  double tolerance = 0, soon = 0, stalled = 0, reuse = 0, slower = 0, share = 0;
+};
+
+class StageSolver;
+
+// Slopes at a point, in the coordinates of a step.
+struct LinearizedStages {
+  Slopes slopes;
+  std::vector<TangentBlock> turning;
+};
+
+// What a step leaves to the next one.
+struct StageMemory {
+  std::vector<int> unknowns;
+  double h = 0, rate = 0;
+  Numbers K, Z;  // (s, ny), (s, r) by rows
+  std::shared_ptr<const LinearizedStages> slopes;
+  std::vector<std::shared_ptr<const StageSolver>> solvers;
+};
+
+class CollocationStep {
+ public:
+  explicit CollocationStep(Index2System& system);
+  ~CollocationStep();
+
+  // From t to t + h: the state, lam of the method (ng,), and under control error estimates (errors, ny).
+  void take(const Radau& a, bool controlled, double t, double h, const State& in, State& out, double* z,
+            Numbers& errors);
+
+ private:
+  // R (ny,) and C (r,) of a stage at x (ny,) with x' and z (r,).
+  void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C);
+  std::shared_ptr<const LinearizedStages> linearize(double t, const double* x, const double* dx, const double* z);
+  std::vector<std::shared_ptr<const StageSolver>> factorize(const Radau& a,
+                                                            const std::shared_ptr<const LinearizedStages>& slopes,
+                                                            double h);
+  bool solve(const Radau& a, int patience, double t, StageMemory& m);  // found; else slopes or h do not serve
+
+  Index2System& s_;
+  const int nq_, nv_, ns_, ny_;
+  Numbers y0_, size_;                       // (length,), (ny,) where the step starts
+  Numbers q_, u_, f_, inertial_, G_, gt_, lam_;  // scratch
+};
+
+}  // namespace mbdae

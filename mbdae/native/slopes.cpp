@@ -1,0 +1,68 @@
+// Exact first derivatives of a mechanism's equations (mbdae/mechanism/formulations/derivatives.py).
+#include <algorithm>
+
+#include "index2.hpp"
+#include "pair_slopes.hpp"
+#include "vec3.hpp"
+
+namespace mbdae {
+
+void Index2System::slopes(double t, const double* q, const double* u, const double* vdot, const double* lam,
+                          Slopes& out) {
+  const size_t n = nv + ns + 1, m = nv, width = 2 * m + ns, r = rows.in_use().size();
+  const double *v = u, *s = u + nv;
+  counts.M += 1, counts.G += ng > 0;
+  out.M.resize(m * m), by_q_.resize(m * m), by_v_.resize(m * m);
+  mechanics.slopes(q, v, vdot, out.M.data(), by_q_.data(), by_v_.data());
+  mechanics.poses(q);
+
+  law_slopes_.assign((2 * m + ns) * width, 0.0);
+  double *conservative = law_slopes_.data(), *other = conservative + m * width, *rates = other + m * width;
+  Numbers tau(m), now(ns + 1);
+  torque(t, q, v, s, tau.data(), now.data());
+  for (const Law& law : laws_)
+    law.kind->slopes(law, {mechanics, t, q, v, s + law.state},
+                     {conservative, other, rates + law.state * width, width, 2 * nv + law.state});
+  out.K.assign(n * m, 0.0), out.D.assign(n * n, 0.0);
+  auto add = [&](size_t to, const double* row, double factor) {
+    for (size_t j = 0; j < m; ++j) out.K[to * m + j] += factor * row[j];
+    for (size_t j = m; j < width; ++j) out.D[to * n + j - m] += factor * row[j];
+  };
+  for (size_t i = 0; i < m; ++i) {
+    add(i, conservative + i * width, 1), add(i, other + i * width, 1), add(n - 1, other + i * width, v[i]);
+    out.D[(n - 1) * n + i] += other_[i];
+    for (size_t j = 0; j < m; ++j) out.K[i * m + j] -= by_q_[i * m + j], out.D[i * n + j] -= by_v_[i * m + j];
+  }
+  for (int i = 0; i < ns; ++i) add(m + i, rates + i * width, 1);
+
+  const std::vector<int>& position = rows.position();
+  out.G.assign(r * m, 0.0), out.B.assign(r * m, 0.0), out.g_t.assign(r, 0.0);
+  Numbers G(ng * m), speed(ng, 0.0);
+  constraints.value(mechanics, q, rows.in_use(), G.data());
+  constraints.speed(t, speed.data());
+  for (size_t p = 0; p < constraints.pairs.size(); ++p) {
+    const Pair& pair = constraints.pairs[p];
+    const PairSlopes here(mechanics, pair, v);
+    Turning sum;
+    for (int k : constraints.of_pair[p]) {
+      if (position[k] < 0) continue;
+      Turning one;
+      constraints.rows[k].slopes(pair, one);
+      here.power(one.F, one, &out.B[position[k] * m]);
+      for (int i = 0; i < 6; ++i) sum.F[i] += lam[k] * one.F[i];
+      for (int i = 0; i < 36; ++i) sum.Da[i] += lam[k] * one.Da[i], sum.Db[i] += lam[k] * one.Db[i];
+    }
+    here.torque(sum, out.K.data(), m);
+  }
+  for (int k : rows.in_use()) {
+    const Row& row = constraints.rows[k];
+    for (int c : row.columns) out.G[position[k] * m + c] = G[k * m + c];
+    out.g_t[position[k]] = speed[k];
+    if (row.kind != Row::coordinate || row.iv[1] < 0) continue;
+    const size_t j = row.iv[1];
+    const double curve = row.curvature(q);
+    out.K[j * m + j] -= lam[k] * curve, out.B[position[k] * m + j] = -curve * v[j];
+  }
+}
+
+}  // namespace mbdae

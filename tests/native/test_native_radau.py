@@ -1,0 +1,107 @@
+"""Radau IIA in the compiled core against Python: the same states and iterations, orders, and closures kept at ends."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from driven import DRIVEN
+from mechanism.forces.test_force_runs import IN_BOTH
+from native.test_native import SPANS, assert_near, assert_same, both, model
+
+import mbdae
+from mbdae import backend
+from mbdae.errors import InputError
+from mbdae.integrate.steppers.stepper import PythonStepper
+from mbdae.mechanism.formats.library import model_names
+from mbdae.methods.radau import RadauIIA
+from mbdae.system import State
+
+pytestmark = pytest.mark.native
+
+
+def steps(mech, method, h, n, native):
+    """States, multipliers and errors of n steps, and the iterations of each of them."""
+    system = mech.system(native=backend.load()) if native else mech.system()
+    y = system.settle(0.0, State(mech.point())).y
+    state, found, t = State(y, system.carry(*system.derivative(0.0, y))), [], 0.0
+    for _ in range(n):
+        before = system.counts.newton
+        step = method.controlled_step(system, t, h, state)
+        t += h
+        state = system.settle(t, step.state)
+        v = system.split(state.y)[1]
+        rate = system.residual(t, *system.split(state.y))[1]
+        found.append((state.y, step.z, step.errors, system.counts.newton - before, np.abs(rate).max(initial=0), v))
+    return found
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_single_steps(name):
+    """Equal to rounding, which alone decides on the last iteration, and with its rate on slopes that are kept."""
+    mech, h = model(name), SPANS.get(name, 0.5) / 2000
+    for s in (1, 2, 3, 4):
+        found, expected = (steps(mech, RadauIIA(s), h, 3, native) for native in (True, False))
+        for k, (a, b) in enumerate(zip(found, expected, strict=True)):
+            assert_near(a[0], b[0], 1e-12)
+            assert_near(a[1], b[1], 1e-9)
+            assert_near(a[2], b[2], 0.1 * np.abs(b[2]).max() if k else 1e-12)
+            assert abs(a[3] - b[3]) <= 3
+            assert a[4] <= 1e-13 * (1 + np.abs(a[5]).max())
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_fixed_steps(name):
+    T = SPANS.get(name, 0.5)
+    native, python = both(model(name), (0, T), method="radau5", step=T / 20)
+    assert (native.stats["backend"], native.status, native.message) == ("native", python.status, python.message)
+    for a, b, tolerance in (
+        (native.y, python.y, 1e-10),
+        (native.lam, python.lam, 1e-9),
+        (native.z_own, python.z_own, 1e-8),
+    ):
+        assert_near(a, b, tolerance)
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_controlled_steps(name):
+    T = SPANS.get(name, 0.5)
+    python = mbdae.solve(model(name), (0, T), method="radau5", rtol=1e-6, backend="python")
+    native = mbdae.solve(model(name), (0, T), method="radau5", rtol=1e-6, backend="native")
+    assert native.status == python.status == "finished"
+    assert abs(native.stats["steps"] - python.stats["steps"]) <= 1 + 0.02 * python.stats["steps"]
+    assert_near(native.y[-1], python.y[-1], 1e-6)
+
+
+@pytest.mark.parametrize("name", DRIVEN)
+def test_driven_mechanisms(name):
+    for options in ({"step": 0.02}, {"step": 0.02, "project": True}):
+        assert_same(*both(DRIVEN[name](), (0.3, 0.8), method="radau5", **options), 1e-10, 1e-8)
+
+
+@pytest.mark.parametrize("force", IN_BOTH.values(), ids=IN_BOTH.keys())
+def test_every_force(force):
+    assert_same(*both(mbdae.load("four_bar", forces=[force]), (0, 1), method="radau5", step=0.023), 1e-10, 1e-8)
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 4, 5, 15])
+def test_orders(stages):
+    """Of q and v on a spherical joint, from halved steps; 15 stages are at rounding."""
+    solve = partial(mbdae.solve, model("heavy_top"), (0, 0.01), backend="native")
+    reference = solve(method="radau13", step=0.0005)
+    ends = [solve(method=f"radau{2 * stages - 1}", step=0.01 / n).y[-1] for n in ((8, 16) if stages < 3 else (2, 4))]
+    errors = [np.abs(y - reference.y[-1]).max() for y in ends]
+    assert errors[1] < 1e-10 or np.log2(errors[0] / errors[1]) > 2 * stages - 1.4, errors
+
+
+def test_failing_iterations_leave_the_step_to_python(monkeypatch):
+    asked = []
+    advance = PythonStepper.advance
+    monkeypatch.setattr(PythonStepper, "advance", lambda self, *args: asked.append(1) or advance(self, *args))
+    native, python = both(model("four_bar"), (0, 3), method="radau5", step=0.5)
+    assert (native.status, native.message) == (python.status, python.message)
+    assert asked
+
+
+def test_derivatives_of_large_mechanisms_are_left_to_python():
+    with pytest.raises(InputError, match="does not have derivatives by more than 100 velocities"):
+        mbdae.solve(mbdae.load("n_four_bar", N=51), (0, 0.1), method="radau3", step=0.1, backend="native")
