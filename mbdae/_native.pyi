@@ -28,6 +28,7 @@ class Limits:
         spare: int,
         truncation: float,
         rounding: float,
+        falling: float,
         open: float,
         stalled: float,
         iterations: int,

@@ -71,7 +71,7 @@ def solve(
         events: functions event(t, q, v) -> float (textbook problems: event(t, y)) or `mbdae.Event`; their zeros are
             reported, and a terminal one ends the run.
         progress: called with the fraction done, after each step or several times a second.
-        backend: ``"native"``: the compiled core, for half-explicit methods on mechanisms in index-2 form; ``"python"``;
+        backend: ``"native"``: the compiled core, for mechanisms in index-2 form; ``"python"``;
             or ``"auto"``: the core where it is there and has what is asked for. ``stats["backend"]`` says which.
 
     Returns:

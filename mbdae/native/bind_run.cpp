@@ -43,7 +43,7 @@ Limits make_limits(const nb::kwargs& given) {
 #define TAKE(name) out.name = get<decltype(out.name)>(given, #name), ++known
   TAKE(largest_turn), TAKE(series), TAKE(series_end), TAKE(same_point), TAKE(smallest_pivot);
   TAKE(worst_conditioning), TAKE(grown), TAKE(many), TAKE(reason), TAKE(probed), TAKE(converged), TAKE(spare);
-  TAKE(truncation), TAKE(rounding), TAKE(open), TAKE(stalled), TAKE(iterations);
+  TAKE(truncation), TAKE(rounding), TAKE(falling), TAKE(open), TAKE(stalled), TAKE(iterations);
 #undef TAKE
   if (given.size() != known) refuse("a limit that is not known");
   return out;
@@ -54,7 +54,8 @@ Radau make_radau(const Array& c, const Array& A, const nb::list& modes, int real
   Radau r;
   const size_t s = c.size();
   r.s = static_cast<int>(s);
-  if (!s || start.size() % s || start.size() / s < 1 || start.size() / s > 2) refuse("one or two rows of error weights");
+  if (!s || start.size() % s || start.size() / s < 1 || start.size() / s > 2)
+    refuse("one or two rows of error weights");
   r.c = numbers(c, s, "c"), r.A = numbers(A, s * s, "A"), r.start = numbers(start, start.size(), "start");
   r.errors = static_cast<int>(start.size() / s), r.gamma = gamma;
   for (nb::handle h : modes) {

@@ -1,96 +1,12 @@
 // The Python module mbdae._native. No type of Pinocchio is seen here: this file compiles in seconds.
-#include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <set>
-#include <thread>
 
-#include "bindings.hpp"
-#include "model.hpp"
+#include "py_core.hpp"
 
 using namespace mbdae;
 
 namespace {
-
-struct Core {
-  Core(const void* model, const Limits& limits, Description d) : system(model, limits, std::move(d)), step(system), stages(system) {}
-  Index2System system;
-  HalfExplicitStep step;
-  CollocationStep stages;
-};
-
-struct PyCore {
-  PyCore(nb::handle model_, const Limits& limits, bool flat, const nb::list& pair_list, const nb::list& row_list,
-         const nb::list& driver_list, const nb::list& law_pair_list, const nb::list& law_list, int ns,
-         const nb::list& block_list, std::vector<int> turning, std::vector<int> place, std::vector<double> probe)
-      : model(nb::borrow(model_)), callbacks(new Callbacks) {
-    const void* m = model_pointer(model_.ptr());
-    const auto size = model_sizes(m);
-    const Sizes n{size[0], size[1], size[2]};
-    if (ns < 0 || ns > 1000000 || static_cast<int>(turning.size()) != n.nv || probe.size() != turning.size())
-      refuse("sizes do not fit the model");
-    if (flat && n.nq != n.nv) refuse("a flat manifold has nq = nv");
-    Description out;
-    out.flat = flat, out.ns = ns, out.turning = std::move(turning), out.probe = std::move(probe);
-    std::vector<int> places(place);
-    std::sort(places.begin(), places.end());
-    for (size_t i = 0; i < places.size(); ++i)
-      if (places[i] != static_cast<int>(i)) refuse("places are 0, 1, ... in some order");
-    if (place.size() != row_list.size()) refuse("as many places as rows");
-    out.place = std::move(place);
-    out.pairs = pairs(pair_list, n.joints), out.law_pairs = pairs(law_pair_list, n.joints);
-    for (nb::handle h : row_list) out.rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(out.pairs.size())));
-    for (nb::handle h : driver_list) {
-      auto d = nb::cast<nb::dict>(h);
-      const int at = get<int>(d, "row");
-      within({at}, static_cast<int>(out.rows.size()), "row");
-      out.drivers.push_back({at, get<bool>(d, "length"), signal(nb::cast<nb::dict>(d["motion"]), *callbacks)});
-    }
-    for (nb::handle h : law_list) {
-      int pair;
-      out.laws.push_back(law(nb::cast<nb::dict>(h), n, ns, static_cast<int>(out.law_pairs.size()), pair, *callbacks));
-      out.pair_of_law.push_back(pair);
-    }
-    static const std::map<std::string, Block::Kind> kinds = {
-        {"so3", Block::so3}, {"se3", Block::se3}, {"se2", Block::se2}};
-    for (nb::handle h : block_list) {
-      auto x = nb::cast<std::pair<std::string, int>>(h);
-      const Block b{kind(kinds, x.first), x.second};
-      within({b.at, b.at + (b.kind == Block::se3 ? 5 : 2)}, n.nv, "block");
-      out.blocks.push_back(b);
-    }
-    core.reset(new Core(m, limits, std::move(out)));
-  }
-
-  void check(const State& s, const Tableau* t = nullptr) const {
-    const Index2System& x = core->system;
-    if (static_cast<int>(s.y.size()) != x.length) refuse("y has the wrong length");
-    if (!t && !x.mechanics.expanded()) refuse("implicit methods need the expanded tree");
-    if (t && t->first && static_cast<int>(s.carry.size()) != x.ny - x.nv) refuse("the method needs a carried derivative");
-    if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) refuse("low has the wrong length");
-  }
-
-  nb::object model, expanded;  // kept alive
-  bool busy = false;  // read and written under the interpreter's lock
-  std::thread::id owner;
-  std::unique_ptr<Callbacks> callbacks;
-  std::unique_ptr<Core> core;
-};
-
-// A core computes one thing at a time: other threads wait, and a force law that it has called cannot call it.
-struct Turn {
-  explicit Turn(PyCore& c) : busy(c.busy) {
-    while (busy) {
-      if (c.owner == std::this_thread::get_id())
-        throw std::runtime_error("the core is in use: bind a workspace of its own by Mechanism.system()");
-      nb::gil_scoped_release release;
-      std::this_thread::sleep_for(std::chrono::microseconds(50));
-    }
-    busy = true, c.owner = std::this_thread::get_id();
-  }
-  ~Turn() { busy = false; }
-  bool& busy;
-};
 
 int traverse(PyObject* self, visitproc visit, void* arg) {
   Py_VISIT(Py_TYPE(self));
@@ -109,30 +25,6 @@ int clear(PyObject* self) {
 
 PyType_Slot collected[] = {
     {Py_tp_traverse, reinterpret_cast<void*>(traverse)}, {Py_tp_clear, reinterpret_cast<void*>(clear)}, {0, nullptr}};
-
-// Compute something, in turn; what the core cannot go on with gives None, and Ctrl-C in a Python function is raised.
-template <class F>
-nb::object attempt(PyCore& c, F&& compute) {
-  const Turn turn(c);
-  c.callbacks->interrupted = false;
-  try {
-    return compute(c.core->system);
-  } catch (const Trouble&) {
-    if (c.callbacks->interrupted) throw nb::python_error();
-    return nb::none();
-  }
-}
-
-// The same for many points or steps, beside other threads; what ends them is seen in the results.
-template <class F>
-void many(PyCore& c, F&& compute) {
-  c.callbacks->interrupted = false;
-  {
-    nb::gil_scoped_release release;
-    compute();
-  }
-  if (c.callbacks->interrupted) throw nb::python_error();
-}
 
 nb::object settle(PyCore& c, double t, const Array& y, const nb::object& carry) {
   return attempt(c, [&](Index2System& s) {

@@ -22,7 +22,7 @@ struct Limits {
   double converged;  // of a squared residual: where conjugate gradients end
   int spare;         // of their iterations, beyond those that exact numbers need
   // formulations/projection.py
-  double truncation, rounding, open, stalled;
+  double truncation, rounding, falling, open, stalled;
   int iterations;
 };
 

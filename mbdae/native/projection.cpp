@@ -32,7 +32,7 @@ void restore(Index2System& s, double t, double* y) {
     s.counts.G += 1;
     s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, G.data(), gap.data());
     s.constraints.gaps(t, gap.data());
-    if (!(norm(gap.data(), ng) < 0.5 * norm(g.data(), ng))) break;
+    if (!(norm(gap.data(), ng) < limits.falling * norm(g.data(), ng))) break;
     std::copy(nearer.begin(), nearer.end(), q);
     g = gap;
     point.forget();  // M stays that of the start

@@ -34,6 +34,7 @@ def limits_of(native: ModuleType) -> "Limits":
         spare=independent_rows.SPARE,
         truncation=projection.TRUNCATION,
         rounding=projection.ROUNDING,
+        falling=projection.FALLING,
         open=projection.OPEN,
         stalled=projection.STALLED,
         iterations=projection.ITERATIONS,

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 TRUNCATION = 1e-7  # of the largest singular value of G M^-1/2
 ITERATIONS = 10
 ROUNDING = 1e-14  # of 1 + |q| or 1 + |v|: residuals below are left alone
+FALLING = 0.5  # of |g|: a correction that leaves more of it is not taken
 OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
 
 
@@ -50,7 +51,7 @@ def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> 
         move = float(np.abs(x).max())
         nearer = system.manifold.integrate(q, -x)
         residual = system.closures(nearer, t)
-        if not np.linalg.norm(residual[0]) < 0.5 * np.linalg.norm(g):
+        if not np.linalg.norm(residual[0]) < FALLING * np.linalg.norm(g):
             break
         q, (g, G) = nearer, residual
     if not np.linalg.norm(g) <= OPEN and not move <= STALLED * (1 + np.abs(q).max()):
