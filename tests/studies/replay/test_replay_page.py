@@ -146,7 +146,7 @@ def test_it_plays_in_real_time_and_repeats(fourbar, chromium, tmp_path):
       mbdae.play();
       await wait(0.5);
       log.again = mbdae.t;
-      mbdae.integrate.loop = false;
+      mbdae.loop = false;
       mbdae.seek(8.9);
       mbdae.play();
       await wait(0.3);
@@ -165,7 +165,7 @@ def test_it_plays_in_real_time_and_repeats(fourbar, chromium, tmp_path):
 def test_keys_buttons_and_pointer(crank, chromium, tmp_path):
     script = """
       const press = (key, more) => document.dispatchEvent(new KeyboardEvent("keydown", {key, ...more}));
-      const note = name => { log[name] = [mbdae.t, mbdae.playing, mbdae.integrate.loop, mbdae.speed]; };
+      const note = name => { log[name] = [mbdae.t, mbdae.playing, mbdae.loop, mbdae.speed]; };
       log.opened = mbdae.playing;
       press("Home"); note("home");
       press("ArrowRight"); note("right");
