@@ -50,6 +50,13 @@ plot_option = click.option("--plot", type=click.Path(dir_okay=False), help="Draw
 PICTURES, PAGES = (".png", ".svg", ".pdf"), (".html",)
 
 
+def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of a run that `simulate` takes, but for the method."""
+    for option in (project_option, formulation_option, step_option, atol_option, rtol_option, time_option):
+        command = option(command)
+    return command
+
+
 def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
     """Check files to be written before anything is computed; return those that are named.
 

@@ -1,5 +1,7 @@
 """Dependent constraint rows: rank, and a well-conditioned choice of independent rows."""
 
+from functools import cache
+
 import numpy as np
 from scipy.linalg.lapack import dgeqp3, dgesdd, dgesv
 from scipy.sparse import csr_array
@@ -20,6 +22,7 @@ CONVERGED, SPARE = 1e-32, 20  # of a squared residual, and more iterations than 
 FALLEN = 100.0  # of the ratio of pivots at the start: what less of it still counts as small
 
 
+@cache
 def probe(nv: int) -> np.ndarray:
     """Any vector in general position, (nv,), of unit variance."""
     return np.random.default_rng(0).standard_normal(nv)

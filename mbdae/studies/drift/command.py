@@ -9,18 +9,13 @@ from ...cli.options import (
     FAILED,
     PICTURES,
     as_json,
-    atol_option,
     emit,
     finish,
-    formulation_option,
     listed,
     methods_option,
     plot_option,
-    project_option,
-    rtol_option,
+    run_options,
     simulate,
-    step_option,
-    time_option,
     writable,
 )
 from ...errors import InputError
@@ -34,12 +29,7 @@ from .drift import history
 @click.command()
 @click.argument("targets", nargs=-1, required=True, metavar="MODEL|RUN.npz...")
 @methods_option
-@time_option
-@rtol_option
-@atol_option
-@step_option
-@formulation_option
-@project_option
+@run_options
 @click.option("--max", "limit", type=float, help="Exit 1 when |g|, |G v| or the relative energy error exceeds this.")
 @plot_option
 @as_json

@@ -8,18 +8,13 @@ from ...cli.options import (
     PAGES,
     PICTURES,
     as_json,
-    atol_option,
     backend_option,
     emit,
     finish,
-    formulation_option,
     method_option,
-    project_option,
-    rtol_option,
+    run_options,
     simulate,
     speed_option,
-    step_option,
-    time_option,
     writable,
 )
 from ...mechanism import load
@@ -29,12 +24,7 @@ from ..drift.drift import drift as measure_drift
 @click.command()
 @click.argument("model")
 @method_option
-@time_option
-@rtol_option
-@atol_option
-@step_option
-@formulation_option
-@project_option
+@run_options
 @backend_option
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the solution as .npz, or as a .csv table.")
 @click.option("--html", type=click.Path(dir_okay=False), help="Write a replay as one HTML page.")
