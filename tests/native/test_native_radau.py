@@ -49,6 +49,22 @@ def test_single_steps(name):
             assert a[4] <= 1e-13 * (1 + np.abs(a[5]).max())
 
 
+@pytest.mark.parametrize("name", ["four_bar", "heavy_top"])
+def test_a_step_takes_over_what_was_lost(name):
+    """A compensation that is far larger than rounding moves the end of the step by itself."""
+    mech, method, found = model(name), RadauIIA(3), []
+    lost = 1e-4 * np.random.default_rng(0).standard_normal(mech.system().ny)
+    for native in (backend.load(), None):
+        system = mech.system(native=native)
+        y = system.settle(0.0, State(mech.point())).y
+        plain, moved = (method.step(system, 0.0, 1e-3, State(y, None, low)).state for low in (None, lost))
+        v, others = slice(mech.nq, mech.nq + mech.nv), slice(mech.nv, 2 * mech.nv)
+        np.testing.assert_allclose(moved.y[v] - plain.y[v], lost[others], rtol=1e-9)
+        assert np.abs(moved.compensation).max() <= 1e-15 * (1 + np.abs(moved.y).max())
+        found.append(moved.y)
+    assert_near(*found, 1e-12)
+
+
 @pytest.mark.parametrize("name", model_names())
 def test_fixed_steps(name):
     T = SPANS.get(name, 0.5)
