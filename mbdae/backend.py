@@ -4,6 +4,7 @@ The core is linked to Pinocchio's library, whose name carries no version: loaded
 built for, it crashes. So the versions are compared before it is imported.
 """
 
+import platform
 import warnings
 from functools import cache
 from importlib import import_module
@@ -28,6 +29,17 @@ def load() -> ModuleType | None:
 def status() -> str:
     """Return one line: ``native (built for Pinocchio 4.1.0)``, or ``python: `` and the reason."""
     return _core()[1]
+
+
+def machine() -> str:
+    """Return what times were measured on: system, processor, version of Python."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
+    except OSError:
+        lines = []
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    processor = named[0] if named else platform.processor() or "unknown processor"
+    return f"{platform.system()} {platform.machine()}, {processor}, Python {platform.python_version()}"
 
 
 def known(backend: str) -> str:

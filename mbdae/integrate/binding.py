@@ -1,8 +1,9 @@
 """A problem bound to a workspace: which back end computes is chosen here."""
 
+from collections.abc import Iterable
 from typing import Any
 
-from ..backend import choose, status
+from ..backend import choose, known, status
 from ..errors import InputError
 from ..mechanism import Mechanism, NotCompiled
 from ..mechanism.formulations.inertial import LARGEST
@@ -34,6 +35,26 @@ def bind(
         raise InputError(f"backend='native' does not have {missing}: take 'auto' or 'python'")
     why = "" if backend == "python" else missing or status()
     return problem.system(formulation, baumgarte), why
+
+
+def common(problem: Any, runs: Iterable[tuple[Any, str, tuple[float, float] | None]], backend: str) -> tuple[str, str]:
+    """Choose one back end for several runs, so that their times compare.
+
+    Args:
+        problem: a mechanism or a textbook problem.
+        runs: method, formulation, and alpha and beta of Baumgarte's terms.
+        backend: as of `mbdae.solve`.
+
+    Returns:
+        ``"native"`` or ``"python"``; and what keeps one of the runs from the core, in words, or "".
+
+    Raises:
+        InputError: for ``backend="native"`` where the core does not have all of them.
+        UnknownNameError: for a back end that does not exist.
+    """
+    reasons = {bind(problem, *run, known(backend))[1] for run in runs}
+    because = "; ".join(sorted(reasons - {""}))
+    return "python" if backend == "python" or because else "native", because
 
 
 def lacking(problem: Any, tableau: Any, formulation: str) -> str:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import platform
 import sys
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -10,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ...backend import machine
 from ...errors import InputError
 from ...mechanism import Mechanism, describe
 from ...solution.archive import versions
@@ -78,9 +78,8 @@ class Bench:
         self.reference, self.witness = "", ""
         self.uncertainty: dict[str, float] = {}
         self.samples: Samples | None = None
-        machine = f"{platform.system()} {platform.machine()}, Python {platform.python_version()}"
-        about = {"versions": versions(), "command": sys.argv, "machine": machine, "backend": motion.backend}
-        self.meta = {"key": self.key(), **about}
+        about = {"versions": versions(), "command": sys.argv, "machine": machine()}
+        self.meta = {"key": self.key(), **about, "backend": motion.backend, "because": motion.because}
         if path and path.exists() and not fresh:
             self._read(path)
 

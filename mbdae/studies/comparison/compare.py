@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...backend import choose
 from ...errors import InputError, require
-from ...integrate.binding import lacking
+from ...integrate.binding import common
 from ...integrate.span import checked_span
 from ...integrate.steppers.scipy_ivp import find
 from ...mechanism import Mechanism
@@ -86,7 +85,10 @@ def compare(
     require(mech, Mechanism, "compare takes a Mechanism (see mbdae.load)")
     motion = _motion(mech, t_span, q, v, outputs, max_steps)
     trials = _trials(variants(methods, formulations), rtol, steps)
-    motion = replace(motion, backend=_backend(mech, trials, backend))
+    kinds = {str(t.variant): t.variant for t in trials}.values()
+    runs = [(find(v.formulation, v.method), v.formulation, v.baumgarte) for v in kinds]
+    chosen, because = common(mech, runs, backend)
+    motion = replace(motion, backend=chosen, because=because)
     pair = variants(reference)
     if len(pair) != 2 or not 1e-14 < reference_rtol < 1e-5:
         raise InputError(f"a reference is two methods and a tolerance below 1e-5, got {reference!r}, {reference_rtol}")
@@ -105,17 +107,6 @@ def compare(
         if not bench.uncertainty:
             raise
     return bench.result(complete)
-
-
-def _backend(mech: Mechanism, trials: list[Trial], backend: str) -> str:
-    """One back end for all runs."""
-    kinds = {(t.variant.formulation, t.variant.method) for t in trials}
-    without = {lacking(mech, find(*kind), kind[0]) for kind in kinds} - {""}
-    if backend == "native" and without:
-        raise InputError(f"backend='native' does not have {', '.join(sorted(without))}: take 'auto' or 'python'")
-    if backend == "auto" and without:
-        return "python"
-    return "native" if choose(backend) else "python"
 
 
 def _motion(

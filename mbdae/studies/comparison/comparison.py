@@ -104,7 +104,7 @@ class Comparison:
         witness: the run of another family that it was held against, in words.
         uncertainty: largest difference of the two, for ``"q"``, ``"v"``, ``"lam"``: what is known of the reference.
         complete: False when the comparison was stopped before its end.
-        meta: key of the settings, versions, command, machine.
+        meta: key of the settings, versions, command, machine, back end and what keeps the runs from the core.
     """
 
     title: str
@@ -120,6 +120,13 @@ class Comparison:
     def methods(self) -> list[str]:
         """The methods in order."""
         return list(dict.fromkeys(p.method for p in self.points))
+
+    @property
+    def computed_by(self) -> str:
+        """Which back end and which processor the times are of, in words."""
+        because = f" ({self.meta['because']})" if self.meta.get("because") else ""
+        where = f", {self.meta['machine']}" if self.meta.get("machine") else ""
+        return f"{self.meta.get('backend', 'unknown')} back end{because}{where}"
 
     def of(self, method: str) -> list[Point]:
         """The runs of a method that came to their end."""

@@ -23,7 +23,8 @@ def work_precision(result: Comparison, quantity: Quantity = "q") -> "Figure":
     """
     figure = sheet(WIDTH, 3.5)
     axes = figure.subplots(1, 2, sharey=True)
-    for ax, work, label in zip(axes, ("solves", "seconds"), ("linear solves", "wall time (s)"), strict=True):
+    time = f"wall time (s), {result.meta.get('backend', 'unknown')} back end"
+    for ax, work, label in zip(axes, ("solves", "seconds"), ("linear solves", time), strict=True):
         logarithmic(ax.xaxis)
         logarithmic(ax.yaxis)
         for name in result.methods:
@@ -38,7 +39,7 @@ def work_precision(result: Comparison, quantity: Quantity = "q") -> "Figure":
         axes[0].text(0.02, 0.02, "not known by the reference", transform=axes[0].transAxes, fontsize=7, color="0.35")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     t0, t1 = result.t_span
-    figure.suptitle(plain(f"{result.title}, {t0:g} to {t1:g} s"), fontsize=9)
+    figure.suptitle(plain(f"{result.title}, {t0:g} to {t1:g} s\n{result.computed_by}"), fontsize=9)
     return figure
 
 

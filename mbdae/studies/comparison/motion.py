@@ -59,6 +59,7 @@ class Motion:
         times: common times in s, without the start, (m,).
         max_steps: a run that takes more is given up.
         backend: of all runs, see `mbdae.solve`.
+        because: what keeps them from the compiled core, in words; "" where nothing does.
     """
 
     mechanism: Mechanism
@@ -68,6 +69,7 @@ class Motion:
     times: Array
     max_steps: int
     backend: str = "auto"
+    because: str = ""
 
     def solve(self, trial: Trial, stop: Callable[[], bool] | None = None) -> Solution:
         """Run a method.

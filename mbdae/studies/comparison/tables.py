@@ -22,6 +22,7 @@ def comparison_table(result: "Comparison") -> str:
         + ("" if result.complete else f" (stopped: {len(result.points)} runs so far)"),
         f"reference: {result.reference}; {result.witness} differs by"
         f" {u['q']:.1e} in q, {u['v']:.1e} in v, {u['lam']:.1e} in lam; < marks errors too small to be known by it",
+        f"all runs: {result.computed_by}",
         "",
     ]
     heads, rows = comparison_rows(result)

@@ -29,9 +29,15 @@ class Measurement:
     """Runs with fixed steps, errors at common times, references."""
 
     def __init__(
-        self, problem: Problem, T: float, steps: int, start: tuple[Array, Array] | None, progress: Progress
+        self,
+        problem: Problem,
+        T: float,
+        steps: int,
+        start: tuple[Array, Array] | None,
+        progress: Progress,
+        backend: str,
     ) -> None:
-        self.problem, self.T, self.steps, self.progress = problem, T, steps, progress
+        self.problem, self.T, self.steps, self.progress, self.backend = problem, T, steps, progress, backend
         self.start = start or (None, None)
         self.mechanical = isinstance(problem, Mechanism)
         self.names = ("q", "v", "own lam", "lam") if self.mechanical else ("y", "own z", "z")
@@ -41,7 +47,7 @@ class Measurement:
     def run(self, name: str, n: int) -> Solution | None:
         """Run a method with n steps; None where it does not come to the end."""
         self.progress(f"{name}, {n} steps")
-        sol = solve(self.problem, (0.0, self.T), *self.start, method=name, step=self.T / n)
+        sol = solve(self.problem, (0.0, self.T), *self.start, method=name, step=self.T / n, backend=self.backend)
         return sol if sol.ended else None
 
     def sample(self, sol: Solution) -> tuple[Array, ...]:
@@ -74,11 +80,7 @@ class Measurement:
         if key not in self._references:
             best = self._finest(first)
             other = self._finest(second)
-            samples = (
-                *best[:-2],
-                best[-1],
-                best[-1],
-            )  # the reference of the own multipliers is the hidden lam
+            samples = (*best[:-2], best[-1], best[-1])  # the reference of the own multipliers is the hidden lam
             self._references[key] = samples, self.difference(samples, (*other[:-2], other[-1], other[-1]))
         return self._references[key]
 

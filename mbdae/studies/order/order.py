@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 from ...errors import InputError, require, several
+from ...integrate.binding import common
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...methods import METHODS
@@ -52,6 +53,7 @@ def check_order(
     if steps < LEAST_OUTPUTS:
         raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
     start = mech.assemble(mech.order.q, mech.order.v) if mech and (mech.order.q or mech.order.v) else None
-    measure = Measurement(problem, T, steps, start, progress or (lambda name: None))
+    backend, because = common(problem, [(find_method(name), "index2", None) for name in names], "auto")
+    measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
     slopes = {name: measure.judge(name) for name in names}
-    return OrderStudy(problem.title, T, slopes)
+    return OrderStudy(problem.title, T, slopes, backend, because)

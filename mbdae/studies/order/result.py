@@ -37,11 +37,21 @@ class Slope:
 
 @dataclass(frozen=True)
 class OrderStudy:
-    """Result of `check_order`: slopes by method; ``T`` in s is the end time."""
+    """Result of `check_order`.
+
+    Attributes:
+        title: of the problem.
+        T: end time in s.
+        slopes: by method.
+        backend: of all runs.
+        because: what keeps them from the compiled core, in words; "" where nothing does.
+    """
 
     title: str
     T: float
     slopes: dict[str, tuple[Slope, ...]]
+    backend: str = "python"
+    because: str = ""
 
     @property
     def holds(self) -> bool:
@@ -59,6 +69,8 @@ class OrderStudy:
         return {
             "title": self.title,
             "T": self.T,
+            "backend": self.backend,
+            "because": self.because,
             "holds": self.holds,
             "refuted": self.refuted,
             "methods": slopes,
@@ -76,7 +88,8 @@ class OrderStudy:
         figures.save(convergence(self), path)
 
     def __str__(self) -> str:
-        lines = [f"observed (claimed) order, {self.title}, T = {self.T:g} s"]
+        because = f" ({self.because})" if self.because else ""
+        lines = [f"observed (claimed) order, {self.title}, T = {self.T:g} s, {self.backend} back end{because}"]
         for name, row in self.slopes.items():
             cells = [
                 f"{s.quantity} {s.observed:.2f} ({s.claimed})" if s.judged else f"{s.quantity} - ({s.claimed})"

@@ -72,7 +72,7 @@ def _run(report: "Report") -> str:
     text = (
         f"<p>{escape(report.histories[0].label if report.histories else settings['method'])}, "
         f"{sol.t[0]:g} to {sol.t[-1]:g} s: {escape(sol.message)}. {s['steps']} steps, {s['rejected'] or 0} rejected, "
-        f"{s['solves']} linear solves, {s['seconds']:.2f} s.{slow}</p>"
+        f"{s['solves']} linear solves, {s['seconds']:.2g} s ({s['backend']} back end).{slow}</p>"
     )
     return text + frame(replay_page(sol, fps=30.0, speed=speed), 660) + _image(motion(sol), "motion over time")
 
@@ -111,7 +111,7 @@ def _comparison(report: "Report") -> str:
     text = (
         f"<p>Errors are the largest differences to {escape(result.reference)} over common times. "
         f"{escape(result.witness)} differs from it by {u['q']:.1e} in q, {u['v']:.1e} in v, {u['lam']:.1e} in lam; "
-        "what is below five times that is marked &lt; and not known.</p>"
+        f"what is below five times that is marked &lt; and not known. All runs: {escape(result.computed_by)}.</p>"
     )
     ranking = "".join(f"<li>{escape(s)}</li>" for s in result.sentences())
     picture = _image(work_precision(result), "work-precision diagram")

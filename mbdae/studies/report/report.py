@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...backend import machine
 from ...errors import InputError, require
 from ...files import write_whole
 from ...integrate.solve import solve
@@ -176,6 +177,6 @@ def _meta(parameters: dict[str, Any]) -> dict[str, Any]:
         "command": shlex.join(["mbdae" if program == "__main__.py" else program, *sys.argv[1:]]),
         "parameters": parameters,
         "versions": {**versions(), "python": platform.python_version()},
-        "machine": f"{platform.system()} {platform.machine()}",
+        "machine": machine(),
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     }
