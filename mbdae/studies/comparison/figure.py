@@ -23,7 +23,7 @@ def work_precision(result: Comparison, quantity: Quantity = "q") -> "Figure":
     """
     figure = sheet(WIDTH, 3.5)
     axes = figure.subplots(1, 2, sharey=True)
-    time = f"wall time (s), {result.meta.get('backend', 'unknown')} back end"
+    time = f"wall time, {result.meta.get('backend', 'unknown')} back end (s)"
     for ax, work, label in zip(axes, ("solves", "seconds"), ("linear solves", time), strict=True):
         logarithmic(ax.xaxis)
         logarithmic(ax.yaxis)

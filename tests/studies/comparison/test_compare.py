@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbdae
+from mbdae.backend import machine
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.studies.comparison import bench
 from mbdae.studies.comparison.comparison import Comparison, Point
@@ -272,5 +273,7 @@ def test_one_back_end_for_all_runs(four_bar):
     both = mbdae.compare(four_bar, methods=["pherk5", "ggl:pherk5"], **options)
     half = mbdae.compare(four_bar, methods=["pherk5", "project:herk5"], **options)
     assert (both.meta["backend"], half.meta["backend"]) == ("python", "native")
+    assert "all runs: python back end (formulation 'ggl'), " in str(both)
+    assert f"all runs: native back end, {machine()}" in str(half)
     with pytest.raises(InputError, match="does not have formulation 'ggl'"):
         mbdae.compare(four_bar, methods=["ggl:pherk5"], backend="native", **options)

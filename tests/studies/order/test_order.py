@@ -66,7 +66,7 @@ def test_an_order_holds_down_to_a_fifth_below_its_claim(claimed):
     steps = [10, 20, 40, 80, 160, 320]
     for less, verdict in ((-0.5, "holds"), (0.0, "holds"), (0.15, "holds"), (0.25, "misses"), (0.9, "misses")):
         errors = [n ** -(claimed - less) for n in steps]
-        measure, floors = Measurement(hessenberg_a(), 1.0, 10, None, print), [1e-30] * len(steps)
+        measure, floors = Measurement(hessenberg_a(), 1.0, 10, None, print, "python"), [1e-30] * len(steps)
         found = measure._fit("q", claimed, steps, errors, floors, 0.0)
         assert found.observed == pytest.approx(claimed - less)
         assert (found.verdict, found.fitted) == (verdict, (1, 6))
@@ -85,5 +85,5 @@ def test_an_order_holds_down_to_a_fifth_below_its_claim(claimed):
 def test_the_reason_why_an_order_cannot_be_judged(errors, uncertainty, why):
     """Rounding is 1e-15."""
     ns, floors = [10 * 2**i for i in range(len(errors))], [100 * (uncertainty + 1e-15)] * len(errors)
-    measure = Measurement(hessenberg_a(), 1.0, 10, None, print)
+    measure = Measurement(hessenberg_a(), 1.0, 10, None, print, "python")
     assert measure._fit("q", 5, ns, errors, floors, uncertainty).verdict == f"cannot be judged: {why}"
