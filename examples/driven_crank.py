@@ -13,7 +13,7 @@ import mbdae
 
 def main(omega: float = 20.0, end: float = 1.0) -> dict[str, float]:
     """Print torque, power and work, and return them."""
-    driver = mbdae.Driver.speed("crank", omega, start=0.3, name="motor")
+    driver = mbdae.Driver.at_speed("crank", omega, start=0.3, name="motor")
     mech = mbdae.load("slider_crank", drivers=[driver])
     q, v = mech.assemble(v={"crank": omega})
     sol = mbdae.solve(mech, (0, end), q, v, rtol=1e-9, t_eval=np.linspace(0, end, 1001))

@@ -41,6 +41,25 @@ KINDS = {
     "parallel": Kind(Closure.parallel(*TIP, A, second_axis=B), (X, Y, Z, TURN_Z), "turn z, slide z, slide x"),
     "distance": Kind(Closure.distance("tip_2", "tip_4", 0.4), (TURN_Z, TURN_Y, BALL), None, "length = 0.5"),
     "coupling": Kind(Closure.coupling("revolute_0", "prismatic_2", (0.1, -1.5, 0.7, 0.3))),
+    "rolling": Kind(Closure.rolling("tip_8", "tip_2", 0.3, A, tyre=0.1)),
+    "knife_edge": Kind(Closure.knife_edge("tip_8", "tip_2", A)),
+    "gear": Kind(Closure.gear("tip_8", "tip_2", (0.2, -0.7), A)),
+    "screw": Kind(Closure.screw("tip_8", "tip_2", 0.3, A)),
+    "ratio": Kind(Closure.ratio("revolute_0", "helical_7", (0.1, -1.5, 0.7, 0.3), "prismatic_2")),
+}
+ROLLING = {  # what else a rolling closure may be, and what is kept of velocity only
+    "disc": Closure.rolling("tip_2", "tip_5", 0.3, A),
+    "sphere": Closure.rolling("ground", "tip_6", 0.3),
+    "ball on an axle": Closure.rolling("tip_8", "tip_2", 0.3, A, tyre=0.3, grip="lateral"),
+    "ellipsoid": Closure(
+        kind="rolling", frames=("tip_5", "tip_2"), semi_axes=(0.3, 0.2, 0.4), centre=(0.1, -0.05, 0.02)
+    ),
+    "roller": Closure.rolling("tip_8", "tip_2", 0.3, A, grip=0.7, contact=False),
+    "on a sphere": Closure.rolling("tip_8", "tip_2", 0.3, surface="sphere", surface_radius=0.5),
+    "in a sphere": Closure.rolling("tip_8", "tip_2", 0.3, surface="sphere", surface_radius=-0.5),
+    "on a cylinder": Closure.rolling("tip_8", "tip_2", 0.3, surface="cylinder", surface_radius=0.5),
+    "in a cylinder": Closure.rolling("tip_1", "tip_4", 0.3, surface="cylinder", surface_radius=-0.5),
+    "fixed ratio": Closure.ratio("revolute_0", "helical_7", (0.1,)),
 }
 BODY = """
 [[body]]

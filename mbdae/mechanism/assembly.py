@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg.lapack import dpotrf
 
-from ..errors import AssemblyError, InputError
+from ..errors import AssemblyError, InputError, StepError
 from ..system import Array
 from .assembly_mode import Residuals, closures, turned_over, with_directions
 from .closures.closure_error import ClosureError, largest_error
@@ -70,10 +70,16 @@ def close_position(system: "Index2System", q: Array, held: Array, t: float) -> A
     mech, free = system.mechanism, np.delete(np.arange(system.nv), held)
     if not mech.ng:
         return q
-    g, G = system.closures(q, t)
+    try:
+        g, G = system.closures(q, t)
+    except StepError as e:
+        raise InputError(f"the guess cannot be assembled: {e}") from e
     if not (np.isfinite(g).all() and np.isfinite(G).all()):
         worst = mech.row_closure(int(np.argmin(np.isfinite(g) & np.isfinite(G).all(axis=1))))
         raise InputError(f"closure {worst!r} is not finite: numbers in the model are too large")
+    g, G = closures(system, q, t)
+    if not len(g):
+        return q
     tries = [_gauss_newton(system, q, free, t)]
     closed = [x for x in tries if _closed(system, x, t)]
     if closed and _distance(mech, q, closed[0]) < NEAR:
@@ -125,7 +131,7 @@ def _slide(system: "Index2System", guess: Array, q: Array, free: Array, t: float
     mech = system.mechanism
     for _ in range(SLIDES):
         d = mech.manifold.difference(q, guess)[free]
-        G = system.closures(q, t)[1][:, free]
+        G = closures(system, q, t)[1][:, free]
         along = d - np.linalg.lstsq(G, G @ d, rcond=TRUNCATION)[0]
         if np.linalg.norm(d) < NEAR or np.linalg.norm(along) < 0.1 * np.linalg.norm(d):
             break
@@ -217,7 +223,7 @@ def refuse_inconsistent(mech: "Mechanism", q: Array, v: Array, t: float, most: f
         gap = largest_error(mech, residual, per)
         if gap.size > allowed:
             raise InputError(
-                f"the start is not consistent: closure {gap.name!r} is open by {gap.text}; "
+                f"the start is not consistent: {gap.says()}; "
                 f"make it so with q, v = mechanism.assemble(q, v{f', t={t:g}' if t else ''})"
             )
 
@@ -230,7 +236,7 @@ def _mass(mech: "Mechanism", q: Array) -> Array:
 def open_closure(mech: "Mechanism", gap: ClosureError, held: Array, what: str) -> AssemblyError:
     """The error that says which closure stays open the most, by how much, and what was held."""
     joints = ", ".join(dict.fromkeys(mech.coordinate_joint(int(i)) for i in held)) or "nothing"
-    text = f"no consistent {what}: closure {gap.name!r} stays open by {gap.text} (held: {joints})"
+    text = f"no consistent {what}: {gap.says('stays open')} (held: {joints})"
     if gap.size < NEARLY:
         text += "; a gap as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
     return AssemblyError(text, gap.name, gap.size)

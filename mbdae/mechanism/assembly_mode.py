@@ -15,8 +15,10 @@ Residuals = Callable[["Index2System", Array, float], tuple[Array, Array]]
 
 
 def closures(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
-    """Return g (ng,) and G (ng, nv)."""
-    return system.closures(q, t)
+    """Return g and G of the rows that have a g."""
+    g, G = system.closures(q, t)
+    kept = system.constraints.positional
+    return g[kept], G[kept]
 
 
 def with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
@@ -25,7 +27,7 @@ def with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, 
     Where all is closed they vanish with their gradient. Where a frame is turned over they do not, and the sum of
     squares has no minimum there.
     """
-    g, G = system.closures(q, t)
+    g, G = closures(system, q, t)
     values, slopes = [g], [G]
     for closure in system.mechanism.closures:
         part = system.constraints.frame_parts.get(closure.name)

@@ -94,7 +94,8 @@ class Mechanism:
         self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
         self.ng = len(self.row_names)
         data = make_data(model)
-        self.row_units = Constraints(model, data, self.constraints).units()  # wrong names are refused here
+        bound = Constraints(model, data, self.constraints)  # wrong names are refused here
+        self.row_units, self.positional = bound.units(), bound.positional
         self.manifold = Manifold(model)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
         self.states = self.bind_forces(data).states()  # wrong names are refused here

@@ -102,7 +102,7 @@ def test_tight_tolerances_do_not_control_rounding(name, T, rtol):
 def test_drivers_that_contradict_each_other_are_no_success(options):
     free = mbdae.load("four_bar")
     q, v = free.assemble(v={"crank": 1.0})
-    drivers = [mbdae.Driver.speed(n, v[i], start=q[i]) for i, n in ((0, "crank"), (2, "rocker"))]
+    drivers = [mbdae.Driver.at_speed(n, v[i], start=q[i]) for i, n in ((0, "crank"), (2, "rocker"))]
     sol = mbdae.solve(mbdae.load("four_bar", drivers=drivers), (0, 1), **options)
     assert not sol.success
     assert "'rocker driver'" in sol.message or "'crank driver'" in sol.message

@@ -1,35 +1,28 @@
-"""Loop closures: joint constraints between two frames, and couplings between the coordinates of two joints."""
+"""Closures: joint constraints and rolling between two frames, couplings between the coordinates of joints."""
 
 from collections.abc import Sequence
-from functools import lru_cache
-from typing import Literal, get_args
+from math import pi
+from typing import Any, Literal, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from ..tables import Table
-from .rows import Coordinate, Distance, DotProduct1, DotProduct2, FrameRows
+from .contact import Grip, Height, Shape
+from .keys import BETWEEN_FRAMES, GRIPS, check_numbers, keys
+from .line_rows import Gear, KnifeEdge, Screw
+from .rows import Coordinate, Distance, FrameRows, JointRow, Ratio, between_frames, unit_axis
 
 Kind = Literal[
     "point", "revolute", "frame", "prismatic", "cylindrical", "universal", "in_plane", "in_line", "parallel",
-    "distance", "coupling",
+    "distance", "coupling", "rolling", "knife_edge", "gear", "screw", "ratio",
 ]  # fmt: skip
 KINDS: tuple[str, ...] = get_args(Kind)
 Axis = tuple[float, float, float]
 Polynomial = tuple[float, ...]
 
-BETWEEN_FRAMES: dict[str, tuple[str, str]] = {  # kind: which gaps vanish, which directions are kept
-    "point": ("all", ""),
-    "revolute": ("all", "axis"),
-    "frame": ("all", "frame"),
-    "prismatic": ("across", "frame"),
-    "cylindrical": ("across", "axis"),
-    "universal": ("all", "cross"),
-    "in_plane": ("along", ""),
-    "in_line": ("across", ""),
-    "parallel": ("", "axis"),
-}
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
+Surface = Literal["plane", "sphere", "cylinder"]
 
 
 class Closure(Table):
@@ -49,10 +42,21 @@ class Closure(Table):
     parallel     2     the axes keep one direction
     distance     1     the origins keep the distance ``length`` > 0 in m
     coupling     1     q_i = c_0 + c_1 q_j + c_2 q_j^2 + ... (gears, racks, mimic joints)
+    rolling      3     b rolls on a plane (z of a), sphere or cylinder of a: it touches and does not slip
+    knife_edge   1     b's origin does not slip along the axis of b
+    gear         1     wheels about parallel axes do not slip where the line of centres is divided as by their radii
+    screw        1     b advances along the axis of a by ``lead`` per turn about it, beside a cylindrical closure
+    ratio        1     v_i = (c_0 + c_1 q_k + c_2 q_k^2 + ...) v_j (continuously variable transmissions)
     ===========  ====  ===============================================================================
 
     Gaps are measured along axes of the first frame, in m; directions as products of unit axes, in rad for small
     angles; couplings in rad or m of joint i.
+
+    Rows of rolling along the tangents, knife edges, gears, screws and ratios are rows of velocity: they keep G v = 0
+    and have no g. A body that rolls is a disc or torus (``radius``, ``tyre``, ``axis``), a sphere (``tyre`` is the
+    radius, or left out with the axis) or an ellipsoid (``semi_axes``, ``centre``). Rows of rolling are the height
+    (multiplier N > 0: it presses), then no slip ahead and no slip to the left of the wheel, for a body without an
+    axle along x and y of a.
 
     The joints of a coupling have one coordinate each. That of an unbounded revolute joint is an angle known up to
     full turns: the coupling is measured up to the multiples that come of them, and refused where they leave nothing to
@@ -61,12 +65,25 @@ class Closure(Table):
     Attributes:
         kind: one of the table.
         frames: names of frames a and b; ``"world"`` is one of them if need be.
-        joints: names of joints i and j of a coupling.
+        joints: names of joints i and j of a coupling; of i, j and, where c_1, ... are given, k of a ratio.
         name: by default the names of both frames or joints.
-        axis: an axis in the first frame; z when left out.
+        axis: an axis in the first frame, z when left out; of a wheel (its axle, to its left) and of a knife edge in
+            the second frame.
         second_axis: the axis in the second frame that goes with it; the same numbers when left out (universal: x).
         length: distance in m.
-        coefficients: c_0, c_1, ... of a coupling.
+        coefficients: c_0, c_1, ... of a coupling or a ratio.
+        radius: of a wheel or sphere in m, the outer one.
+        tyre: radius of the section of a wheel's tyre in m: 0 when left out, a knife edge; ``radius`` for a sphere.
+        semi_axes: of an ellipsoid along the axes of the second frame, in m.
+        centre: of an ellipsoid in the second frame, in m; its origin when left out.
+        grip: where a rolling body does not slip: ``"full"`` when left out, ``"lateral"``, ``"longitudinal"``,
+            ``"none"``, or along one line at an angle in rad from ahead to the left (rollers of omni and mecanum wheels).
+        contact: whether a rolling body is kept on the surface; false where joints keep it there. True when left out.
+        surface: of the first frame on which a body rolls: its x-y plane when left out, or a sphere or cylinder (about
+            its z axis), for spheres.
+        surface_radius: of a sphere or cylinder in m; negative where the body rolls inside.
+        radii: of both wheels of a gear in m; negative for a ring whose teeth point inwards.
+        lead: of a screw in m per turn, positive for a right-handed one.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -75,12 +92,22 @@ class Closure(Table):
 
     kind: Kind
     frames: tuple[str, str] | None = None
-    joints: tuple[str, str] | None = None
+    joints: tuple[str, ...] | None = Field(default=None, min_length=2, max_length=3)
     name: str = ""
     axis: Axis | None = None
     second_axis: Axis | None = None
     length: float | None = Field(default=None, gt=0)
-    coefficients: Polynomial | None = Field(default=None, min_length=2)
+    coefficients: Polynomial | None = Field(default=None, min_length=1)
+    radius: float | None = Field(default=None, gt=0)
+    tyre: float | None = Field(default=None, ge=0)
+    semi_axes: tuple[float, float, float] | None = None
+    centre: tuple[float, float, float] | None = None
+    grip: Literal["full", "lateral", "longitudinal", "none"] | float | None = None
+    contact: bool | None = None
+    surface: Surface | None = None
+    surface_radius: float | None = None
+    radii: tuple[float, float] | None = None
+    lead: float | None = None
 
     @model_validator(mode="after")
     def _keys_fit(self) -> "Closure":
@@ -94,9 +121,12 @@ class Closure(Table):
         for axis in (self.axis, self.second_axis):
             if axis is not None and not np.linalg.norm(axis) > 0:
                 raise ValueError("an axis must not be zero")
-        a, b = ends = self.frames or self.joints or ("", "")
-        if a == b:
-            raise ValueError(f"closure {self.name!r} joins {'frame' if self.frames else 'joint'} {a!r} with itself")
+        ends = self.between
+        if len(set(ends)) < len(ends):
+            raise ValueError(
+                f"closure {self.name!r} joins {'frame' if self.frames else 'joint'} {ends[0]!r} with itself"
+            )
+        check_numbers(self)
         if not self.name:
             object.__setattr__(self, "name", "-".join(ends))
         return self
@@ -158,6 +188,34 @@ class Closure(Table):
         """Joint coordinates keep q_joint = c_0 + c_1 q_other + c_2 q_other^2 + ...: 1 row."""
         return cls(kind="coupling", joints=(joint, other), coefficients=tuple(coefficients), name=name)
 
+    @classmethod
+    def rolling(cls, a: str, b: str, radius: float, axis: Axis | None = None, name: str = "", **more: Any) -> "Closure":
+        """A wheel of b with its axle, or a sphere, rolls on the x-y plane of a: 3 rows; further keys by name."""
+        return cls(kind="rolling", frames=(a, b), radius=radius, axis=axis, name=name, **more)
+
+    @classmethod
+    def knife_edge(cls, a: str, b: str, axis: Axis, name: str = "") -> "Closure":
+        """The origin of b does not slip along ``axis`` of b: 1 row."""
+        return cls(kind="knife_edge", frames=(a, b), axis=axis, name=name)
+
+    @classmethod
+    def gear(cls, a: str, b: str, radii: tuple[float, float], axis: Axis = Z, name: str = "") -> "Closure":
+        """Wheels about parallel axes through the origins of a and b do not slip on each other: 1 row."""
+        return cls(kind="gear", frames=(a, b), radii=radii, axis=axis, name=name)
+
+    @classmethod
+    def screw(cls, a: str, b: str, lead: float, axis: Axis = Z, name: str = "") -> "Closure":
+        """B advances along ``axis`` of a by ``lead`` metres per turn: 1 row, beside a cylindrical closure."""
+        return cls(kind="screw", frames=(a, b), lead=lead, axis=axis, name=name)
+
+    @classmethod
+    def ratio(
+        cls, joint: str, other: str, coefficients: Polynomial, setting: str | None = None, name: str = ""
+    ) -> "Closure":
+        """Speeds of joints keep v_joint = (c_0 + c_1 q_setting + ...) v_other: 1 row."""
+        joints = (joint, other, setting) if setting else (joint, other)
+        return cls(kind="ratio", joints=joints, coefficients=tuple(coefficients), name=name)
+
     @property
     def between(self) -> tuple[str, ...]:
         """Names of the frames or joints that it is between."""
@@ -166,15 +224,42 @@ class Closure(Table):
     @property
     def m(self) -> int:
         """Number of rows."""
-        return sum(r.m for r in self.rows())
+        return sum(r.m for r in self.primitives())
 
-    def rows(self) -> Sequence[FrameRows] | Sequence[Coordinate]:
+    def primitives(self) -> Sequence[FrameRows] | Sequence[JointRow]:
         """The primitive rows that this closure is composed of."""
+        c = self.coefficients or ()
         if self.joints:
-            return (Coordinate(*self.joints, self.coefficients or ()),)
+            i, j, *k = self.joints
+            return (Ratio(i, j, k[0] if k else "", c),) if self.kind == "ratio" else (Coordinate(i, j, c),)
         if self.kind == "distance":
             return (Distance(float(self.length or 0)),)
-        return _between_frames(self.kind, self.axis or Z, self._other_axis)
+        if self.kind in BETWEEN_FRAMES:
+            return between_frames(*BETWEEN_FRAMES[self.kind], self.axis or Z, self._other_axis)
+        if self.kind == "rolling":
+            shape = self.shape
+            grip = Grip(shape, self.tangents)
+            return (*((Height(shape),) if self.contact is not False else ()), *((grip,) if grip.m else ()))
+        axis = unit_axis(self.axis or Z)
+        if self.kind == "gear":
+            a, b = self.radii or (1.0, 1.0)
+            return (Gear(axis, a / (a + b)),)
+        return (Screw(axis, (self.lead or 0.0) / (2 * pi)),) if self.kind == "screw" else (KnifeEdge(axis),)
+
+    @property
+    def tangents(self) -> tuple[float, ...]:
+        """Angles from ahead to the left along which a rolling body does not slip, in rad."""
+        grip = "full" if self.grip is None else self.grip
+        return GRIPS[grip] if isinstance(grip, str) else (grip,)
+
+    @property
+    def shape(self) -> Shape:
+        """What rolls on what, of a rolling closure."""
+        radius = self.radius or 0.0
+        tyre = radius if self.axis is None else self.tyre or 0.0
+        axle = tuple(unit_axis(self.axis).tolist()) if self.axis else None
+        rest = self.semi_axes, self.centre or (0.0, 0.0, 0.0), self.surface or "plane", self.surface_radius or 0.0
+        return Shape(axle, radius - tyre, tyre, *rest)
 
     def agreeing(self) -> tuple[np.ndarray, np.ndarray]:
         """Unit axes of frames a and b that point the same way where the closure is closed, (3, m) each; m may be 0."""
@@ -194,40 +279,8 @@ class Closure(Table):
         return bool((a * (relative @ b)).sum() < (a.shape[1] - 1) / 2)
 
     def _unit_axes(self) -> tuple[np.ndarray, np.ndarray]:
-        return _unit(self.axis or Z), _unit(self._other_axis)
+        return unit_axis(self.axis or Z), unit_axis(self._other_axis)
 
     @property
     def _other_axis(self) -> Axis:
         return self.second_axis or (X if self.kind == "universal" else self.axis or Z)
-
-
-@lru_cache(maxsize=256)
-def _between_frames(kind: str, axis: Axis, other: Axis) -> tuple[FrameRows, ...]:
-    """Rows between frames; workspaces share them, and they hold nothing that changes."""
-    gap, direction = BETWEEN_FRAMES[kind]
-    first, second = _unit(axis), _unit(other)
-    normals, (x, y, z) = np.linalg.svd(first[None])[2][1:].T, np.eye(3)
-    gaps = {"all": np.eye(3), "across": normals, "along": first[:, None]}
-    axes = {
-        "axis": (normals, np.column_stack([second, second])),
-        "frame": (np.array([x, y, z]).T, np.array([y, z, x]).T),
-        "cross": (first[:, None], second[:, None]),
-    }
-    out: list[FrameRows] = [DotProduct2(gaps[gap])] if gap else []
-    return (*out, DotProduct1(*axes[direction])) if direction else tuple(out)
-
-
-def _unit(axis: Axis) -> np.ndarray:
-    return np.array(axis) / np.linalg.norm(axis)
-
-
-def keys(kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Keys that a closure of this kind needs, and those that it may have."""
-    if kind == "coupling":
-        return ("kind", "joints", "coefficients"), ("name",)
-    if kind == "distance":
-        return ("kind", "frames", "length"), ("name",)
-    gap, direction = BETWEEN_FRAMES[kind]
-    axis = ("axis",) if gap in ("across", "along") or direction in ("axis", "cross") else ()
-    second = ("second_axis",) if direction in ("axis", "cross") else ()
-    return ("kind", "frames"), ("name", *axis, *second)

@@ -17,11 +17,17 @@ class ClosureError(NamedTuple):
         name: its name.
         size: norm of its residual.
         text: the residual with units, lengths apart from angles.
+        slips: it is one of rows of velocity only, which do not open but slip.
     """
 
     name: str
     size: float
     text: str
+    slips: bool = False
+
+    def says(self, opens: str = "is open") -> str:
+        """What is to be said of it: ``closure 'pin' is open by 0.1 m``."""
+        return f"closure {self.name!r} {'slips' if self.slips else opens} by {self.text}"
 
 
 def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureError:
@@ -34,4 +40,6 @@ def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureE
         for unit in dict.fromkeys(units[owners == worst])
         if (size := float(np.linalg.norm(residual[(owners == worst) & (units == unit)])))
     ]
-    return ClosureError(worst, sizes[worst], " and ".join(parts) or "0")
+    of_it = np.abs(np.where(owners == worst, residual, 0.0))
+    slips = bool(per) and not mech.positional[int(of_it.argmax())]
+    return ClosureError(worst, sizes[worst], " and ".join(parts) or "0", slips)

@@ -2,7 +2,7 @@
 
     0 = g(t, q) = c(q) - u(t),   G = dc/dq,   g_t = -u',   gamma = Gdot v + g_tt,   g_tt = -u''
 
-with u = 0 for closures. Neither G nor its rate depends on time, and g_tq = 0.
+with u = 0 for closures. Neither G nor its rate depends on time, and g_tq = 0. Rows of velocity only have no g: it is 0 for them.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from ..frames import Anchor, Pair, anchor, support
 from ..pair_slopes import PairSlopes
 from .closure import Closure
 from .driver import Driver
-from .joint_part import JointPart
+from .joint_part import JointPart, joint_part
 from .rows import FrameRows
 
 Spec = Closure | Driver
@@ -43,6 +43,7 @@ class Constraints:
         driven: numbers of the rows that follow functions of time, and their drivers.
         sign: see `mbdae.mechanism.frames.Pair`, (ng, nv).
         columns: which velocities move the joints of a row, or joints that carry them, (ng, nv).
+        positional: which rows have a g, (ng,).
         W: the wrenches of the rows between frames where G was asked for last, (6, ng).
     """
 
@@ -54,28 +55,32 @@ class Constraints:
         self.ng = sum(spec.m for spec in specs)
         self.columns = np.zeros((self.ng, model.nv), bool)
         self.sign, self.W = np.zeros((self.ng, model.nv)), np.zeros((6, self.ng))
+        self.positional = np.ones(self.ng, bool)
         at = 0
         for spec in specs:
             numbered: list[tuple[slice, Any]] = []
             self.spans[spec.name] = slice(at, at + spec.m)
             if isinstance(spec, Driver):
                 self.driven.append((at, spec))
-            for r in spec.rows():
+            for r in spec.primitives():
                 numbered.append((slice(at, at + r.m), r))
+                self.positional[at : at + r.m] = r.positional and not (isinstance(spec, Driver) and spec.speed)
                 at += r.m
             if spec.frames:
                 pair = Pair(model, data, *anchors(model, spec))
                 self.frame_parts[spec.name] = FramePart(pair, tuple((s, r, self.W[:, s]) for s, r in numbered))
                 self.sign[self.spans[spec.name]], self.columns[self.spans[spec.name]] = pair.sign, pair.columns
             else:
-                self.joint_parts += [JointPart(model, data, r, s.start, spec.name) for s, r in numbered]
+                self.joint_parts += [joint_part(model, data, r, s.start, spec.name) for s, r in numbered]
         for part in self.joint_parts:
             self.columns[part.at] = sum(support(model, j.id) for j in part.joints) > 0
         self._J = data.J.reshape(6, -1)  # with nv = 1 it comes as a vector
         self._still = np.zeros((3, at))
-        self._lengths = [at for at, d in self.driven if d.frames]
-        self._periodic = np.array([p.at for p in self.joint_parts if p.period], int)
-        self._periods = np.array([p.period for p in self.joint_parts if p.period])
+        self._lengths = [at for at, d in self.driven if d.frames and d.motion]
+        periodic = [p for p in self.joint_parts if p.period and self.positional[p.at]]
+        self._periodic = np.array([p.at for p in periodic], int)
+        self._periods = np.array([p.period for p in periodic])
+        self._rates = np.flatnonzero(~self.positional)
 
     def units(self) -> Array:
         """Return the unit of each row's g, ``"m"`` or ``"rad"``, (ng,)."""
@@ -89,10 +94,13 @@ class Constraints:
 
     def jacobian(self) -> Array:
         """Return G, (ng, nv); leaves the wrenches of its rows in W."""
-        for pair, rows in self.frame_parts.values():
+        for name, (pair, rows) in self.frame_parts.items():
             pair.locate()
-            for _, r, w in rows:
-                r.wrenches(pair, w)
+            try:
+                for _, r, w in rows:
+                    r.wrenches(pair, w)
+            except StepError as e:
+                raise StepError(e.status, f"closure {name!r}: {e}") from None
         G = self.W.T.dot(self._J)
         G *= self.sign
         for part in self.joint_parts:
@@ -100,7 +108,7 @@ class Constraints:
         return G
 
     def value(self, t: float | None) -> tuple[Array, Array]:
-        """Return g(t, q) (ng,) and G (ng, nv); without t, g of the driven rows is nan."""
+        """Return g(t, q) (ng,), 0 for rows of velocity, and G (ng, nv); without t, g of driven rows is nan."""
         G, g = self.jacobian(), np.zeros(self.ng)
         for pair, rows in self.frame_parts.values():
             for s, r, _ in rows:
@@ -111,6 +119,7 @@ class Constraints:
             g -= self.motion(t)[0]
         if len(self._periodic):
             g[self._periodic] -= self._periods * np.round(g[self._periodic] / self._periods)
+        g[self._rates] = 0.0
         return g, G
 
     def bias(self, v: Array) -> Array:
@@ -139,9 +148,7 @@ class Constraints:
                 turning += lam[s].dot(Da.reshape(-1, 36)), lam[s].dot(Db.reshape(-1, 36))
             K[at[:, None], at] += here.torque(F, *turning.reshape(2, 6, 6))
         for part in self.joint_parts:
-            j, curve = part.columns[-1], part.curvature()[0]
-            K[j, j] -= lam[part.at] * curve
-            B[part.at, j] = -curve * v[j]
+            part.slopes(v, float(lam[part.at]), K, B[part.at])
         return K, B
 
     def bias_slopes(self, v: Array) -> tuple[Array, Array]:
@@ -152,8 +159,7 @@ class Constraints:
             for s, r, w in rows:
                 by_q[s, at], by_v[s, at] = here.bias(r.rate, w, *r.slopes(pair))
         for part in self.joint_parts:
-            j, (second, third) = part.columns[-1], part.curvature()
-            by_q[part.at, j], by_v[part.at, j] = -third * v[j] ** 2, -2 * second * v[j]
+            part.bias_slopes(v, by_q[part.at], by_v[part.at])
         return by_q, by_v
 
     def motion(self, t: float | None) -> Array:

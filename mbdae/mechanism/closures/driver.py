@@ -2,6 +2,7 @@
 
 A driver is one row 0 = g(t, q) = c(q) - u(t), with c a joint coordinate, the left side of a coupling or a distance.
 So g_t = -u', g_tt = -u'' and g_tq = 0. Its multiplier is the torque (N m) or force (N) of the drive, its power lam u'.
+A driver of speed gives u' alone: its row c' - u' has no g, and where c stands is left to the motion.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,10 +31,11 @@ class Driver(Table):
 
     Motions are functions of time with two derivatives: constant, harmonic, polynomial (constant speed w from u_0 on:
     coefficients u_0, w), table (a natural cubic spline, which goes on at the ends' speed; u''' jumps at its points,
-    where methods of order above 3 lose it), or Python functions.
+    where methods of order above 3 lose it), or Python functions. Speeds are functions of time with one derivative.
 
     Attributes:
-        motion: u(t), in rad or m.
+        motion: u(t), in rad or m; or
+        speed: its rate alone, in rad/s or m/s.
         joint: name of a joint of one coordinate, q_joint = u; or
         joints: names of joints i and j, with ``coefficients``: q_i - c_0 - c_1 q_j - c_2 q_j^2 - ... = u; or
         frames: names of two frames whose origins keep the distance u > 0.
@@ -45,7 +47,8 @@ class Driver(Table):
         UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
-    motion: Signal
+    motion: Signal | None = None
+    speed: Signal | None = None
     joint: str | None = None
     joints: tuple[str, str] | None = None
     frames: tuple[str, str] | None = None
@@ -62,9 +65,13 @@ class Driver(Table):
         names = self.between
         if len(set(names)) < len(names):
             raise ValueError(f"a driver joins {names[0]!r} with itself")
-        m = self.motion
-        if isinstance(m, Steps):
-            raise ValueError("a driver cannot follow steps: its motion needs two derivatives")
+        m, speed = self.motion, self.speed
+        if (m is None) == (speed is None):
+            raise ValueError("a driver needs one of motion and speed")
+        if isinstance(m or speed, Steps):
+            raise ValueError("a driver cannot follow steps: a motion needs two derivatives, and a speed needs one")
+        if isinstance(speed, Function) and speed.function and not speed.rate:
+            raise ValueError(f"the speed {speed.name!r} needs a rate: difference quotients lose the order")
         if isinstance(m, Function) and m.function and not (m.rate and m.acceleration):
             raise ValueError(f"the motion {m.name!r} needs rate and acceleration: difference quotients lose the order")
         if not self.name:
@@ -81,7 +88,7 @@ class Driver(Table):
         """Number of rows: 1."""
         return 1
 
-    def rows(self) -> Sequence[FrameRows] | Sequence[Coordinate]:
+    def primitives(self) -> Sequence[FrameRows] | Sequence[Coordinate]:
         """The row c(q), without u(t)."""
         if self.frames:
             return [Distance(0.0)]
@@ -90,14 +97,24 @@ class Driver(Table):
 
     @cached_property
     def path(self) -> Pieces | Signal:
-        """u(t): a table goes on at the ends' speed."""
+        """u(t), or the speed; a table of motion goes on at the ends' speed."""
         if isinstance(self.motion, TimeTable):
             return Pieces.of(curve(self.motion.points, self.motion.interpolation, held=False))
-        return self.motion
+        return self._given
+
+    @property
+    def _given(self) -> Any:
+        return self.motion if self.speed is None else self.speed
 
     def follow(self, t: float) -> Motion:
-        """Return u, u' and u'' at time t."""
+        """Return u (0 for a driver of speed), its first and its second derivative at time t."""
+        if self.speed is not None:
+            return 0.0, self.path.at(t), self.path.at(t, 1)
         return self.path.at(t), self.path.at(t, 1), self.path.at(t, 2)
+
+    def third(self, t: float) -> float:
+        """Return the third derivative of u at time t."""
+        return float(self._given.slope(t, 2 if self.speed is None else 1))
 
     def check(self, t: float) -> None:
         """Compare the derivatives of Python functions with difference quotients just behind t.
@@ -105,7 +122,7 @@ class Driver(Table):
         Raises:
             InputError: if one of them does not fit.
         """
-        if isinstance(self.motion, Function) and (mistake := self._mistake(t + 1e-3)):
+        if isinstance(self._given, Function) and (mistake := self._mistake(t + 1e-3)):
             raise InputError(mistake)
 
     def check_run(self, t0: float, t1: float) -> None:
@@ -115,7 +132,7 @@ class Driver(Table):
             StepError: if one of them does not fit at two times or more; the first is named.
         """
         length = abs(t1 - t0) - 2 * SPACING
-        if not isinstance(self.motion, Function) or length <= 0:
+        if not isinstance(self._given, Function) or length <= 0:
             return
         first = min(t0, t1) + SPACING
         times = sorted(first + length * (k * GOLDEN % 1.0) for k in range(1, SAMPLES + 1))
@@ -126,7 +143,8 @@ class Driver(Table):
     def _mistake(self, t: float) -> str:
         """Say which derivative does not fit its function around t; "" if both do."""
         before, here, behind = self.follow(t - SPACING), self.follow(t), self.follow(t + SPACING)
-        for k, what in ((0, "rate"), (1, "acceleration")):
+        given = ((0, "rate"), (1, "acceleration")) if self.speed is None else ((1, "rate"),)
+        for k, what in given:
             quotient = (behind[k] - before[k]) / (2 * SPACING)
             if abs(quotient - here[k + 1]) > 1e-3 * (1 + abs(quotient)):
                 return (
@@ -136,7 +154,7 @@ class Driver(Table):
         return ""
 
     @classmethod
-    def speed(cls, target: Target, rate: float, *, start: float = 0.0, **more: Any) -> "Driver":
+    def at_speed(cls, target: Target, rate: float, *, start: float = 0.0, **more: Any) -> "Driver":
         """Constant speed: u = start + rate t.
 
         Args:

@@ -1,4 +1,4 @@
-"""A row between coordinates of joints, bound to a workspace."""
+"""Rows between joints of one coordinate each, bound to a workspace."""
 
 from collections.abc import Sequence
 from fractions import Fraction
@@ -11,34 +11,39 @@ from ...errors import InputError
 from ...system import Array
 from ..frames import find_joint
 from ..joints import subspace
-from .rows import Coordinate
+from .rows import Coordinate, JointRow, Ratio
 
 LARGEST_DENOMINATOR = 1000
 
 
 class JointPart:
-    """One row between joint coordinates: g = x_i - p(x_j), with x an angle in (-pi, pi] for an unbounded joint.
+    """One row between joints.
 
     Attributes:
         at: number of the row.
-        joints: of Pinocchio's model, (1,) or (2,).
-        columns: velocity indices of the joints, (1,) or (2,).
+        joints: of Pinocchio's model, (k,).
+        columns: velocity indices of the joints between which the row is, (1,) or (2,).
+        polynomial: c_0, c_1, ...
         period: g is known up to multiples of it; 0 where it is known outright.
 
     Raises:
-        InputError: for joints of several coordinates, or a coupling that is not defined on unbounded joints.
+        InputError: for joints of several coordinates.
     """
 
-    def __init__(self, model: pin.Model, data: pin.Data, row: Coordinate, at: int, name: str) -> None:
+    kind = ""
+    period = 0.0
+
+    def __init__(
+        self, model: pin.Model, data: pin.Data, names: Sequence[str], row: JointRow, at: int, name: str
+    ) -> None:
         self.at, self.polynomial = at, row.coefficients
-        names = [row.joint, row.other] if row.other else [row.joint]
-        self.joints = [find_joint(model, n) for n in names]
-        for j, n in zip(self.joints, names, strict=True):
+        known = [n for n in names if n]
+        self.joints = [find_joint(model, n) for n in known]
+        for j, n in zip(self.joints, known, strict=True):
             if j.nv != 1:
                 raise InputError(f"{name!r} needs joints of one coordinate; joint {n!r} has nv = {j.nv}")
-        self.columns = [j.idx_v for j in self.joints]
+        self.columns = [j.idx_v for j in self.joints[:2]]
         self._live = [data.joints[j.id] for j in self.joints]
-        self.period = _period([j.nq == 2 for j in self.joints], row.coefficients, name)
 
     @property
     def unit(self) -> str:
@@ -48,25 +53,111 @@ class JointPart:
     def plain(self) -> dict[str, Any]:
         """Return what the compiled core is told of the row."""
         joints = [[j.idx_q, j.nq, j.idx_v] for j in self.joints]
-        return {"kind": "coordinate", "joints": joints, "c": list(self.polynomial), "period": self.period}
+        return {"kind": self.kind, "joints": joints, "c": list(self.polynomial), "period": self.period}
 
     def value(self) -> tuple[float, list[float]]:
-        """Return g and the entries of G in the columns."""
+        """Return g, 0 where there is none, and the entries of G in the columns."""
+        raise NotImplementedError
+
+    def bias(self, v: Array) -> float:
+        """Return Gdot v."""
+        raise NotImplementedError
+
+    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:
+        """Add d(G^T lam)/dq to K (nv, nv) and d(G v)/dq to B (nv,)."""
+        raise NotImplementedError
+
+    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:
+        """Add the slopes of Gdot v to by_q and by_v, (nv,) each."""
+        raise NotImplementedError
+
+
+class CoordinatePart(JointPart):
+    """g = x_i - p(x_j), with x an angle in (-pi, pi] for an unbounded joint.
+
+    Raises:
+        InputError: for a coupling that is not defined on unbounded joints.
+    """
+
+    kind = "coordinate"
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Coordinate, at: int, name: str) -> None:
+        super().__init__(model, data, (row.joint, row.other), row, at, name)
+        self.period = _period([j.nq == 2 for j in self.joints], row.coefficients, name)
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
         x, *other = (_coordinate(j.joint_q) for j in self._live)
         if not other:
             return x - sum(self.polynomial), [1.0]
         p, slope, *_ = _horner(self.polynomial, other[0])
         return x - p, [1.0, -slope]
 
-    def bias(self, v: Array) -> float:
-        """Return Gdot v = -p'' x_j'^2."""
-        return -self.curvature()[0] * float(v[self.columns[-1]]) ** 2
+    def bias(self, v: Array) -> float:  # noqa: D102
+        return -self._curvature()[0] * float(v[self.columns[-1]]) ** 2
 
-    def curvature(self) -> tuple[float, float]:
-        """Return the second and the third derivative of p at x_j; zero without joint j."""
+    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+        j, curve = self.columns[-1], self._curvature()[0]
+        K[j, j] -= lam * curve
+        B[j] -= curve * v[j]
+
+    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+        j, (second, third) = self.columns[-1], self._curvature()
+        by_q[j] -= third * v[j] ** 2
+        by_v[j] -= 2 * second * v[j]
+
+    def _curvature(self) -> tuple[float, float]:
+        """The second and the third derivative of p at x_j; zero without joint j."""
         if len(self._live) == 1:
             return 0.0, 0.0
         return _horner(self.polynomial, _coordinate(self._live[1].joint_q))[2:]
+
+
+class RatioPart(JointPart):
+    """0 = v_i - r(x_k) v_j, r a polynomial.
+
+    Raises:
+        InputError: for a ratio that an unbounded joint sets.
+    """
+
+    kind = "ratio"
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Ratio, at: int, name: str) -> None:
+        super().__init__(model, data, (row.joint, row.other, row.setting), row, at, name)
+        self.settings = [j.idx_v for j in self.joints[2:]]
+        if self.settings and self.joints[2].nq > 1:
+            what = f"powers of an unbounded joint's angle are not defined; bound joint {row.setting!r}"
+            raise InputError(f"{name!r}: {what}")
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+        return 0.0, [1.0, -self._ratio()[0]]
+
+    def bias(self, v: Array) -> float:  # noqa: D102
+        return -sum(float(self._ratio()[1] * v[self.columns[1]] * v[k]) for k in self.settings)
+
+    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+        j = self.columns[1]
+        for k in self.settings:
+            K[j, k] -= lam * self._ratio()[1]
+            B[k] -= self._ratio()[1] * v[j]
+
+    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+        j = self.columns[1]
+        for k in self.settings:
+            _, slope, curve, _ = self._ratio()
+            by_q[k] -= curve * v[k] * v[j]
+            by_v[j] -= slope * v[k]
+            by_v[k] -= slope * v[j]
+
+    def _ratio(self) -> tuple[float, float, float, float]:
+        """The ratio and its first three derivatives; a constant without joint k."""
+        return _horner(self.polynomial, _coordinate(self._live[2].joint_q) if len(self._live) > 2 else 0.0)
+
+
+def joint_part(model: pin.Model, data: pin.Data, row: JointRow, at: int, name: str) -> JointPart:
+    """Bind a row between joints to a workspace."""
+    if isinstance(row, Ratio):
+        return RatioPart(model, data, row, at, name)
+    return CoordinatePart(model, data, row, at, name)
 
 
 def _coordinate(q: Array) -> float:

@@ -5,18 +5,22 @@ Between two frames a row is a scalar g(q) whose rate is the power of a wrench w 
     d/dt g = w . (V_b - V_a),   G_row = sign * (w^T J),   gamma = dw/dt . (V_b - V_a) + w . (A_b - A_a),
 
 with spatial velocities V and accelerations A (for v' = 0) taken at the world's origin. So a row needs g, w and dw/dt
-only, and is exact off the manifold. Multipliers: N for rows measured in m, N m for products of axes. A row between
+only, and is exact off the manifold. A row of velocity only has w and no g (`mbdae.mechanism.closures.line_rows`).
+Multipliers: N for rows measured in m, N m for products of axes. A row between
 joint coordinates needs no frames; its multiplier is the torque (N m) or force (N) on the first joint.
 
 Names: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), section 9.4.
 """
 
+from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from ..frames import Pair, cross, skew, unit_gap
 from ..pair_slopes import carried, line_slopes, skews
+
+Vector = tuple[float, float, float]
 
 
 class FrameRows:
@@ -25,10 +29,12 @@ class FrameRows:
     Attributes:
         m: number of rows.
         unit: of g: ``"m"``, or ``"rad"`` for what is an angle where it is small.
+        positional: whether there is a g; rows of velocity only have none, and the unit is that of its rate times s.
     """
 
     m: int
     unit: ClassVar[str]
+    positional: ClassVar[bool] = True
 
     def plain(self) -> list[dict[str, Any]]:
         """Return what the compiled core is told of each row, a kind and its numbers; nothing if it has no such rows."""
@@ -80,7 +86,7 @@ class DotProduct1(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         a, b = pair.Ra @ self.a, pair.Rb @ self.b
-        da, db = _turned(pair.Va, a), _turned(pair.Vb, b)
+        da, db = turned(pair.Va, a), turned(pair.Vb, b)
         return np.concatenate([np.zeros_like(da), cross(db, a) + cross(b, da)])
 
     def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
@@ -110,8 +116,8 @@ class DotProduct2(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         n = pair.Ra @ self.axes
-        dn = _turned(pair.Va, n)
-        dp = _moved(pair.Vb, pair.pb)
+        dn = turned(pair.Va, n)
+        dp = moved(pair.Vb, pair.pb)
         return np.concatenate([dn, cross(dp, n) + cross(pair.pb[:, None], dn)])
 
     def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
@@ -142,8 +148,8 @@ class Distance(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         distance, n = unit_gap(pair)
-        dpb = _moved(pair.Vb, pair.pb)
-        dd, n = dpb - _moved(pair.Va, pair.pa), n[:, None]
+        dpb = moved(pair.Vb, pair.pb)
+        dd, n = dpb - moved(pair.Va, pair.pa), n[:, None]
         dn = (dd - n * (n * dd).sum()) / distance
         return np.concatenate([dn, cross(dpb, n) + cross(pair.pb[:, None], dn)])
 
@@ -152,14 +158,34 @@ class Distance(FrameRows):
         return Da[None], Db[None]
 
 
-def _turned(V: np.ndarray, n: np.ndarray) -> np.ndarray:
+def turned(V: np.ndarray, n: np.ndarray) -> np.ndarray:
     """Rates omega x n of axes n (3, m) that turn with the motion V (6,)."""
     return cross(V[3:, None], n)
 
 
-def _moved(V: np.ndarray, p: np.ndarray) -> np.ndarray:
+def moved(V: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Velocity (3, 1) of a point p (3,) that moves with the motion V (6,)."""
     return V[:3, None] + cross(V[3:, None], p[:, None])
+
+
+@lru_cache(maxsize=256)
+def between_frames(gap: str, direction: str, axis: Vector, other: Vector) -> tuple[FrameRows, ...]:
+    """Rows between frames; workspaces share them, and they hold nothing that changes."""
+    first, second = unit_axis(axis), unit_axis(other)
+    normals, (x, y, z) = np.linalg.svd(first[None])[2][1:].T, np.eye(3)
+    gaps = {"all": np.eye(3), "across": normals, "along": first[:, None]}
+    axes = {
+        "axis": (normals, np.column_stack([second, second])),
+        "frame": (np.array([x, y, z]).T, np.array([y, z, x]).T),
+        "cross": (first[:, None], second[:, None]),
+    }
+    out: list[FrameRows] = [DotProduct2(gaps[gap])] if gap else []
+    return (*out, DotProduct1(*axes[direction])) if direction else tuple(out)
+
+
+def unit_axis(axis: Vector) -> np.ndarray:
+    """An axis of length 1."""
+    return np.array(axis) / np.linalg.norm(axis)
 
 
 class Coordinate(NamedTuple):
@@ -175,3 +201,25 @@ class Coordinate(NamedTuple):
     other: str
     coefficients: tuple[float, ...]
     m: int = 1
+    positional: bool = True
+
+
+class Ratio(NamedTuple):
+    """One row of velocity v_i = r(q_k) v_j, r = c_0 + c_1 q_k + c_2 q_k^2 + ..., between joints of one coordinate each.
+
+    Attributes:
+        joint: name of joint i.
+        other: name of joint j.
+        setting: name of joint k; without one r = c_0.
+        coefficients: c_0, c_1, ...
+    """
+
+    joint: str
+    other: str
+    setting: str
+    coefficients: tuple[float, ...]
+    m: int = 1
+    positional: bool = False
+
+
+JointRow = Coordinate | Ratio

@@ -68,5 +68,5 @@ def time_slopes(s: "Index2System", t: float, q: Array, v: Array, states: Array, 
     out[-1] += lam @ bend
     third = np.zeros(s.ng)
     for at, driver in s.constraints.driven:
-        third[at] = driver.motion.slope(t, 2)
+        third[at] = driver.third(t)
     return out, -bend, -third

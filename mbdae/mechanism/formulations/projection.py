@@ -22,7 +22,7 @@ OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a fai
 def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> Array:
     """Return the nearest point with g(t, q) = 0 and G(q) v + g_t = 0, q first and then v, over all rows.
 
-    Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g with a truncated pseudoinverse, M
+    Rows of velocity have no part in q. Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g with a truncated pseudoinverse, M
     frozen; then v - M^-1/2 (G M^-1/2)^+ (G v + g_t). A step that does not halve |g| is not taken: near singular
     positions rounding in g stands for large corrections.
 
@@ -43,11 +43,11 @@ def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> 
     U = system.inertia(t, q)
     g, G = system.closures(None, t)
     system.counts.state_projections += 1
-    move = 0.0
+    move, kept = 0.0, system.constraints.positional
     for _ in range(ITERATIONS):
         if not tight and np.linalg.norm(g) <= ROUNDING * (1 + np.abs(q).max()):
             break
-        x = _smallest(U, G, g)
+        x = _smallest(U, G[kept], g[kept])
         move = float(np.abs(x).max())
         nearer = system.manifold.integrate(q, -x)
         residual = system.closures(nearer, t)

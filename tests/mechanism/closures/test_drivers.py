@@ -17,7 +17,7 @@ from mbdae.methods import method
 
 POINTS = [(0.0, 0.1), (0.5, 0.4), (1.2, -0.3), (2.0, 0.2)]
 MOTIONS = {
-    "speed": Driver.speed("a", 2.0, start=0.3),
+    "speed": Driver.at_speed("a", 2.0, start=0.3),
     "harmonic": Driver.harmonic("a", 0.4, 3.0, phase=0.2, offset=0.1),
     "polynomial": Driver.polynomial("a", (0.1, -0.4, 0.7, 0.2)),
     "table": Driver.table("a", POINTS),
@@ -56,7 +56,7 @@ def test_refusals():
     with pytest.raises(InputError, match=r"acceleration of driver .crank driver. is 0.001 at t = .*, but .*-0.001"):
         mbdae.load("four_bar", drivers=[wrong]).assemble()
     with pytest.raises(InputError, match="need names of their own"):
-        mbdae.load("four_bar", drivers=[Driver.speed("crank", 1.0), Driver.speed("crank", 1.0)])
+        mbdae.load("four_bar", drivers=[Driver.at_speed("crank", 1.0), Driver.at_speed("crank", 1.0)])
 
 
 @pytest.mark.parametrize(("k", "what"), [(1, "rate"), (2, "acceleration")])
@@ -211,7 +211,7 @@ def test_a_length_driven_to_nothing_stops_by_name():
     joint = model.addJoint(0, pin.JointModelTranslation(), pin.SE3.Identity(), "load")
     model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
     model.addFrame(pin.Frame("hook", joint, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    winch = Driver.speed(("world", "hook"), -2.0, start=1.3, name="winch")
+    winch = Driver.at_speed(("world", "hook"), -2.0, start=1.3, name="winch")
     mech = mbdae.Mechanism(model, drivers=[winch], start=Start(guess={"load": (0.0, 0.0, -1.0)}))
     sol = mbdae.solve(mech, (0, 1), rtol=1e-6)
     assert sol.status == "driver"

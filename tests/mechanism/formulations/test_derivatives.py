@@ -16,10 +16,14 @@ from mbdae.mechanism.frames import wrench_matrix
 
 PAIRS = [("tip_3", "tip_5"), ("tip_5", "tip_3"), ("tip_2", "tip_5"), ("ground", "tip_5"), ("tip_0", "tip_3")]
 CLOSURES = [
-    kind.closure.model_copy(
-        update={"name": name, **({"frames": pair} if kind.closure.frames else {"joints": ("rx_4", "py_2")})}
+    closure.model_copy(
+        update={"name": name, **({"frames": pair} if closure.frames else {"joints": ("rx_4", "py_2", "rx_4")[: len(closure.joints)]})}
     )
-    for (name, kind), pair in zip(closure_kinds.KINDS.items(), cycle([*PAIRS, ("tip_3", "world")]), strict=False)
+    for (name, closure), pair in zip(
+        {**{name: kind.closure for name, kind in closure_kinds.KINDS.items()}, **closure_kinds.ROLLING}.items(),
+        cycle([*PAIRS, ("tip_3", "world")]),
+        strict=False,
+    )
 ]
 DRIVERS = [
     Driver.harmonic("rx_4", 0.7, 3.0, name="driver"),
@@ -29,8 +33,13 @@ DRIVERS = [
 
 def test_every_kind_of_closure_is_tried():
     assert {c.kind for c in CLOSURES} == set(KINDS)
-    rows = [c for c in FrameRows.__subclasses__() if c.__module__.startswith("mbdae")]
-    assert all(c.slopes is not FrameRows.slopes for c in rows)
+    assert all(c.slopes is not FrameRows.slopes for c in primitives())
+
+
+def primitives(base=FrameRows):
+    """The kinds of rows between frames that are used."""
+    found = [c for c in base.__subclasses__() if c.__module__.startswith("mbdae")]
+    return {kind for c in found for kind in primitives(c) or {c}}
 
 
 def closed(kind):
@@ -74,7 +83,7 @@ def test_wrenches_turn_with_both_frames():
                 met.add(type(r))
                 for one, both in zip(w.T, Da + Db, strict=True):
                     close(both, wrench_matrix(one), 1e-15, size=np.abs(Da).max())
-    assert met == {c for c in FrameRows.__subclasses__() if c.__module__.startswith("mbdae")}
+    assert met == primitives()
 
 
 def test_stiffness_is_symmetric_at_an_equilibrium():

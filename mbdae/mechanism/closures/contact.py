@@ -1,0 +1,176 @@
+"""A convex body of b rolls on a surface of a: where they touch, and how that place moves.
+
+n is the surface's normal towards b and p the lowest point of the body, p_b - R_b grad h(R_b^T n) with its support
+function h. The height over the surface is g = n . (p - p_a); its row is along n, for the lowest point is where h does
+not change when n turns. Rows of grip are along tangents. With the axle s of a wheel and n up, t = s x n/|s x n| points
+ahead and n x t to the left.
+
+    wheel        h = tyre + rim |m|, m = n - (n . s) s, u = m/|m|:   p = p_b - rim u - tyre n
+    ellipsoid    h = sqrt(n . D n) - c . n, D = diag(a_i^2):         p = p_b + c - D n/sqrt(n . D n)
+
+Source: A. Bloch, Nonholonomic Mechanics and Control (2003), section 1.4; Meijaard, Papadopoulos, Ruina, Schwab,
+Proc. R. Soc. A 463 (2007) for wheels.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...errors import StepError
+from ...system import Array
+from ..frames import Pair, cross
+from .line_rows import LineRows, Lines, still, unit
+from .rows import moved, turned
+
+FLAT = 1e-6  # rad between an axle and the normal: a wheel that lies flat has no lowest point, and no heading
+POLAR = 0.8  # of n . z: beyond, tangents on a sphere are taken from x
+
+
+class Touch(NamedTuple):
+    """Where body and surface are nearest, and its rates; columns (3, 1)."""
+
+    n: Array
+    p: Array
+    dn: Array
+    dp: Array
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The body, in the second frame, and the surface of a, in the first frame.
+
+    Attributes:
+        axle: unit vector, (3,); None for a sphere or an ellipsoid without heading.
+        rim: radius of the circle of the tyre's section's centre, in m; 0 for a sphere.
+        tyre: radius of the tyre's section in m; 0 for a knife edge.
+        semi_axes: of an ellipsoid in m, (3,), or None.
+        centre: of an ellipsoid in m, (3,).
+        surface: ``"plane"`` with normal z, ``"sphere"`` or ``"cylinder"`` about z.
+        curve: radius of a sphere or cylinder in m, negative where the body rolls inside.
+    """
+
+    axle: tuple[float, float, float] | None
+    rim: float
+    tyre: float
+    semi_axes: tuple[float, float, float] | None
+    centre: tuple[float, float, float]
+    surface: str
+    curve: float
+
+    def plain(self) -> dict[str, Any]:
+        """Return the numbers of the shape for the compiled core."""
+        axes = self.semi_axes or (0.0, 0.0, 0.0)
+        numbers = [self.rim, self.tyre, self.curve, *(self.axle or (0.0, 0.0, 0.0)), *(a * a for a in axes)]
+        return {
+            "shape": [*numbers, *self.centre],
+            "body": "ellipsoid" if self.semi_axes else "wheel" if self.axle else "sphere",
+            "surface": self.surface,
+        }
+
+    def touch(self, pair: Pair) -> Touch:
+        """Find the nearest points, and their rates for the velocities of the pair."""
+        n, dn = self.normal(pair)
+        pb, vb = pair.pb[:, None], moved(pair.Vb, pair.pb)
+        if self.semi_axes:
+            R, w = pair.Rb, pair.Vb
+            D = (R * np.square(self.semi_axes)).dot(R.T)
+            c = R.dot(np.array(self.centre)[:, None])
+            Dn = D.dot(n)
+            spin = dn - turned(w, n)
+            size = np.sqrt((n * Dn).sum())
+            dDn = turned(w, Dn) + D.dot(spin)
+            grad = Dn / size
+            return Touch(n, pb + c - grad, dn, vb + turned(w, c) - (dDn - grad * ((grad * spin).sum())) / size)
+        p, dp = pb - self.tyre * n, vb - self.tyre * dn
+        if self.rim and self.axle:
+            s = self.axis(pair)
+            ds, along = turned(pair.Vb, s), (n * s).sum()
+            m = n - along * s
+            _refuse_flat(m)
+            u, du = unit(m, dn - ((dn * s).sum() + (n * ds).sum()) * s - along * ds)
+            p, dp = p - self.rim * u, dp - self.rim * du
+        return Touch(n, p, dn, dp)
+
+    def normal(self, pair: Pair) -> tuple[Array, Array]:
+        """The surface's normal and its rate."""
+        z = pair.Ra[:, 2:]
+        dz = turned(pair.Va, z)
+        if self.surface == "plane":
+            return z, dz
+        d, dd = _apart(pair)
+        if self.surface == "cylinder":
+            along = (z * d).sum()
+            d, dd = d - along * z, dd - along * dz - ((dz * d).sum() + (z * dd).sum()) * z
+        n, dn = unit(d, dd)
+        return (n, dn) if self.curve > 0 else (-n, -dn)
+
+    def height(self, pair: Pair) -> float:
+        """The gap in m."""
+        t = self.touch(still(pair))
+        if self.surface == "plane":
+            return float((t.n * (t.p - pair.pa[:, None])).sum())
+        return float((t.n * (t.p - pair.pa[:, None])).sum()) - self.curve
+
+    def axis(self, pair: Pair) -> Array:
+        """The axle in the world, (3, 1)."""
+        return pair.Rb.dot(np.array(self.axle)[:, None])
+
+    def heading(self, pair: Pair, n: Array, dn: Array) -> tuple[Array, Array]:
+        """A tangent and its rate: ahead for a wheel; x of a on a plane, else round the z axis of a."""
+        if self.axle:
+            s = self.axis(pair)
+            _refuse_flat(ahead := cross(s, n))
+            return unit(ahead, cross(turned(pair.Vb, s), n) + cross(s, dn))
+        x, z = pair.Ra[:, :1], pair.Ra[:, 2:]
+        if self.surface == "plane":
+            return x, turned(pair.Va, x)
+        d = x if self.surface == "sphere" and abs((n * z).sum().real) > POLAR else z
+        return unit(cross(d, n), cross(turned(pair.Va, d), n) + cross(d, dn))
+
+
+class Height(LineRows):
+    """g = n . (p - p_a): the lowest point of a body stays on a surface; its multiplier presses where it is positive."""
+
+    m, positional = 1, True
+
+    def __init__(self, shape: Shape) -> None:
+        self.shape = shape
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "height", **self.shape.plain()}]
+
+    def residual(self, pair: Pair) -> Array:  # noqa: D102
+        return np.array([self.shape.height(pair)])
+
+    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+        n, p, dn, dp = self.shape.touch(pair)
+        return Lines(n, p, dn, dp)
+
+
+class Grip(LineRows):
+    """No slip at the lowest point along tangents, at angles (m,) in rad from the heading towards the left."""
+
+    def __init__(self, shape: Shape, angles: tuple[float, ...]) -> None:
+        self.shape, self.m = shape, len(angles)
+        self.share = np.array([np.cos(angles), np.sin(angles)])
+        self.share[np.abs(self.share) < 1e-15] = 0.0
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "grip", **self.shape.plain(), "share": share.tolist()} for share in self.share.T]
+
+    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+        n, p, dn, dp = self.shape.touch(pair)
+        t, dt = self.shape.heading(pair, n, dn)
+        ahead, left = self.share[:1], self.share[1:]
+        e = t.dot(ahead) + cross(n, t).dot(left)
+        return Lines(e, p, dt.dot(ahead) + (cross(dn, t) + cross(n, dt)).dot(left), dp)
+
+
+def _apart(pair: Pair) -> tuple[Array, Array]:
+    return (pair.pb - pair.pa)[:, None], moved(pair.Vb, pair.pb) - moved(pair.Va, pair.pa)
+
+
+def _refuse_flat(x: Array) -> None:
+    if not np.sqrt((x * x).sum()).real > FLAT:
+        raise StepError("singular", "the wheel lies flat: it has no lowest point")

@@ -1,0 +1,79 @@
+"""Which keys the kinds of closures take, and which of their values fit each other."""
+
+from math import pi
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .closure import Closure
+
+BETWEEN_FRAMES: dict[str, tuple[str, str]] = {  # kind: which gaps vanish, which directions are kept
+    "point": ("all", ""),
+    "revolute": ("all", "axis"),
+    "frame": ("all", "frame"),
+    "prismatic": ("across", "frame"),
+    "cylindrical": ("across", "axis"),
+    "universal": ("all", "cross"),
+    "in_plane": ("along", ""),
+    "in_line": ("across", ""),
+    "parallel": ("", "axis"),
+}
+OTHER_KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, and further ones
+    "distance": (("frames", "length"), ()),
+    "coupling": (("joints", "coefficients"), ()),
+    "rolling": (
+        ("frames",),
+        ("radius", "tyre", "axis", "semi_axes", "centre", "grip", "contact", "surface", "surface_radius"),
+    ),
+    "knife_edge": (("frames", "axis"), ()),
+    "gear": (("frames", "radii"), ("axis",)),
+    "screw": (("frames", "lead"), ("axis",)),
+    "ratio": (("joints", "coefficients"), ()),
+}
+GRIPS = {"full": (0.0, pi / 2), "longitudinal": (0.0,), "lateral": (pi / 2,), "none": ()}
+
+
+def keys(kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Keys that a closure of this kind needs, and those that it may have."""
+    if kind in OTHER_KEYS:
+        needed, more = OTHER_KEYS[kind]
+        return ("kind", *needed), ("name", *more)
+    gap, direction = BETWEEN_FRAMES[kind]
+    axis = ("axis",) if gap in ("across", "along") or direction in ("axis", "cross") else ()
+    second = ("second_axis",) if direction in ("axis", "cross") else ()
+    return ("kind", "frames"), ("name", *axis, *second)
+
+
+def check_numbers(closure: "Closure") -> None:
+    """See that the values of keys that belong to a kind fit each other.
+
+    Raises:
+        ValueError: if they do not.
+    """
+    n = len(closure.coefficients or ())
+    if closure.kind == "coupling" and (len(closure.joints or ()) > 2 or n < 2):
+        raise ValueError("a coupling has two joints, and two coefficients or more")
+    if closure.kind == "ratio" and (n > 1) != (len(closure.joints or ()) > 2):
+        raise ValueError("a ratio needs a third joint for coefficients c_1, ..., and has none without")
+    if closure.kind == "gear" and not (closure.radii and all(closure.radii) and sum(closure.radii)):
+        raise ValueError("radii must not be zero, nor their sum")
+    if closure.kind == "screw" and not closure.lead:
+        raise ValueError("lead must not be zero")
+    if closure.kind != "rolling":
+        return
+    if (closure.radius is None) == (closure.semi_axes is None):
+        raise ValueError("a rolling closure needs one of radius and semi_axes")
+    if closure.semi_axes and (closure.tyre is not None or closure.axis is not None or min(closure.semi_axes) <= 0):
+        raise ValueError("semi_axes are positive, and tyre and axis belong to radius")
+    if closure.radius and (closure.centre is not None or (closure.tyre or 0) > closure.radius):
+        raise ValueError("centre belongs to semi_axes, and tyre is at most radius")
+    if closure.radius and closure.axis is None and closure.tyre not in (None, closure.radius):
+        raise ValueError("a wheel needs its axis; without one it is a sphere, whose tyre is its radius")
+    if not closure.primitives():
+        raise ValueError("nothing is kept: grip is 'none' and contact is false")
+    curve, surface = closure.surface_radius, closure.surface or "plane"
+    if (curve is None) != (surface == "plane"):
+        raise ValueError("surface_radius belongs to surface 'sphere' or 'cylinder', which need it")
+    if curve is not None and (closure.axis or closure.semi_axes or closure.grip not in (None, "full", "none")):
+        raise ValueError("on spheres and cylinders roll spheres without an axis, with grip 'full' or 'none'")
+    if curve is not None and (not curve or (curve < 0 and -curve <= (closure.radius or 0))):
+        raise ValueError("surface_radius is not zero, and a sphere inside is smaller")

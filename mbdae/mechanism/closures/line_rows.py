@@ -1,0 +1,141 @@
+"""Rows of velocity only: the velocities of two bodies at a point keep equal along lines through it.
+
+    0 = w . (V_b - V_a) + ...,   w = [e; p x e],   w' = [e'; p' x e + p x e']
+
+with unit vectors e through a point p: a force along e. A kind gives e, p and their rates for the motions of both
+frames; nothing drifts, for there is no g. Rates are linear in the motions, which gives the slopes of w:
+w' = Da V_a + Db V_b.
+
+Source: J. I. Neimark, N. A. Fufaev, Dynamics of Nonholonomic Systems (1972), chapter 3.
+"""
+
+from copy import copy
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...system import Array
+from ..frames import Pair, cross
+from .rows import FrameRows, moved, turned
+
+
+class Lines(NamedTuple):
+    """Lines and how they move.
+
+    Attributes:
+        e: directions, (3, m).
+        p: a point of all of them in m, (3, 1).
+        de: rates of e, (3, m).
+        dp: rate of p in m/s, (3, 1).
+    """
+
+    e: Array
+    p: Array
+    de: Array
+    dp: Array
+
+
+class LineRows(FrameRows):
+    """Rows along m lines through one point.
+
+    Attributes:
+        lead: what a row asks of the relative turn about its line, in m/rad: w = [e; p x e - lead e].
+    """
+
+    unit = "m"
+    positional = False
+    lead = 0.0
+
+    def lines(self, pair: Pair) -> Lines:
+        """Return the lines where the pair stands, and their rates for its velocities Va, Vb."""
+        raise NotImplementedError
+
+    def residual(self, pair: Pair) -> Array:  # noqa: D102
+        return np.zeros(self.m)
+
+    def wrenches(self, pair: Pair, w: Array) -> None:  # noqa: D102
+        e, p = self.lines(still(pair))[:2]
+        w[:3], w[3:] = e, cross(p, e) - self.lead * e
+
+    def rate(self, pair: Pair) -> Array:  # noqa: D102
+        e, p, de, dp = self.lines(pair)
+        return np.concatenate([de, cross(dp, e) + cross(p, de) - self.lead * de])
+
+    def slopes(self, pair: Pair) -> tuple[Array, Array]:  # noqa: D102
+        Da, Db = np.empty((2, self.m, 6, 6))
+        at = still(pair)
+        for i, unit in enumerate(np.eye(6)):
+            at.Va, at.Vb = unit, at.zero
+            Da[:, :, i] = self.rate(at).T
+            at.Va, at.Vb = at.zero, unit
+            Db[:, :, i] = self.rate(at).T
+        return Da, Db
+
+
+def still(pair: Pair) -> Any:
+    """A pair at the same place, at rest."""
+    at: Any = copy(pair)
+    at.Va = at.Vb = at.zero = np.zeros(6)
+    return at
+
+
+class KnifeEdge(LineRows):
+    """No slip of b's origin against a along an axis of b, (3,)."""
+
+    m = 1
+
+    def __init__(self, axis: Array) -> None:
+        self.axis = axis[:, None]
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "knife_edge", "b": self.axis[:, 0].tolist()}]
+
+    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+        e = pair.Rb.dot(self.axis)
+        return Lines(e, pair.pb[:, None], turned(pair.Vb, e), moved(pair.Vb, pair.pb))
+
+
+class Screw(LineRows):
+    """b advances along an axis of a, (3,), by ``lead`` in m per radian of its turn about it."""
+
+    m = 1
+
+    def __init__(self, axis: Array, lead: float) -> None:
+        self.axis, self.lead = axis[:, None], lead
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "screw", "a": self.axis[:, 0].tolist(), "length": self.lead}]
+
+    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+        e = pair.Ra.dot(self.axis)
+        return Lines(e, pair.pb[:, None], turned(pair.Va, e), moved(pair.Vb, pair.pb))
+
+
+class Gear(LineRows):
+    """Wheels of a and b about parallel axes, an axis of a (3,), do not slip at the pitch point.
+
+    It divides the line of centres as the radii do: p = p_a + share (p_b - p_a), share = r_a/(r_a + r_b); the row is
+    along e = k x (p_b - p_a)/|.|.
+    """
+
+    m = 1
+
+    def __init__(self, axis: Array, share: float) -> None:
+        self.axis, self.share = axis[:, None], share
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "gear", "a": self.axis[:, 0].tolist(), "length": self.share}]
+
+    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+        pa, va = pair.pa[:, None], moved(pair.Va, pair.pa)
+        d, dd = pair.pb[:, None] - pa, moved(pair.Vb, pair.pb) - va
+        k = pair.Ra.dot(self.axis)
+        e, de = unit(cross(k, d), cross(turned(pair.Va, k), d) + cross(k, dd))
+        return Lines(e, pa + self.share * d, de, va + self.share * dd)
+
+
+def unit(x: Array, dx: Array) -> tuple[Array, Array]:
+    """Return x/|x| and its rate, for a column x (3, 1) and its rate; complex steps pass."""
+    size = np.sqrt((x * x).sum())
+    e = x / size
+    return e, (dx - e * (e * dx).sum()) / size
