@@ -107,10 +107,11 @@ std::vector<std::pair<Anchor, Anchor>> pairs(const nb::list& list, int joints) {
 Row row(const nb::dict& d, const Sizes& n, int pair_count) {
   Row r;
   const RowKind k = kind(ROW_KINDS, get<std::string>(d, "kind"));
-  r.kind = k.kind, r.has_a = k.a, r.has_b = k.b;
-  if (r.kind == Row::coordinate) {
+  r.kind = k.kind, r.has_a = k.a, r.has_b = k.b, r.positional = k.positional;
+  if (r.between_joints()) {
     const auto joints = get<std::vector<std::vector<int>>>(d, "joints");
-    if (joints.empty() || joints.size() > 2) refuse("a coordinate row has one joint or two");
+    const size_t few = r.kind == Row::ratio ? 2 : 1;
+    if (joints.size() < few || joints.size() > few + 1) refuse("a row between joints has one to three of them");
     for (size_t i = 0; i < joints.size(); ++i) {
       if (joints[i].size() != 3) refuse("a joint is given by iq, nq, iv");
       r.iq[i] = joints[i][0], r.nq[i] = joints[i][1], r.iv[i] = joints[i][2];
@@ -130,6 +131,19 @@ Row row(const nb::dict& d, const Sizes& n, int pair_count) {
   if (k.a) axis("a", r.a);
   if (k.b) axis("b", r.b);
   if (k.length) r.length = get<double>(d, "length");
+  if (r.kind == Row::height || r.kind == Row::grip) {
+    r.shape.body = mbdae::kind(BODIES, get<std::string>(d, "body"));
+    r.shape.surface = mbdae::kind(SURFACES, get<std::string>(d, "surface"));
+    axis("axle", r.shape.axle), axis("squares", r.shape.squares), axis("centre", r.shape.centre);
+    const auto x = get<Numbers>(d, "shape");
+    if (x.size() != 5) refuse("a shape has five numbers");
+    r.shape.rim = x[0], r.shape.tyre = x[1], r.shape.curve = x[2], r.shape.flat = x[3], r.shape.polar = x[4];
+  }
+  if (r.kind == Row::grip) {
+    const auto x = get<Numbers>(d, "share");
+    if (x.size() != 2) refuse("a row of grip has two shares");
+    std::copy(x.begin(), x.end(), r.share);
+  }
   return r;
 }
 

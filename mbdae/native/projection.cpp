@@ -17,14 +17,21 @@ void restore(Index2System& s, double t, double* y) {
   s.counts.state_projections += 1;
   Numbers g(point.g), gap(ng), x(nv), nearer(nq), G(point.G.size());
   s.constraints.gaps(t, g.data());
-  auto smallest = [&](const Numbers& r) {  // x of least |x| in the mass metric with G x = r, by least squares
-    least(nv, ng, point.Z.data(), r.data(), limits.truncation, x.data());
+  auto smallest = [&](const Numbers& Z, const Numbers& r) {  // x of least |x| in the mass metric with G x = r
+    least(nv, ng, Z.data(), r.data(), limits.truncation, x.data());
     point.back(x.data());
+  };
+  Numbers kept;
+  auto positional = [&]() -> const Numbers& {  // rows of velocity have no part in q
+    kept = point.Z;
+    for (int k : s.constraints.all)
+      if (!s.constraints.rows[k].positional) std::fill_n(&kept[static_cast<size_t>(k) * nv], nv, 0.0);
+    return kept;
   };
   double move = 0;
   for (int i = 0; i < limits.iterations; ++i) {
     if (norm(g.data(), ng) <= limits.rounding * (1 + largest(q, nq))) break;
-    smallest(g);
+    smallest(positional(), g);
     move = largest(x.data(), nv);
     for (double& c : x) c = -c;
     s.manifold.integrate(q, x.data(), nearer.data());
@@ -44,7 +51,7 @@ void restore(Index2System& s, double t, double* y) {
   s.constraints.speed(t, rate.data());
   for (int k = 0; k < ng; ++k) rate[k] += dot(&point.G[static_cast<size_t>(k) * nv], v, nv);
   if (norm(rate.data(), ng) > limits.rounding * (1 + largest(v, nv))) {
-    smallest(rate);
+    smallest(point.Z, rate);
     for (int i = 0; i < nv; ++i) v[i] -= x[i];
   }
   if (!finite(y, s.length)) throw Trouble();

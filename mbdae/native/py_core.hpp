@@ -45,7 +45,7 @@ struct PyCore {
       auto d = nb::cast<nb::dict>(h);
       const int at = get<int>(d, "row");
       within({at}, static_cast<int>(out.rows.size()), "row");
-      out.drivers.push_back({at, get<bool>(d, "length"), signal(nb::cast<nb::dict>(d["motion"]), *callbacks)});
+      out.drivers.push_back({at, get<bool>(d, "length"), get<bool>(d, "speed"), signal(nb::cast<nb::dict>(d["motion"]), *callbacks)});
     }
     for (nb::handle h : law_list) {
       int pair;

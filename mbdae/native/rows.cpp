@@ -6,6 +6,7 @@
 #include <numeric>
 #include <set>
 
+#include "lines.hpp"
 #include "pair_slopes.hpp"
 #include "vec3.hpp"
 
@@ -47,13 +48,23 @@ Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<std::vector<int
   std::copy(a.R, a.R + 9, Ra), std::copy(a.p, a.p + 3, pa), std::copy(b.R, b.R + 9, Rb), std::copy(b.p, b.p + 3, pb);
 }
 
-void Pair::locate(const Mechanics& m) { place(m, a, turns_a, Ra, pa), place(m, b, turns_b, Rb, pb); }
+void Pair::locate(const Mechanics& m) {
+  place(m, a, turns_a, Ra, pa), place(m, b, turns_b, Rb, pb);
+  known_ = nothing;
+}
 
 void Pair::twist(const Mechanics& m) {
   double other[6];
   m.velocity(a.joint, Va), m.velocity(b.joint, Vb);
   m.acceleration(a.joint, other), m.acceleration(b.joint, A);
   for (int i = 0; i < 6; ++i) A[i] -= other[i];
+  known_ = nothing;
+}
+
+const Touch& Pair::touch(const Shape& s, bool moving) const {
+  const Known wanted = moving ? rates : places;
+  if (known_ < wanted) mbdae::touch(s, *this, moving ? Va : nullptr, Vb, touch_), known_ = wanted;
+  return touch_;
 }
 
 void Pair::relative(const Mechanics& m, const double* v, double* out) const {
@@ -84,6 +95,7 @@ double unit_gap(const Pair& pair, double* n) {
 
 double Row::wrench(const Pair& pair, double* w) const {
   double g = 0;
+  if (kind >= height) return line_wrench(*this, pair, w);
   if (kind == dot_product_1) {
     double x[3], y[3];
     turn(pair.Ra, a, x), turn(pair.Rb, b, y);
@@ -105,9 +117,12 @@ double Row::wrench(const Pair& pair, double* w) const {
 
 double Row::rate(const Pair& pair) const {
   double w[6], dw[6] = {0, 0, 0, 0, 0, 0}, relative[6], out = 0;
+  if (touches(*this)) pair.touch(shape, true);
   wrench(pair, w);
   for (int i = 0; i < 6; ++i) relative[i] = pair.Vb[i] - pair.Va[i], out += pair.A[i] * w[i];
-  if (kind == dot_product_1) {
+  if (kind >= height) {
+    line_rate(*this, pair, pair.Va, pair.Vb, touches(*this) ? &pair.touch(shape, true) : nullptr, dw);
+  } else if (kind == dot_product_1) {
     double x[3], y[3], dx[3], dy[3], s[3], u[3];
     turn(pair.Ra, a, x), turn(pair.Rb, b, y);
     cross(pair.Va + 3, x, dx), cross(pair.Vb + 3, y, dy);
@@ -137,6 +152,7 @@ double Row::rate(const Pair& pair) const {
 void Row::slopes(const Pair& pair, Turning& t) const {
   wrench(pair, t.F);
   if (kind == distance) return line_slopes(pair, 1, t);
+  if (kind >= height) return slopes_of_line(*this, pair, t);
   double x[3], X[9], P[9], PX[9];
   turn(pair.Ra, a, x), skew(x, X);
   if (kind == dot_product_1) {
@@ -152,6 +168,11 @@ void Row::slopes(const Pair& pair, Turning& t) const {
 }
 
 double Row::coordinate_value(const double* q, double* slope) const {
+  if (kind == ratio) {
+    double by, curve;
+    horner(c, iv[2] < 0 ? 0 : angle(q + iq[2], nq[2]), *slope, by, curve);
+    return 0;
+  }
   const double x = angle(q + iq[0], nq[0]);
   double p = 0, curve = 0;
   *slope = 0;
@@ -164,13 +185,22 @@ double Row::coordinate_value(const double* q, double* slope) const {
 }
 
 double Row::coordinate_bias(const double* q, const double* v) const {
-  return iv[1] < 0 ? 0 : -curvature(q) * v[iv[1]] * v[iv[1]];
+  const int k = kind == ratio ? iv[2] : iv[1];
+  return k < 0 ? 0 : -curvature(q) * v[iv[1]] * v[k];
 }
 
 double Row::curvature(const double* q) const {
   double p, slope, curve;
-  horner(c, angle(q + iq[1], nq[1]), p, slope, curve);
-  return curve;
+  const int k = kind == ratio ? 2 : 1;
+  horner(c, angle(q + iq[k], nq[k]), p, slope, curve);
+  return kind == ratio ? slope : curve;
+}
+
+void Row::coordinate_slopes(const double* q, const double* v, double lam, double* K, double* B, size_t width) const {
+  const int j = iv[1], k = kind == ratio ? iv[2] : j;
+  if (k < 0) return;
+  const double curve = curvature(q);
+  K[j * width + k] -= lam * curve, B[k] -= curve * v[j];
 }
 
 Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
@@ -184,7 +214,7 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
   }
   of_pair.resize(pairs.size());
   for (Row& r : rows) {
-    if (r.kind == Row::coordinate) {
+    if (r.between_joints()) {
       std::set<int> columns;
       for (int i : r.iv)
         if (i >= 0) columns.insert(i), columns.insert(m.ancestors[i].begin(), m.ancestors[i].end());
@@ -196,7 +226,10 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
     r.columns = pair.columns;
     if (r.has_a) pair.turns_a = true;
     if (r.has_b) pair.turns_b = true;
+    if (touches(r)) pair.turns_a = pair.turns_b = true;
   }
+  for (const Driver& d : drivers)
+    if (d.speed) rows[d.row].positional = false;
 }
 
 void Constraints::value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g) {
@@ -205,10 +238,10 @@ void Constraints::value(const Mechanics& m, const double* q, const std::vector<i
   for (int r : which) {
     const Row& row = rows[r];
     double* out = G + static_cast<size_t>(r) * m.nv;
-    if (row.kind == Row::coordinate) {
+    if (row.between_joints()) {
       double slope;
       const double x = row.coordinate_value(q, &slope);
-      if (g) g[r] = x;
+      if (g) g[r] = row.positional ? x : 0;
       for (int c : row.columns) out[c] = 0;
       out[row.iv[0]] = 1;
       if (row.iv[1] >= 0) out[row.iv[1]] = -slope;
@@ -218,7 +251,7 @@ void Constraints::value(const Mechanics& m, const double* q, const std::vector<i
     if (row.pair != located) pair.locate(m), located = row.pair;
     double w[6];
     const double x = row.wrench(pair, w);
-    if (g) g[r] = x;
+    if (g) g[r] = row.positional ? x : 0;
     for (size_t k = 0; k < pair.columns.size(); ++k) {
       const double* j = J + 6 * pair.columns[k];
       out[pair.columns[k]] = pair.sign[k] == 0 ? 0 : pair.sign[k] * (dot(w, j) + dot(w + 3, j + 3));
@@ -233,7 +266,7 @@ void Constraints::gaps(double t, double* g) const {
     g[d.row] -= u[0];
   }
   for (size_t r = 0; r < rows.size(); ++r)
-    if (rows[r].period > 0) g[r] -= rows[r].period * std::nearbyint(g[r] / rows[r].period);
+    if (rows[r].period > 0 && rows[r].positional) g[r] -= rows[r].period * std::nearbyint(g[r] / rows[r].period);
 }
 
 void Constraints::bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which,
@@ -241,7 +274,7 @@ void Constraints::bias(const Mechanics& m, const double* q, const double* v, con
   int located = -1;
   for (int r : which) {
     const Row& row = rows[r];
-    if (row.kind == Row::coordinate) {
+    if (row.between_joints()) {
       out[r] = row.coordinate_bias(q, v);
       continue;
     }
@@ -253,7 +286,7 @@ void Constraints::bias(const Mechanics& m, const double* q, const double* v, con
 
 void Constraints::motion(double t, const Driver& d, double* u) const {
   for (int k = 0; k < 3; ++k) {
-    u[k] = d.motion.at(t, k);
+    u[k] = !d.speed ? d.motion.at(t, k) : k ? d.motion.at(t, k - 1) : 0;
     if (!std::isfinite(u[k])) throw Trouble();
   }
   if (d.length && !(u[0] > 0)) throw Trouble();

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "contact.hpp"
 #include "linear.hpp"
 #include "mechanics.hpp"
 #include "signals.hpp"
@@ -34,6 +35,13 @@ struct Pair {
   std::vector<int> columns;             // that move a or b, in rising order, common ancestors included
   std::vector<double> sign;             // of each of them; 0 for common ancestors
   double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
+
+  const Touch& touch(const Shape& s, bool moving) const;  // for the rows of a pair, which have one shape
+
+ private:
+  enum Known { nothing, places, rates };
+  mutable Known known_ = nothing;
+  mutable Touch touch_;
 };
 
 struct Turning;
@@ -41,38 +49,54 @@ struct Turning;
 double unit_gap(const Pair& pair, double* n);  // distance, and the unit vector from a to b
 
 struct Row {
-  enum Kind { dot_product_1, dot_product_2, distance, coordinate } kind = distance;
+  enum Kind {
+    dot_product_1, dot_product_2, distance, coordinate, ratio, height, grip, knife_edge, gear, screw
+  } kind = distance;
+  bool positional = true;  // there is a g; else it is 0
   int pair = -1;
   bool has_a = false, has_b = false;
   double a[3] = {0, 0, 0}, b[3] = {0, 0, 0};  // axes fixed in a and b
-  double length = 0;
-  int iq[2] = {-1, -1}, iv[2] = {-1, -1}, nq[2] = {1, 1};  // joints of a coordinate row; the second may be missing
-  std::vector<double> c;                                   // its polynomial
+  double length = 0;        // or lead of a screw, or share of a gear
+  Shape shape;              // of what rolls
+  double share[2] = {0, 0};  // of the tangents ahead and to the left in a row of grip
+  int iq[3] = {-1, -1, -1}, iv[3] = {-1, -1, -1}, nq[3] = {1, 1, 1};  // joints of a row between joints; -1: missing
+  std::vector<double> c;                                              // its polynomial
   double period = 0;
   std::vector<int> columns;  // where G may differ from 0, and all their ancestors, in rising order
 
   double wrench(const Pair& pair, double* w) const;                // g, and the wrench on b, (6,)
   double rate(const Pair& pair) const;                             // Gdot v
   void slopes(const Pair& pair, Turning& t) const;                 // the wrench, Da and Db
-  double coordinate_value(const double* q, double* slope) const;   // g, and p'(x_j)
+  bool between_joints() const { return kind == coordinate || kind == ratio; }
+  double coordinate_value(const double* q, double* slope) const;   // g, and what v_j is multiplied by
   double coordinate_bias(const double* q, const double* v) const;  // Gdot v
-  double curvature(const double* q) const;                         // p''(x_j)
+  // Adds lam d(G^T)/dq to K (nv, nv) and d(G v)/dq to B (nv,).
+  void coordinate_slopes(const double* q, const double* v, double lam, double* K, double* B, size_t width) const;
+
+ private:
+  double curvature(const double* q) const;  // p''(x_j), or r'(x_k)
 };
 
 struct RowKind {  // and what it has: an axis in a, an axis in b, a length
   Row::Kind kind;
-  bool a, b, length;
+  bool a, b, length, positional = true;
 };
 
 inline const std::map<std::string, RowKind> ROW_KINDS = {
     {"dot_product_1", {Row::dot_product_1, true, true, false}},
     {"dot_product_2", {Row::dot_product_2, true, false, false}},
     {"distance", {Row::distance, false, false, true}},
-    {"coordinate", {Row::coordinate, false, false, false}}};
+    {"coordinate", {Row::coordinate, false, false, false}},
+    {"ratio", {Row::ratio, false, false, false, false}},
+    {"height", {Row::height, false, false, false}},
+    {"grip", {Row::grip, false, false, false, false}},
+    {"knife_edge", {Row::knife_edge, false, true, false, false}},
+    {"gear", {Row::gear, true, false, true, false}},
+    {"screw", {Row::screw, true, false, true, false}}};
 
 struct Driver {
   int row;
-  bool length;
+  bool length, speed;  // a distance, which is positive; the motion is u', and there is no u
   Signal motion;
 };
 

@@ -58,10 +58,7 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
     const Row& row = constraints.rows[k];
     for (int c : row.columns) out.G[position[k] * m + c] = G[k * m + c];
     out.g_t[position[k]] = speed[k];
-    if (row.kind != Row::coordinate || row.iv[1] < 0) continue;
-    const size_t j = row.iv[1];
-    const double curve = row.curvature(q);
-    out.K[j * m + j] -= lam[k] * curve, out.B[position[k] * m + j] = -curve * v[j];
+    if (row.between_joints()) row.coordinate_slopes(q, v, lam[k], out.K.data(), &out.B[position[k] * m], m);
   }
 }
 

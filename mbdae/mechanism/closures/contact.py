@@ -60,10 +60,12 @@ class Shape:
 
     def plain(self) -> dict[str, Any]:
         """Return the numbers of the shape for the compiled core."""
-        axes = self.semi_axes or (0.0, 0.0, 0.0)
-        numbers = [self.rim, self.tyre, self.curve, *(self.axle or (0.0, 0.0, 0.0)), *(a * a for a in axes)]
+        nil = (0.0, 0.0, 0.0)
         return {
-            "shape": [*numbers, *self.centre],
+            "shape": [self.rim, self.tyre, self.curve, FLAT, POLAR],
+            "axle": list(self.axle or nil),
+            "squares": [a * a for a in self.semi_axes or nil],
+            "centre": list(self.centre),
             "body": "ellipsoid" if self.semi_axes else "wheel" if self.axle else "sphere",
             "surface": self.surface,
         }

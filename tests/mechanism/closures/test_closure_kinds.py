@@ -135,7 +135,7 @@ WRONG = {
     'kind = "point"': "a point closure needs frames",
     'kind = "distance"\nframes = ["a", "b"]': "a distance closure needs length",
     'kind = "parallel"\nframes = ["a", "b"]\naxis = [0, 0, 0]': "an axis must not be zero",
-    'kind = "point"\nframes = ["a", "b"]\nlenght = 1': "unknown key closure.0.lenght; known: axis, coefficients",
+    'kind = "point"\nframes = ["a", "b"]\nlenght = 1': "unknown key closure.0.lenght; known: axis, centre, coefficients",
 }
 
 

@@ -82,7 +82,7 @@ def test_wrenches_turn_with_both_frames():
                 Da, Db = r.slopes(pair)
                 met.add(type(r))
                 for one, both in zip(w.T, Da + Db, strict=True):
-                    close(both, wrench_matrix(one), 1e-15, size=np.abs(Da).max())
+                    close(both, wrench_matrix(one), 1e-14, size=np.abs(Da).max())
     assert met == primitives()
 
 

@@ -1,0 +1,33 @@
+// A convex body of frame b on a surface of frame a: where they touch (mbdae/mechanism/closures/contact.py).
+#pragma once
+
+#include <map>
+#include <string>
+
+namespace mbdae {
+
+struct Pair;
+
+struct Shape {
+  enum Body { sphere, wheel, ellipsoid } body = sphere;
+  enum Surface { plane, ball, cylinder } surface = plane;
+  double rim = 0, tyre = 0, curve = 0;
+  double axle[3] = {0, 0, 0}, squares[3] = {0, 0, 0}, centre[3] = {0, 0, 0};  // of semi-axes
+  double flat = 0, polar = 0;  // thresholds
+};
+
+inline const std::map<std::string, Shape::Body> BODIES = {
+    {"sphere", Shape::sphere}, {"wheel", Shape::wheel}, {"ellipsoid", Shape::ellipsoid}};
+inline const std::map<std::string, Shape::Surface> SURFACES = {
+    {"plane", Shape::plane}, {"sphere", Shape::ball}, {"cylinder", Shape::cylinder}};
+
+// The normal towards b, the lowest point, the tangents ahead and to the left; and their rates.
+struct Touch {
+  double n[3], p[3], ahead[3], left[3];
+  double dn[3], dp[3], dahead[3], dleft[3];
+};
+
+// Rates where both velocities (6,) are given, else none.
+void touch(const Shape& s, const Pair& pair, const double* Va, const double* Vb, Touch& out);
+
+}  // namespace mbdae
