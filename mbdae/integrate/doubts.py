@@ -33,7 +33,7 @@ def doubts(sol: Solution, system: Index2System) -> str:
         if formulation != "index1" and not system.largest_rate <= SLIPPING:
             which = largest_error(mech, G @ v + system.g_t(ts[-1]), "/s")
             slipped = f"rows that depended on others are not kept: |G v| reached {system.largest_rate:.2g} (1 + |v|)"
-            found.append(f"{slipped} ({which.name!r} opens by {which.text} at the end)")
+            found.append(f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)")
     lost = _lost(sol, system)
     if not lost <= LOST:
         found.append(f"the energy balance is lost: {lost:.2g} of the energy that moves")

@@ -30,7 +30,7 @@ class Index2Chart(ImplicitStages):
         U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
         G = s.jacobian()
         Gr = G.take(self.rows, 0)
-        dx, Ghat = self.meet(that, x[:nv], v, xhat[:nv], factor, U, Gr)
+        dx, Ghat = self.meet(that, x[:nv], v, xhat[:nv], factor, U, G)
         rate = Ghat.dot(self.v + xhat[nv : 2 * nv])
         if s.driven:
             rate += s.g_t(that)[self.rows]
@@ -43,7 +43,10 @@ class Index2Chart(ImplicitStages):
     def meet(
         self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
     ) -> tuple[Array, Array]:
-        """Return x' = J(x) v (nv,) and G (r, nv) where the stage meets the constraint: q_n (+) (xhat + factor x')."""
+        """Return x' = J(x) v (nv,) and G (r, nv) where the stage meets the constraint: q_n (+) (xhat + factor x').
+
+        U and G over all rows are those of the stage itself.
+        """
         m = self.system.manifold
         dx = m.tangent(x, v)
         return dx, self.system.jacobian(m.integrate(self.q, xhat + factor * dx)).take(self.rows, 0)

@@ -1,8 +1,8 @@
 """The stabilised index-2 form of a mechanism: the positions of the closures are kept by a second multiplier.
 
-    q' = v + M^-1 G^T mu,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = g(t, q),   0 = G(q) v + g_t(t)
+    q' = v + M^-1 G_p^T mu,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = g(t, q),   0 = G(q) v + g_t(t)
 
-On the exact solution mu = 0. Source: Gear, Gupta, Leimkuhler, J. Comput. Appl. Math. 12 (1985); Hairer, Wanner II,
+G_p are the rows that have a g: those of velocity only have no mu. On the exact solution mu = 0. Source: Gear, Gupta, Leimkuhler, J. Comput. Appl. Math. 12 (1985); Hairer, Wanner II,
 (VII.1.51).
 """
 
@@ -13,6 +13,7 @@ from scipy.linalg.lapack import dgesv, dpotrs
 
 from ...errors import StepError
 from ...system import Array, Solver
+from ..closures import independent_rows
 from .chart import Index2Chart
 from .implicit import Linearized, padded
 from .index2 import Index2System
@@ -27,9 +28,9 @@ OPEN = 1e-7  # m or rad: what rows that are not in use may show
 
 
 class GGLSystem(Index2System):
-    """`mbdae.system.System` of a mechanism with both levels kept: z = (lam, mu), (2 ng,).
+    """`mbdae.system.System` of a mechanism with both levels kept: z = (lam, mu), (2 ng,), mu = 0 for rows of velocity.
 
-    Rows: mu takes the rows in use. Where the rank is constant 0 = g on these rows describes the same configurations as
+    Rows: mu takes the rows in use, or independent ones of those that have a g where there are others. Where the rank is constant 0 = g on these rows describes the same configurations as
     on all; the others are watched.
     """
 
@@ -37,9 +38,32 @@ class GGLSystem(Index2System):
         super().__init__(mechanism)
         self.nz = 2 * self.ng
         self.slip = np.zeros(self.nv)  # M^-1 G^T mu at the last stage
+        self.positions = np.flatnonzero(mechanism.positional)
+        self.free: int | None = None  # rank of the rows that have a g
 
     def chart(self, t: float, y: Array) -> "GGLChart":  # noqa: D102
-        return GGLChart(self, t, y, super().chart(t, y).rows)
+        rows = super().chart(t, y).rows
+        return GGLChart(self, t, y, rows, self.kept(t, y, rows))
+
+    def kept(self, t: float, y: Array, rows: Array) -> Array:
+        """Independent rows of those that have a g, (k,): the rows in use where all have one."""
+        if len(self.positions) == self.ng:
+            return rows
+        U, G = self.point(t, self.split(y)[0])
+        order, diagonal = independent_rows.pivots(dgesv(U.T, G[self.positions].T)[2])
+        if self.free is None:
+            self.free = independent_rows.rank(diagonal)
+        return np.sort(self.positions[order[: self.free]])
+
+    def all_shifts(self, U: Array, G: Array, kept: Array, mu: Array) -> Array:
+        """The mu of all rows, (ng,), from those of the rows that are kept."""
+        out = np.zeros(self.ng)
+        if len(kept) == len(self.positions):
+            out[kept] = mu
+        else:
+            within = np.searchsorted(self.positions, kept)
+            out[self.positions] = independent_rows.all_multipliers(U, G[self.positions], within, mu)
+        return out
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """Return (v, v', w') and (lam, mu = 0), (2 ng,), from the hidden constraint."""
@@ -57,6 +81,14 @@ class GGLChart(Index2Chart):
 
     system: GGLSystem
 
+    def __init__(self, system: GGLSystem, t: float, y: Array, rows: Array, kept: Array) -> None:
+        super().__init__(system, t, y, rows)
+        self.kept = kept
+
+    @property
+    def unknowns(self) -> tuple[int, ...]:  # noqa: D102
+        return (*super().unknowns, *self.kept.tolist())
+
     def first(self, carry: Array) -> tuple[Array, Array]:  # noqa: D102
         nv = self.system.nv
         return np.concatenate([self.v + carry[:nv], carry[nv:]]), np.empty(0)
@@ -70,24 +102,23 @@ class GGLChart(Index2Chart):
             StepError: if it does not converge, or a row that is not in use stays open.
         """
         s, m = self.system, self.system.manifold
-        self.mu, self._x = np.zeros(len(G)), x
-        if not len(G):
+        self.mu, self._x = np.zeros(len(self.kept)), x
+        if not len(self.kept):
             return super().meet(that, x, v, xhat, factor, U, G)
-        slips = dpotrs(U, G.T)[0]
+        self._slips = slips = dpotrs(U, G[self.kept].T)[0]
         B, dx = m.tangent(x, slips), m.tangent(x, v)
         last, scale = np.inf, 1 + np.abs(self.q).max()
         for _ in range(ITERATIONS):
             xhat_i = xhat + factor * dx
             g, Ghat = s.closures(m.integrate(self.q, xhat_i), that)
-            Ghat = Ghat[self.rows]
-            _, _, dmu, info = dgesv(factor * Ghat @ m.velocity(xhat_i, B), -g[self.rows])
+            _, _, dmu, info = dgesv(factor * Ghat[self.kept] @ m.velocity(xhat_i, B), -g[self.kept])
             size = abs(factor) * np.abs(B @ dmu).max()
             if info or not np.isfinite(size):
                 break
             if size <= ROUNDING * scale or (size > 0.5 * last and size <= STALLED * scale):
                 self._watch(that, g)
                 s.slip = slips @ self.mu
-                return dx, Ghat
+                return dx, Ghat[self.rows]
             self.mu, dx, last = self.mu + dmu, dx + B @ dmu, size
         raise StepError("newton", f"Newton's method for the positions of the closures diverges at t = {that:.17g}")
 
@@ -98,22 +129,24 @@ class GGLChart(Index2Chart):
             raise StepError("rank", f"closure {name!r} opens by {gap:.2g} at t = {t:.17g}: other rows keep it no more")
 
     def start(self) -> tuple[Array, Array]:
-        """Return (v, v', w') and (lam, mu = 0) of the rows in use, (2 r,)."""
+        """Return (v, v', w') and (lam, mu = 0) of the rows in use and those kept, (r + k,)."""
         F, lam = super().start()
-        return F, np.concatenate([lam, np.zeros(len(lam))])
+        return F, np.concatenate([lam, np.zeros(len(self.kept))])
 
     def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return J(x) (v + M^-1 G^T mu) - x' above the rest, (2 nv + 1,), and (-G v, -g), (2 r,)."""
+        """Return J(x) (v + M^-1 G^T mu) - x' above the rest, (2 nv + 1,), and (-G v, -g), (r + k,)."""
         s, nv, r = self.system, self.system.nv, len(self.rows)
         rest, c = super().residual(t, x, dx, z[:r])
         U = s.inertia(t, s.manifold.integrate(self.q, x[:nv]))
         g, G = s.closures(None, t)
-        rest[:nv] += s.manifold.tangent(x[:nv], dpotrs(U, z[r:] @ G[self.rows])[0])
-        return rest, np.concatenate([c, -g[self.rows]])
+        rest[:nv] += s.manifold.tangent(x[:nv], dpotrs(U, z[r:] @ G[self.kept])[0])
+        return rest, np.concatenate([c, -g[self.kept]])
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":
         """Take the slopes at (x, x', z)."""
-        return LinearizedGGL(*super().linearize(x, dx, z[: len(self.rows)]))
+        found = LinearizedGGL(*super().linearize(x, dx, z[: len(self.rows)]))
+        found.kept = self.system.jacobian()[self.kept]
+        return found
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
         """Return y, and (lam, mu) of all rows, (2 ng,)."""
@@ -121,51 +154,56 @@ class GGLChart(Index2Chart):
         y, lam = super().end(t, x, dx, z[:r])
         g, G = s.closures(None, t)
         self._watch(t, g)
-        return y, np.concatenate([lam, s.all_multipliers(s._last[0], G, self.rows, z[r:])])
+        return y, np.concatenate([lam, s.all_shifts(s._last[0], G, self.kept, z[r:])])
 
     def all_multipliers(self, z: Array) -> Array:
         """Multipliers (lam, mu) of all rows at the last stage's configuration, (2 ng,)."""
         s = self.system
-        return np.concatenate([super().all_multipliers(z), s.all_multipliers(*s._last, self.rows, self.mu)])
+        return np.concatenate([super().all_multipliers(z), s.all_shifts(*s._last, self.kept, self.mu)])
 
     def project(self, e: Array) -> Array:
         """Project positions and velocities in the mass metric on G x = 0, G v = 0 at the last stage's configuration."""
         s, m, nv = self.system, self.system.manifold, self.system.nv
         e = super().project(e)
-        if len(self.rows):
-            normal = s._MinvGT @ np.linalg.solve(s._G @ s._MinvGT, s._G @ m.velocity(self._x, e[:nv]))
+        if len(self.kept):
+            G, slips = s._last[1][self.kept], self._slips
+            normal = slips @ np.linalg.solve(G @ slips, G @ m.velocity(self._x, e[:nv]))
             e[:nv] -= m.tangent(self._x, normal)
         return e
 
 
 class LinearizedGGL(Linearized):
-    """Slopes of the stabilised form at mu = 0, with x' = J(x) (v + N mu), N = M^-1 G^T, and 0 = g besides.
+    """Slopes of the stabilised form at mu = 0, with x' = J(x) (v + N mu), N = M^-1 P^T, and 0 = g besides.
+
+    P are the rows of G that are kept, (k, nv).
 
     With the letters of `mbdae.mechanism.formulations.implicit`, and m = h times an eigenvalue of the method's matrix,
 
         [ E - m D - m^2 K S J   -L   -m K S J N ] [du' ]
         [ G + m B S J            0     B S J N  ] [dlam]
-        [ m G S J                0     G S J N  ] [dmu ]
+        [ m P S J                0     P S J N  ] [dmu ]
     """
 
+    kept: Array
+
     def factorize(self, mu: complex) -> Solver:
-        """Factorize the matrix, (nv + ns + 1 + 2 r, nv + ns + 1 + 2 r), real or complex."""
+        """Factorize the matrix, (n + r + k, n + r + k), n = nv + ns + 1, real or complex."""
         S, KS, BS, upper = self.parts(mu)
-        G, (J, _) = self.slopes.G, self.turning
+        G, P, (J, _) = self.slopes.G, self.kept, self.turning
         n, nv, r = len(upper), len(J), len(G)
-        GS, JN, nil = G @ S, J @ np.linalg.solve(self.slopes.E[:nv, :nv], G.T), np.zeros((r, r))
+        PS, JN = P @ S, J @ np.linalg.solve(self.slopes.E[:nv, :nv], P.T)
         back = self.back(
             [
                 [upper, -self.slopes.L, -KS @ JN],
-                [padded(G + mu * (BS @ J), n), nil, BS @ JN],
-                [padded(mu * (GS @ J), n), nil, GS @ JN],
+                [padded(G + mu * (BS @ J), n), np.zeros((r, r)), BS @ JN],
+                [padded(mu * (PS @ J), n), np.zeros((len(P), r)), PS @ JN],
             ]
         )
 
         def solve(rhs: Array, c: Array) -> tuple[Array, Array]:
             self.counts.solves += 1
             x = rhs[:nv]
-            u = back(np.concatenate([rhs[nv:] + KS @ x, c[:r] / mu - BS @ x, c[r:] / mu - GS @ x]))
+            u = back(np.concatenate([rhs[nv:] + KS @ x, c[:r] / mu - BS @ x, c[r:] / mu - PS @ x]))
             z = u[n:]
             return np.concatenate([J @ (S @ (x + mu * (J @ u[:nv]) + JN @ z[r:])), u[:n]]), z
 

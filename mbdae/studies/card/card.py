@@ -7,6 +7,7 @@ import numpy as np
 
 from ...errors import require
 from ...mechanism import Closure, Mechanism, redundant
+from ...mechanism.reactions import rank, scaled
 
 __all__ = ["card"]
 
@@ -29,6 +30,7 @@ class Card:
         ng: rows of all closures.
         rank: independent rows at the start.
         freedom: degrees of freedom, nv - rank.
+        position_freedom: nv - rank of the rows that have a g: more where rows of velocity are among them.
         joints: name and kind of each joint, in the order of q.
         closures: name, kind, frames or joints, and rows of each closure and driver, and how many of these rows the
             others keep as well.
@@ -51,6 +53,7 @@ class Card:
     ng: int
     rank: int
     freedom: int
+    position_freedom: int
     joints: tuple[tuple[str, str], ...]
     closures: tuple[dict[str, Any], ...]
     forces: tuple[str, ...]
@@ -74,7 +77,8 @@ class Card:
         lines = [
             self.title,
             f"  nq {self.nq}, nv {self.nv}, closure rows {self.ng} (rank {self.rank}{dependent}), "
-            f"degrees of freedom {self.freedom}",
+            f"degrees of freedom {self.freedom}"
+            + (f", {self.position_freedom} of positions" if self.position_freedom != self.freedom else ""),
             "  joints    " + ", ".join(f"{n} ({k})" for n, k in self.joints),
         ]
         for c in self.closures:
@@ -108,6 +112,7 @@ def card(mech: Mechanism) -> Card:
     system.derivative(0.0, mech.point())
     rows = system.rows if system.rows is not None else np.empty(0, int)
     shared = redundant(mech, 0.0, q)
+    positions = rank(scaled(system, 0.0, q)[mech.positional])
     g, Gv = mech.residual(q, v)
     loaded, gap = mech.given[0], mech.gap_as_given
     closures = []
@@ -128,6 +133,7 @@ def card(mech: Mechanism) -> Card:
         ng=mech.ng,
         rank=len(rows),
         freedom=mech.nv - len(rows),
+        position_freedom=mech.nv - (positions if not mech.positional.all() else len(rows)),
         joints=tuple((n, mech.joint_kind(n)) for n in mech.joint_names),
         closures=tuple(closures),
         forces=tuple(system.laws.names),

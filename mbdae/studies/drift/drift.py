@@ -25,6 +25,7 @@ class Drift:
         g_max: max |g| over rows and times (m, or rad for directions).
         g_end: max |g| over rows at the end.
         g_closure: name of the closure that opened the most.
+        g_rows: number of rows that have a g, and of all.
         Gv_max: max |G v| over rows and times (m/s, rad/s).
         Gv_end: max |G v| at the end.
         energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated along.
@@ -39,6 +40,7 @@ class Drift:
     g_max: float
     g_end: float
     g_closure: str
+    g_rows: tuple[int, int]
     Gv_max: float
     Gv_end: float
     energy_error: float
@@ -55,11 +57,12 @@ class Drift:
         return {**asdict(self), "energy_relative": self.energy_relative}
 
     def __str__(self) -> str:
-        worst = f" ({self.g_closure})" if self.g_closure else ""
+        worst, (kept, rows) = f" ({self.g_closure})" if self.g_closure else "", self.g_rows
+        free = f"; over {kept} of {rows} rows, {rows - kept} have no position level" if kept < rows else ""
         return "\n".join(
             [
                 f"drift of {self.title}, {self.label}, t = {self.t_end:g} s",
-                f"  |g|    max {self.g_max:.2e}{worst}, at the end {self.g_end:.2e}",
+                f"  |g|    max {self.g_max:.2e}{worst}, at the end {self.g_end:.2e}{free}",
                 f"  |G v|  max {self.Gv_max:.2e}, at the end {self.Gv_end:.2e}",
                 f"  energy balance {self.energy_error:.2e} J, relative {self.energy_relative:.2e}"
                 f" (work {self.work_end:.4g} J)",
@@ -128,7 +131,7 @@ def drift(sol: Solution) -> Drift:
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
     error, scale = balance(sol.v, r.kinetic, r.potential, sol.work)
     method, label = _names(sol)
-    where = mech.row_closure(int(np.unravel_index(gaps.argmax(), gaps.shape)[1])) if mech.ng else ""
+    where = mech.row_closure(int(np.unravel_index(gaps.argmax(), gaps.shape)[1])) if mech.positional.any() else ""
     return Drift(
         title=mech.title,
         method=method,
@@ -137,6 +140,7 @@ def drift(sol: Solution) -> Drift:
         g_max=float(gaps.max(initial=0)),
         g_end=float(gaps[-1].max(initial=0)),
         g_closure=where,
+        g_rows=(int(mech.positional.sum()), mech.ng),
         Gv_max=float(rates.max(initial=0)),
         Gv_end=float(rates[-1].max(initial=0)),
         energy_error=float(error.max()),
