@@ -1,6 +1,5 @@
 """How a run ends: at a terminal event, and as a solution."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
@@ -15,35 +14,37 @@ from ..system import Array, State, Step, System
 from .doubts import doubts
 from .events import Event
 from .run import RunState
+from .step_map import StepMap
 
 
-def end_in_event(
-    run: RunState, start: State | None, at: Callable[[float], Array], theta: float, event: Event
-) -> None:
-    """End in a terminal event with a step of the method from a start: closures hold there as at any other node.
+def end_in_event(at: StepMap, theta: float, event: Event) -> None:
+    """End in a terminal event with a step of the method: closures hold there as at any other node.
 
     Where no shorter step can be taken it is the point of the dense output, projected on the closures. It is that point
-    as it is with scipy's solvers, whose nodes do not meet the closures either, and on a leap (start is None) or else
-    next to a singular configuration, where a step or a projection would turn velocities.
+    as it is with scipy's solvers, whose nodes do not meet the closures either, and on a leap or else next to a singular
+    configuration, where a step or a projection would turn velocities.
+
+    Args:
+        at: the step in which it is.
+        theta: the share of it where it is.
+        event: the event.
     """
-    t, h = run.ts[-2], run.t - run.ts[-2]
-    run.take_back(start or State(run.ys[-2]))
-
-    def take(share: float) -> Step:
-        step = run.stepper.take(run, share * h)
-        return step._replace(state=run.restored(t + share * h, step.state)) if run.project else step
-
-    step = None
-    if run.singular and run.singular.beside(t + theta * h, at(theta)):
+    run, t, h, start, step = at.run, at.t, at.h, at.start, None
+    if run.singular and run.singular.beside(t + theta * h, at.dense(theta)):
         start = None
     if start and run.stepper.any_size:
         with suppress(StepError):
-            theta, step = run.events.land(event, theta, t, h, at, take)
+            if isinstance(event.function, str):
+                step = at.take(theta) if theta else Step(start, run.zs[at.node], np.empty(0))
+            else:
+                theta, step = run.events.land(event, theta, t, h, at.dense, at.take)
     if step is None and start:
-        y = run.system.restore(t + theta * h, at(theta)) if run.stepper.any_size else at(theta)
+        y = run.system.restore(t + theta * h, at.dense(theta)) if run.stepper.any_size else at.dense(theta)
         step = Step(State(y), run.system.derivative(t + theta * h, y)[1], np.empty(0))
+    there = at.dense(theta) if step is None else step.state.y
+    run.take_back(start or State(at.y))
     if step is None:
-        run.land(t + theta * h, at(theta), last=True)
+        run.land(t + theta * h, there, last=True)
     elif t + theta * h != t:
         run.accept(t + theta * h, step)
     if run.singular:
@@ -94,5 +95,6 @@ def event_value(system: System, event: Event, t: float, y: Array) -> float:
     Raises:
         StepError: if it fails or does not return a finite number.
     """
+    assert callable(event.function)
     what = f"event {function_name(event.function)!r}"
     return float(checked(called(what, event.function, t, *system.split(y)), (), t, what))

@@ -1,4 +1,8 @@
-"""Events: where functions of time and state change sign, located on the dense output; terminal ones on a step."""
+"""Events: where signals pass a level, and where functions of time and state change sign.
+
+Signals are located on steps of the method (`mbdae.integrate.signal_events`), functions on the dense output; terminal
+ones on a step.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,9 +13,11 @@ from scipy.optimize import brentq
 
 from ..errors import InputError
 from ..system import Array
+from .signal_events import SignalEvent
 
 if TYPE_CHECKING:
     from ..system import Step
+    from .step_map import StepMap
 
 SAMPLES = np.array([0.25, 0.5, 0.75, 1.0])  # of a step: a function may change sign several times within it
 SAME = 1e-10  # s, or relative to t: an event this close to the start is the start, whose state carries rounding
@@ -21,75 +27,98 @@ TRIALS = 8  # steps towards a terminal event, of which three or four are needed
 
 @dataclass(frozen=True)
 class Event:
-    """A function whose zeros are looked for: between changes of its sign, seen at four points of each step.
+    """A signal that passes a level, or a function whose zeros are looked for.
 
-    Zeros that come and go between two of these points are not seen: choose ``max_step`` for a fast function.
+    A signal is a text: ``"v.crank"`` for its zeros, ``"q.slider = 0.3"``, ``"force.wrist pin > 100"`` where it rises
+    above, ``"q.slider < 0.1"`` where it falls below; its names are those of `Solution.signals`, and force, torque
+    and effort of closures and drivers. A function is looked at at four points of each step.
+
+    Zeros that come and go between two looks are not seen: choose ``max_step`` for what changes fast.
 
     Attributes:
-        function: event(t, q, v) -> float for mechanisms, event(t, y) for textbook problems.
+        function: a text, event(t, q, v) -> float for mechanisms, or event(t, y) for textbook problems.
         terminal: stop there.
         direction: +1 for zeros where the function rises, -1 where it falls, 0 for both.
 
     Raises:
-        InputError: for what is not a function, and for another direction.
+        InputError: for what is neither text nor function, and for another direction.
     """
 
-    function: Callable[..., float]
+    function: Callable[..., float] | str
     terminal: bool = False
     direction: int = 0
 
     def __post_init__(self) -> None:
-        if not callable(self.function):
-            raise InputError(f"an event is a function of (t, q, v), or of (t, y), got {self.function!r:.60}")
+        if not callable(self.function) and not isinstance(self.function, str):
+            raise InputError(
+                f"an event is a signal or a function of (t, q, v), or of (t, y), got {self.function!r:.60}"
+            )
         if self.direction not in (-1, 0, 1):
             raise InputError(f"an event's direction is -1, 0 or 1, got {self.direction!r}")
 
 
 def as_events(events: Any) -> tuple[Event, ...]:
-    """Accept one event or several: `Event`, or functions with attributes ``terminal`` and ``direction`` as in scipy.
+    """Accept one event or several: `Event`, signals, or functions with ``terminal`` and ``direction`` as in scipy.
 
     Raises:
         InputError: for anything else.
     """
-    several = list(events) if isinstance(events, Sequence) else [] if events is None else [events]
+    one = isinstance(events, str) or not isinstance(events, Sequence)
+    several = [] if events is None else [events] if one else list(events)
     out = []
     for e in several:
         if not isinstance(e, Event):
-            if not callable(e):
-                raise InputError(f"an event is a function or mbdae.Event, got {type(e).__name__}")
+            if not callable(e) and not isinstance(e, str):
+                raise InputError(f"an event is a signal, a function or mbdae.Event, got {type(e).__name__}")
             e = Event(e, bool(getattr(e, "terminal", False)), int(np.sign(getattr(e, "direction", 0))))
         out.append(e)
     return tuple(out)
 
 
 class EventWatch:
-    """Follows event functions from step to step and keeps what was found.
+    """Follows events from step to step and keeps what was found.
 
-    A function that is zero at the start of the run, to rounding, is an event there, in the direction in which it
-    leaves zero, but does not end the run: a run may start on the surface where another one ended.
+    What is zero at the start of the run, to rounding, is an event there, in the direction in which it leaves zero, but
+    does not end the run: a run may start on the surface where another one ended.
+
+    Args:
+        events: the events.
+        evaluate: of a function, at (t, y).
+        signals: the others, bound to a workspace, by their place.
     """
 
-    def __init__(self, events: tuple[Event, ...], evaluate: Callable[[Event, float, Array], float]) -> None:
-        self.events, self.evaluate = events, evaluate
+    def __init__(
+        self,
+        events: tuple[Event, ...],
+        evaluate: Callable[[Event, float, Array], float],
+        signals: dict[int, SignalEvent] | None = None,
+    ) -> None:
+        self.events, self.evaluate, self.signals = events, evaluate, signals or {}
+        self.functions = {i: e for i, e in enumerate(events) if i not in self.signals}
         self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
-        self._last: list[float] = []
+        self._last: dict[int, float] = {}
 
     def begin(self, t: float, y: Array) -> None:
         """Evaluate every event at the start."""
         self._start = (t, y)
-        self._last = [self.evaluate(e, t, y) for e in self.events]
+        self._last = {i: self.evaluate(e, t, y) for i, e in self.functions.items()}
+        for signal in self.signals.values():
+            signal.begin(t, y)
 
-    def step(self, t: float, h: float, at: Callable[[float], Array]) -> tuple[float, Event] | None:
-        """Look at a step from t to t + h; return the first terminal event in it, behind the share of the step there."""
-        hits: list[tuple[float, int]] = []
-        for i, event in enumerate(self.events):
-            hits += [(theta, i) for theta in self._zeros(i, event, t, h, at)]
+    def step(self, step: "StepMap") -> tuple[float, Event] | None:
+        """Look at a step; return the first terminal event in it, behind the share of the step there."""
+        t, h = step.t, step.h
+        hits: list[tuple[float, int, Array]] = []
+        for i, event in self.functions.items():
+            hits += [(theta, i, step.dense(theta)) for theta in self._zeros(i, event, t, h, step.dense)]
+        for i, signal in self.signals.items():
+            hits += [(theta, i, y) for theta, y in signal.zeros(step)]
         same, stop = SAME * max(1.0, abs(t)), None
-        for theta, i in sorted(hits):
+        for theta, i, y in sorted(hits, key=lambda hit: hit[:2]):
             if stop and (theta - stop[0]) * abs(h) > same:
                 break
             begins = t == self._start[0] and theta * abs(h) <= same
-            self.found[i].append(self._start if begins else (t + theta * h, at(theta)))
+            self.found[i].append(self._start if begins else (t + theta * h, y))
             if self.events[i].terminal and not begins and stop is None:
                 stop = theta, self.events[i]
         return stop

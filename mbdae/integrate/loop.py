@@ -13,7 +13,6 @@ the run projects, and judged; then the rows of the next one are chosen (`mbdae.s
 """
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from ..errors import STATUS, InputError, StepError
 from ..solution.solution import Problem
 from .ending import end_in_event
 from .run import RunState
+from .step_map import StepMap
 
 Progress = Callable[[float], None]
 
@@ -68,11 +68,10 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
         if run.stiffness:
             run.stiffness.look(run)
         if events.events:
-            h = run.t - run.ts[-2]
-            at = partial(run.singular.along, h) if run.singular and leapt else run.record().dense(len(run.ts) - 2)
-            stop = events.step(run.ts[-2], h, at)
+            step = StepMap(run, None if leapt else start)
+            stop = events.step(step)
             if stop:
-                end_in_event(run, None if leapt else start, at, *stop)
+                end_in_event(step, *stop)
                 return True
         if run.t == run.leg.end and run.leg.restart is not None:
             run.cross(run.leg.restart)

@@ -15,10 +15,11 @@ from ..solution.solution import Problem
 from ..system import Array, System
 from .binding import bind
 from .ending import event_value
-from .events import EventWatch, as_events
+from .events import Event, EventWatch, as_events
 from .jumps import Jumps
 from .retrace import retracer
 from .run import RunState
+from .signal_events import SignalEvent
 from .singularity_watch import SingularWatch
 from .span import checked_span
 from .steppers.adaptive import Adaptive
@@ -65,14 +66,18 @@ def prepare(
     ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
     y = _start(problem, start, t0, None if step else control[0])
     run = RunState(problem, tableau, system, stepper, t0, y, ahead, project)
-    run.fallback, run.settings = fallback, {
-        "method": method,
-        "formulation": formulation,
-        "project": project,
-        "baumgarte": baumgarte,
-        "t_span": [t0, t1],
-    }
-    run.events = EventWatch(as_events(events), lambda e, t, y: event_value(system, e, t, y))
+    run.fallback, run.settings = (
+        fallback,
+        {
+            "method": method,
+            "formulation": formulation,
+            "project": project,
+            "baumgarte": baumgarte,
+            "t_span": [t0, t1],
+        },
+    )
+    wanted = as_events(events)
+    run.events = EventWatch(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
     _set_watches(run, inner, formulation)
     return run
 
@@ -83,6 +88,23 @@ def _stepper(
     if formulation == "index1":
         return Scipy(tableau, system, step, *control)
     return Fixed(step, t0, t1) if step else Adaptive(tableau.error_power, *control)
+
+
+def _signals(problem: Problem, system: System, events: tuple[Event, ...]) -> dict[int, SignalEvent]:
+    """Bind the events that a text names, by their place, to one workspace for all of them.
+
+    Raises:
+        InputError: for a text with a textbook problem, or one that names no event.
+    """
+    texts = {i: (e.function, e.direction) for i, e in enumerate(events) if isinstance(e.function, str)}
+    if not texts:
+        return {}
+    if not isinstance(problem, Mechanism) or not isinstance(system, Index2System):
+        raise InputError(
+            f"events of a textbook problem are functions event(t, y), got {next(iter(texts.values()))[0]!r}"
+        )
+    workspace = system.twin()
+    return {i: SignalEvent.of(workspace, problem, *text) for i, text in texts.items()}
 
 
 def _set_watches(run: RunState, stepper: PythonStepper, formulation: str) -> None:

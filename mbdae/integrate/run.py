@@ -153,6 +153,10 @@ class RunState:
             self.ts.extend(ts)
             self.t, self.state = ts[-1], state
 
+    def rows_at(self, i: int) -> tuple[int, ...]:
+        """The rows that were solved for at node i."""
+        return next((rows for first, rows in reversed(self.in_use) if first <= i), ())
+
     def take_back(self, state: State) -> None:
         """Forget the last step, which started from a state."""
         del self.ts[-1:], self.ys[-1:], self.zs[-1:]

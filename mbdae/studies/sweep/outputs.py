@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError, MbdaeError, UnknownNameError
-from ...mechanism import Driver, Mechanism
+from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
 from ...solution.columns import coordinates, row_names, signals
+from ...solution.signal_value import EFFORT, REACTION, signal_values
 from ...solution.solution import Solution
 from ...system import Array
 
@@ -30,7 +31,6 @@ REDUCTIONS: dict[str, Callable[[Array, Array], float]] = {
     "peak": lambda t, x: np.abs(x).max(),
     "mean": lambda t, x: np.trapezoid(x, t) / (t[-1] - t[0]) if len(t) > 1 else x[0],
 }
-REACTION, EFFORT = ("force", "torque"), "effort"
 
 
 class Wanted(NamedTuple):
@@ -54,7 +54,7 @@ def check(mech: Mechanism, outputs: Sequence[Output], timed: bool) -> None:
         UnknownNameError: for a signal or a reduction that does not exist.
         InputError: for a signal to be kept at times when there are none, or what is neither text nor function.
     """
-    known = signal_names(mech) if any(isinstance(x, str) for x in outputs) else []
+    known = list(signal_values(mech)) if any(isinstance(x, str) for x in outputs) else []
     for output in outputs:
         if not isinstance(output, str):
             if not callable(output):
@@ -75,16 +75,6 @@ def check(mech: Mechanism, outputs: Sequence[Output], timed: bool) -> None:
 def label(output: Output) -> str:
     """An output as text."""
     return output if isinstance(output, str) else function_name(output)
-
-
-def signal_names(mech: Mechanism) -> list[str]:
-    """Names of all signals that an output may name."""
-    y = np.concatenate([mech.coordinates({})[0], np.zeros(mech.nv), list(mech.states.values()), [0.0]])
-    nowhere = Solution(mech, np.zeros(1), y[None], np.full((1, mech.ng), np.nan), "finished", "", {}, {})
-    plain = signals(nowhere, lam=False)
-    forces = [f"{kind}.{c.name}" for c in mech.constraints if c.frames for kind in REACTION]
-    efforts = [f"{EFFORT}.{c.name}" for c in mech.constraints if isinstance(c, Driver) or not c.frames]
-    return [*plain, *row_names(mech), *forces, *efforts]
 
 
 def evaluate(

@@ -1,0 +1,176 @@
+"""Events named by a signal: seen at the ends of steps, located on the steps of the method themselves.
+
+A step of size theta h from where the step began ends in a point of the method's own order; so has the time at which a
+signal passes a level there. The polynomial between steps, of one order less, is not asked.
+"""
+
+import re
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..errors import InputError, StepError
+from ..mechanism import Mechanism
+from ..mechanism.formulations.index2 import Index2System
+from ..solution.columns import TURN
+from ..solution.signal_value import SignalValue, find_signal, value
+from ..system import Array
+
+if TYPE_CHECKING:
+    from .step_map import StepMap
+
+TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
+DIRECTIONS = {"=": 0, ">": 1, "<": -1}
+SPACINGS = 2  # roundings of t: how sharply the time of an event is found
+SMALLEST = 4 * float(np.finfo(float).eps)  # the same as a share of the step, relative
+Hit = tuple[float, Array]
+
+
+class Passage(NamedTuple):
+    """What a text asks for: a signal, the level that it passes, and the direction: 1 rising, -1 falling, 0 both."""
+
+    signal: str
+    level: float
+    direction: int
+
+
+def parse(text: str) -> Passage:
+    """Read ``"signal"``, whose zeros are meant, ``"signal = level"``, ``"signal > level"`` or ``"signal < level"``.
+
+    Raises:
+        InputError: for another text.
+    """
+    found = TEXT.fullmatch(text.strip())
+    if not found:
+        return Passage(text.strip(), 0.0, 0)
+    try:
+        level = float(found["level"])
+    except ValueError:
+        level = np.nan
+    if not np.isfinite(level) or not found["signal"]:
+        raise InputError(f"an event is a signal, or a signal, one of = > <, and a number, got {text!r:.80}")
+    return Passage(found["signal"], level, DIRECTIONS[found["sign"]])
+
+
+class SignalEvent:
+    """A signal less its level, followed from step to step.
+
+    Args:
+        system: a workspace of its own.
+        signal: the signal.
+        level: the level that it passes.
+        direction: 1 for passages where it rises, -1 where it falls, 0 for both.
+    """
+
+    def __init__(self, system: Index2System, signal: SignalValue, level: float, direction: int) -> None:
+        self.system, self.signal, self.level, self.direction = system, signal, level, direction
+        self.node = (np.nan, np.nan, 0.0)  # the last one: time, value, rate of an angle
+
+    @classmethod
+    def of(cls, system: Index2System, mechanism: Mechanism, text: str, direction: int) -> "SignalEvent":
+        """Bind a text to a mechanism.
+
+        Raises:
+            InputError: for another text, or a direction that it contradicts.
+            UnknownNameError: for a signal that does not exist, with the valid ones.
+        """
+        wanted = parse(text)
+        if direction * wanted.direction < 0:
+            raise InputError(f"event {text!r} has a direction of its own, got direction = {direction}")
+        signal = find_signal(mechanism, wanted.signal)
+        return cls(system, signal, wanted.level, direction or wanted.direction)
+
+    def begin(self, t: float, y: Array) -> None:
+        """Start at a point; an angle counts from its value between -pi and pi."""
+        f = value(self.system, self.signal, t, y) - self.level
+        self.node = (t, f, self._speed(y))
+
+    def move(self, t: float, y: Array, f: float) -> None:
+        """Go on from a point with a value."""
+        self.node = (t, f, self._speed(y))
+
+    def _speed(self, y: Array) -> float:
+        return float(y[self.system.nq + self.signal.rate]) if self.signal.kind == "angle" else 0.0
+
+    def value(self, t: float, y: Array) -> float:
+        """Return the signal less its level; an angle on the branch that the velocities lead to."""
+        f = value(self.system, self.signal, t, y) - self.level
+        if self.signal.kind != "angle":
+            return f
+        t0, f0, w0 = self.node
+        return f + TURN * float(np.round((f0 + (t - t0) * (w0 + self._speed(y)) / 2 - f) / TURN))
+
+    def zeros(self, step: "StepMap") -> list[Hit]:
+        """Return the shares of a step at which the signal passes its level, and the points there; go on behind it."""
+        hits: list[Hit] = []
+        if step.t != self.node[0]:  # behind a jump
+            self._passage(hits, (0.0, step.y, self.node[1]), (0.0, step.y, self.value(step.t, step.y)), step)
+            self.move(step.t, step.y, self.value(step.t, step.y))
+        f0, f1 = self.node[1], self.value(step.t1, step.y1)
+        marks = [(0.0, step.y, f0)]
+        for theta in self._turns(step, f0, f1):
+            y = step.point(theta)
+            marks.append((theta, y, self.value(step.t + theta * step.h, y)))
+        marks.append((1.0, step.y1, f1))
+        for a, b in pairwise(marks):
+            self._passage(hits, a, b, step)
+        self.move(step.t1, step.y1, f1)
+        return hits
+
+    def _passage(
+        self, hits: list[Hit], a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap"
+    ) -> None:
+        """Add the passage between two points of a step, with the values there, if there is one."""
+        (theta0, y0, f0), (theta1, y1, f1) = a, b
+        if self.direction * np.sign(f1 if f0 == 0 else f1 - f0) < 0:
+            return
+        if f0 == 0 and f1 != 0 and theta0 == 0 and step.first:
+            hits.append((0.0, y0))
+        elif f0 * f1 < 0 and theta0 == theta1:  # it jumps
+            hits.append((theta1, y1))
+        elif f0 * f1 < 0:
+            hits.append(self._locate(a, b, step))
+        elif f1 == 0 and f0 != 0:
+            hits.append((theta1, y1))
+
+    def _locate(self, a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap") -> Hit:
+        """Find a zero between two shares of a step by Brent's method; each value is one step of the method."""
+        known = {a[0]: (a[2], a[1]), b[0]: (b[2], b[1])}
+
+        def at(theta: float) -> tuple[float, Array]:
+            if theta not in known:
+                y = step.point(theta)
+                known[theta] = self.value(step.t + theta * step.h, y), y
+            return known[theta]
+
+        sharp = SPACINGS * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
+        theta = float(brentq(lambda x: at(x)[0], a[0], b[0], xtol=sharp, rtol=SMALLEST))
+        return theta, at(theta)[1]
+
+    def _turns(self, step: "StepMap", f0: float, f1: float) -> list[float]:
+        """Shares of the step at which the signal may have passed its level and turned back.
+
+        They are the extrema of the cubic through values and rates at both ends, where it has another sign than both.
+        Of signals whose rates are not known (multipliers, reactions, energies) only the ends of steps are looked at.
+        """
+        if self.signal.kind not in ("y", "angle") or self.signal.rate < 0 or f0 * f1 <= 0:
+            return []
+        try:
+            m0, m1 = (step.h * rate[self.signal.rate] for rate in self._rates(step))
+        except StepError:
+            return []
+        if m0 * f0 >= 0 or m1 * f1 <= 0:  # it does not come nearer and go away again
+            return []
+        # p(x) = f0 + m0 x + a x^2 + b x^3, p'(x) = m0 + 2 a x + 3 b x^2, of which m0 and m1 have opposite signs
+        a, b = 3 * (f1 - f0) - 2 * m0 - m1, 2 * (f0 - f1) + m0 + m1
+        root = np.sqrt(a * a - 3 * b * m0)
+        x = float(-m0 / (a + np.copysign(root, -m0)))
+        return [x] if 0 < x < 1 and (f0 + x * (m0 + x * (a + x * b))) * f0 < 0 else []
+
+    def _rates(self, step: "StepMap") -> tuple[Array, Array]:
+        s = self.system
+        if self.signal.rate < s.nv:
+            return s.split(step.y)[1], s.split(step.y1)[1]
+        return step.rates()

@@ -1,0 +1,74 @@
+"""The last step of a run as a map from shares of it to points: by shorter steps of the method, and by dense output."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
+
+from ..errors import StepError
+from ..system import Array, State, Step
+
+if TYPE_CHECKING:
+    from .run import RunState
+
+
+class StepMap:
+    """The last step of a run.
+
+    Args:
+        run: the run, which stands at the end of the step.
+        start: the state where it began; None on a leap over a singular configuration, where no step can be taken.
+
+    Attributes:
+        t, h: where the step began, and its size, signed.
+        t1: where it ended.
+        y, y1: the points there, (n,).
+        first: it is the first step of the run.
+    """
+
+    def __init__(self, run: "RunState", start: State | None) -> None:
+        self.run, self.start, self.node = run, start, len(run.ts) - 2
+        self.t, self.t1 = run.ts[-2], run.ts[-1]
+        self.h, self.y, self.y1, self.first = self.t1 - self.t, run.ys[-2], run.ys[-1], self.node == 0
+
+    @cached_property
+    def dense(self) -> Callable[[float], Array]:
+        """Theta -> y (n,), of one order below the method's."""
+        run = self.run
+        if run.singular and self.start is None:
+            return partial(run.singular.along, self.h)
+        return run.record().dense(self.node)
+
+    def rates(self) -> tuple[Array, Array]:
+        """Return y' (ny,) at both ends."""
+        return self.run.record().rate(self.node), self.run.record().rate(self.node + 1)
+
+    def point(self, theta: float) -> Array:
+        """Return y (n,) at the end of a step of size theta h; on the dense output where no such step can be taken."""
+        if self.start is not None and self.run.stepper.any_size:
+            with suppress(StepError):
+                return self.take(theta).state.y
+        return self.dense(theta)
+
+    def take(self, theta: float) -> Step:
+        """Take a step of size theta h from where this one began, as the run takes them; the run stays where it is.
+
+        Raises:
+            StepError: where it cannot be taken.
+        """
+        run, system = self.run, self.run.system
+        now, rows, before = (run.t, run.state), system.in_use, run.rows_at(self.node)
+        run.t, run.state = self.t, self.start or State(self.y)
+        try:
+            if before != rows:
+                system.hold(before)
+            if run.singular:
+                run.singular.begin_step()
+            step = run.stepper.take(run, theta * self.h)
+            if run.project:
+                step = step._replace(state=run.restored(self.t + theta * self.h, step.state))
+            return step
+        finally:
+            run.t, run.state = now
+            if before != rows:
+                system.hold(rows)
