@@ -47,6 +47,11 @@ def end_in_event(at: StepMap, theta: float, event: Event) -> None:
         run.land(t + theta * h, there, last=True)
     elif t + theta * h != t:
         run.accept(t + theta * h, step)
+    end_events(run)
+
+
+def end_events(run: RunState) -> None:
+    """Let nothing stand behind the end of a run."""
     if run.singular:
         run.singular.found = [x for x in run.singular.found if (x.t - run.t) * run.sign <= 0]
     run.events.end(run.t, run.ys[-1], run.sign)

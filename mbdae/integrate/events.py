@@ -95,15 +95,31 @@ class EventWatch:
     ) -> None:
         self.events, self.evaluate, self.signals = events, evaluate, signals or {}
         self.functions = {i: e for i, e in enumerate(events) if i not in self.signals}
+        self.by_signal = not self.functions  # the core can look
+        self.looked = self.stopped = False  # it has, at the last steps; and has found where the run ends
         self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
         self._last: dict[int, float] = {}
 
     def begin(self, t: float, y: Array) -> None:
         """Evaluate every event at the start."""
-        self._start = (t, y)
+        self.start = (t, y)
         self._last = {i: self.evaluate(e, t, y) for i, e in self.functions.items()}
         for signal in self.signals.values():
             signal.begin(t, y)
+
+    def plain(self) -> list[Any]:
+        """Return signals as the core takes them."""
+        return [(s.signal.plain(), s.level, s.direction, self.events[i].terminal) for i, s in self.signals.items()]
+
+    def take_over(self, native: Any) -> None:
+        """Take over what the core has found, and where its events stand."""
+        if not self.events or not self.by_signal:
+            return
+        self.looked, self.stopped = True, native.stopped
+        for i, t, y in native.found:
+            self.found[i].append(self.start if t == self.start[0] else (t, y))
+        for signal, node in zip(self.signals.values(), native.nodes, strict=True):
+            signal.node = node
 
     def step(self, step: "StepMap") -> tuple[float, Event] | None:
         """Look at a step; return the first terminal event in it, behind the share of the step there."""
@@ -117,8 +133,8 @@ class EventWatch:
         for theta, i, y in sorted(hits, key=lambda hit: hit[:2]):
             if stop and (theta - stop[0]) * abs(h) > same:
                 break
-            begins = t == self._start[0] and theta * abs(h) <= same
-            self.found[i].append(self._start if begins else (t + theta * h, y))
+            begins = t == self.start[0] and theta * abs(h) <= same
+            self.found[i].append(self.start if begins else (t + theta * h, y))
             if self.events[i].terminal and not begins and stop is None:
                 stop = theta, self.events[i]
         return stop
@@ -137,7 +153,7 @@ class EventWatch:
             g1 = value(theta1)
             rising = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
             if event.direction * rising >= 0:
-                if g0 == 0 and theta0 == 0 and g1 != 0 and t == self._start[0]:
+                if g0 == 0 and theta0 == 0 and g1 != 0 and t == self.start[0]:
                     zeros.append(0.0)
                 elif g0 * g1 < 0:
                     zeros.append(float(brentq(value, theta0, theta1, xtol=1e-15, rtol=1e-15)))

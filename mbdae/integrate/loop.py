@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import STATUS, InputError, StepError
 from ..solution.solution import Problem
-from .ending import end_in_event
+from .ending import end_events, end_in_event
 from .run import RunState
 from .step_map import StepMap
 
@@ -60,14 +60,18 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
         if left is not None and left <= 0:
             raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
         before, start = len(run.ts), run.state
+        events.looked = False
         leapt = run.singular is not None and run.singular.leap(run)
         if not leapt:
-            run.stepper.advance(run, 1 if events.events else left)
+            run.stepper.advance(run, 1 if events.functions else left)
         if len(run.ts) == before:
             continue
         if run.stiffness:
             run.stiffness.look(run)
-        if events.events:
+        if events.stopped:
+            end_events(run)
+            return True
+        if events.events and not events.looked:
             step = StepMap(run, None if leapt else start)
             stop = events.step(step)
             if stop:

@@ -66,16 +66,13 @@ def prepare(
     ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
     y = _start(problem, start, t0, None if step else control[0])
     run = RunState(problem, tableau, system, stepper, t0, y, ahead, project)
-    run.fallback, run.settings = (
-        fallback,
-        {
-            "method": method,
-            "formulation": formulation,
-            "project": project,
-            "baumgarte": baumgarte,
-            "t_span": [t0, t1],
-        },
-    )
+    run.fallback, run.settings = fallback, {
+        "method": method,
+        "formulation": formulation,
+        "project": project,
+        "baumgarte": baumgarte,
+        "t_span": [t0, t1],
+    }
     wanted = as_events(events)
     run.events = EventWatch(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
     _set_watches(run, inner, formulation)

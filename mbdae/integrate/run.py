@@ -81,9 +81,14 @@ class RunState:
         self.zs.append(self.zs[-1])
         self.ys.append(self.ys[-1])
         self.ts.append(t)
-        self.t, self.crossed = t, self.crossed + 1
+        self.t = t
         self.begin()
         self.stepper.restart()
+        self.behind_jump()
+
+    def behind_jump(self) -> None:
+        """The last node lies behind a jump: watches begin anew there."""
+        self.crossed += 1
         for watch in (self.singular, self.stiffness):
             if watch:
                 watch.restart(len(self.ts) - 1)

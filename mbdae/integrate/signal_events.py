@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 
 TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
-SPACINGS = 2  # roundings of t: how sharply the time of an event is found
-SMALLEST = 4 * float(np.finfo(float).eps)  # the same as a share of the step, relative
+SHARP = 2  # roundings of t: how sharply the time of an event is found
+SHARE = 4 * float(np.finfo(float).eps)  # the same as a share of the step, relative
+ITERATIONS = 100  # of Brent's method, which halves at the worst
 Hit = tuple[float, Array]
 
 
@@ -145,8 +146,8 @@ class SignalEvent:
                 known[theta] = self.value(step.t + theta * step.h, y), y
             return known[theta]
 
-        sharp = SPACINGS * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
-        theta = float(brentq(lambda x: at(x)[0], a[0], b[0], xtol=sharp, rtol=SMALLEST))
+        sharp = SHARP * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
+        theta = float(brentq(lambda x: at(x)[0], a[0], b[0], xtol=sharp, rtol=SHARE, maxiter=ITERATIONS))
         return theta, at(theta)[1]
 
     def _turns(self, step: "StepMap", f0: float, f1: float) -> list[float]:

@@ -4,7 +4,6 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from itertools import pairwise
-from math import inf
 from typing import Any, Literal
 
 import numpy as np
@@ -44,10 +43,6 @@ class Pieces:
         for j in range(1, len(row)):
             value = value * x + row[j]
         return value
-
-    def jump(self, t: float, sign: float) -> float:
-        """Return the next time after t, in the direction of sign, where it is not smooth; sign * inf if none."""
-        return sign * min((sign * s for s in self.breaks if sign * s > sign * t), default=inf)
 
     def plain(self) -> dict[str, Any]:
         """What the core takes."""

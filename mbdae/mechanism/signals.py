@@ -5,7 +5,7 @@ harmonics, or Python functions.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from math import inf, isfinite, nan, pi, sin
 from typing import Annotated, Any, Literal, Union
@@ -39,9 +39,14 @@ class _Signal(Table):
         """Whether the k-th derivative is given, k = 0, 1, 2."""
         return True
 
+    @property
+    def breaks(self) -> Sequence[float]:
+        """The times where it is not smooth."""
+        return ()
+
     def jump(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, where it is not smooth; sign * inf if none."""
-        return sign * inf
+        return sign * min((sign * s for s in self.breaks if sign * s > sign * t), default=inf)
 
     @abstractmethod
     def plain(self) -> dict[str, Any]:
@@ -59,8 +64,9 @@ class _Piecewise(_Signal):
     def at(self, t: float, k: int = 0) -> float:
         return self.pieces.at(t, k)
 
-    def jump(self, t: float, sign: float) -> float:
-        return self.pieces.jump(t, sign)
+    @property
+    def breaks(self) -> Sequence[float]:
+        return self.pieces.breaks
 
     def plain(self) -> dict[str, Any]:
         return self.pieces.plain()

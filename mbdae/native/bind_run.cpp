@@ -128,12 +128,13 @@ void bind_run(nb::module_& m) {
   nb::class_<SingularWatch>(m, "SingularWatch", "Ratios of pivots.") FIELD(SingularWatch, usual) FIELD(
       SingularWatch, before) FIELD(SingularWatch, suspect) FIELD(SingularWatch, landed) FIELD(SingularWatch, zone);
   nb::class_<Run>(m, "Run", "What a run hands over, and the steps that were taken.")
-      .def(nb::init<>()) FIELD(Run, leg) FIELD(Run, control) FIELD(Run, grid) FIELD(Run, watch) FIELD(Run, adaptive)
+      .def(nb::init<>()) FIELD(Run, events) FIELD(Run, jumps) FIELD(Run, leg) FIELD(Run, control) FIELD(Run, grid) FIELD(Run, watch) FIELD(Run, adaptive)
           FIELD(Run, project) FIELD(Run, watched) FIELD(Run, tolerated) FIELD(Run, seconds) FIELD(Run, budget)
       .def_ro("taken", &Run::taken)
       .def_ro("rejected", &Run::rejected)
       .def_ro("stuck", &Run::stuck)
       .def_prop_ro("changes", [](const Run& r) { return r.steps.changes; })
+      .def_prop_ro("behind", [](const Run& r) { return r.steps.behind; })
       .def(
           "begin",
           [](Run& r, const Array& y, const nb::object& carry, const nb::object& low) {
@@ -152,7 +153,7 @@ void bind_run(nb::module_& m) {
             return nb::make_tuple(vector(s.t), array(s.y, {n, n ? s.y.size() / n : 0}),
                                   array(s.z, {n, n ? s.z.size() / n : 0}), vector(s.least_pivot_ratio));
           },
-          "Return t (n,), y (n, ...), z (n, ng) and the smallest ratios of pivots (n,) of the steps taken.");
+          "Return t (n,), y (n, ...), z (n, ng) and the smallest ratios of pivots (n,) at the nodes.");
 #undef FIELD
 }
 

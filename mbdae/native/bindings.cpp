@@ -3,6 +3,7 @@
 #include <set>
 
 #include "py_core.hpp"
+#include "residuals.hpp"
 
 using namespace mbdae;
 
@@ -91,6 +92,7 @@ void run_loop(PyCore& c, Method& method, Run& run) {
     refuse("atol has the wrong length");
   if (run.adaptive && !method.errors) refuse("the tableau has no error estimate");
   run.steps = Steps(), run.taken = run.rejected = 0, run.stuck = false;
+  check_events(run.events, c.core->system);
   many(c, [&] { TimeLoop(method, c.core->system, run).advance(); });
 }
 
@@ -132,6 +134,32 @@ nb::object derivatives(PyCore& c, const Array& t, const Array& y) {
   return nb::make_tuple(array(F, {n, ny}), array(z, {n, ng}));
 }
 
+nb::object residuals(PyCore& c, const Array& t, const Array& y) {
+  const Turn turn(c);
+  Index2System& s = c.core->system;
+  const size_t n = t.size(), length = s.length, ng = s.ng;
+  Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
+  many(c, [&] {
+    for (size_t i = 0; i < n; ++i) try {
+        residual(s, ts[i], &at[i * length], g.data() + i * ng, rate.data() + i * ng);
+        const Energy e = energy(s, &at[i * length]);
+        energies[2 * i] = e.kinetic, energies[2 * i + 1] = e.potential;
+      } catch (const Trouble&) {
+        energies[2 * i] = energies[2 * i + 1] = NAN;
+        if (c.callbacks->interrupted) break;
+      }
+  });
+  return nb::make_tuple(array(g, {n, ng}), array(rate, {n, ng}), array(energies, {n, 2}));
+}
+
+void sample(PyCore& c, const nb::list& list) {
+  const Turn turn(c);
+  Index2System& s = c.core->system;
+  std::vector<Sampler> out;
+  for (nb::handle h : list) out.push_back(sampler(nb::cast<nb::dict>(h), {s.nq, s.nv, 0}, s.ns, *c.callbacks));
+  s.samplers = std::move(out);
+}
+
 nb::object ratio(PyCore& c, const Array& q, int rank) {
   Index2System& s = c.core->system;
   Numbers at = numbers(q, s.nq, "q");
@@ -167,7 +195,7 @@ void use(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool h
 NB_MODULE(_native, m) {
   m.doc() = "The compiled core of mbdae.";
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
-  bind_limits(m), bind_tableau(m), bind_radau(m), bind_run(m);
+  bind_limits(m), bind_tableau(m), bind_radau(m), bind_events(m), bind_run(m);
 
   nb::class_<Counts>(m, "Counts", "Work done so far.")
       .def_ro("f", &Counts::f)
@@ -210,6 +238,9 @@ NB_MODULE(_native, m) {
            "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
       .def("derivatives", derivatives, nb::arg("t"), nb::arg("y"),
            "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be found.")
+      .def("sample", sample, nb::arg("samplers"), "Say which controllers look at the mechanism at instants.")
+      .def("residuals", residuals, nb::arg("t"), nb::arg("y"),
+           "Return g (n, ng), G v + g_t (n, ng), and kinetic and potential energy (n, 2) at many points.")
       .def("ratio", ratio, nb::arg("q"), nb::arg("rank"),
            "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
       .def("bare", bare, nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),

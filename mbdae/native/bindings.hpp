@@ -44,5 +44,7 @@ void bind_limits(nb::module_& m);
 void bind_tableau(nb::module_& m);
 void bind_radau(nb::module_& m);
 void bind_run(nb::module_& m);
+void bind_events(nb::module_& m);
+void check_events(const Events& events, const Index2System& s);
 
 }  // namespace mbdae

@@ -147,6 +147,29 @@ Row row(const nb::dict& d, const Sizes& n, int pair_count) {
   return r;
 }
 
+Sampler sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks) {
+  static const std::map<std::string, Sampler::Kind> kinds = {{"pid", Sampler::pid}, {"python", Sampler::python}};
+  Sampler out;
+  out.kind = kind(kinds, get<std::string>(d, "kind"));
+  out.rate = get<double>(d, "rate"), out.offset = get<double>(d, "offset"), out.coincide = get<double>(d, "coincide");
+  out.state = get<int>(d, "state"), out.states = get<int>(d, "states");
+  if (!(out.rate > 0) || !std::isfinite(out.offset) || !(out.coincide >= 0)) refuse("a rate is positive");
+  if (out.states < 1 || out.state < 0 || out.states > ns || out.state > ns - out.states) refuse("states out of range");
+  if (out.kind == Sampler::python) {
+    const Law::Call call = function(callbacks.add(d), n, out.states, &callbacks.interrupted);
+    out.call = [=](double t, const double* q, const double* v, const double* s, double* after) {
+      Numbers none(n.nv);
+      call(t, q, v, s, none.data(), after);
+    };
+    return out;
+  }
+  out.reference = signal(get<nb::dict>(d, "reference"), callbacks);
+  out.a = get<Numbers>(d, "a"), out.x = get<int>(d, "x"), out.v = get<int>(d, "v");
+  within({out.x, out.v}, n.nq + n.nv, "coordinate");
+  if (out.a.size() != 3 || out.states > 2) refuse("a PID controller has three gains");
+  return out;
+}
+
 Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Callbacks& callbacks) {
   Law out;
   const auto name = get<std::string>(d, "kind");
@@ -157,7 +180,7 @@ Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Ca
   pair = -1;
   maybe("rows", out.rows), maybe("columns", out.columns), maybe("orders", out.orders), maybe("a", out.a);
   maybe("state", out.state), maybe("states", out.states), maybe("turning", out.turning), maybe("steady", out.steady);
-  maybe("pair", pair);
+  maybe("pair", pair), maybe("offset", out.offset);
   out.paired = pair >= 0 && pair < pair_count;
   if (d.contains("signals"))
     for (nb::handle h : nb::cast<nb::list>(d["signals"]))

@@ -12,6 +12,7 @@
 #include "point.hpp"
 #include "rows.hpp"
 #include "saddle.hpp"
+#include "sampler.hpp"
 
 namespace mbdae {
 
@@ -77,6 +78,10 @@ class Index2System {
   // Between two steps: which rows serve, and how far all of them are kept. True where others are taken; v is brought
   // onto them then, and the carried derivative is found anew.
   bool settle(double t, State& s);
+
+  std::vector<Sampler> samplers;
+  void jump(double t, double* y);     // to just after t, where some of them look
+  double potential(const double* q);  // of gravity and springs in J, where poses stand
 
   void add(const double* y, const double* x, double* out) const;  // y (+) x
   void difference(const double* y0, const double* y1, double* out) const;

@@ -39,6 +39,7 @@ struct LawKind {
   bool (*fits)(Law& law, const Sizes& n);  // whether its numbers do; it may work out more
   void (*add)(const Law& law, const ForcePoint& p, const Forces& f);
   void (*slopes)(const Law& law, const ForcePoint& p, const LawSlopes& out);  // the same of what `add` adds
+  double (*potential)(const Law& law, const ForcePoint& p) = nullptr;         // in J; of q alone
 };
 
 // One of the kinds that the files of laws/ define, by the name of the file; nullptr for another name.
@@ -61,6 +62,7 @@ struct Law {
   std::vector<Signal> signals;     // functions of time
   Pair* pair = nullptr;
   bool paired = false;            // whether it has a pair
+  double offset = 0;              // of the potential, in J
   int state = 0, states = 0;      // where its states stand in s, and how many there are
   bool turning = false;           // its axes turn with the frame
   bool steady = false;            // it has a potential

@@ -156,6 +156,15 @@ double Mechanics::bare(const double* q, const double* v, int r, const double* G_
 
 void Mechanics::neutral(double* q) { Out(q, nq) = pinocchio::neutral(w->model); }
 
+double Mechanics::potential() const {
+  double out = 0;
+  for (int j = 1; j < joints; ++j) {
+    const auto& body = w->model.inertias[j];
+    out -= body.mass() * w->model.gravity.linear().dot(w->data.oMi[j].act(body.lever()));
+  }
+  return out;
+}
+
 const double* Mechanics::M() const { return w->data.M.data(); }
 const double* Mechanics::J() const { return w->data.J.data(); }
 const double* Mechanics::rotation(int j) const { return w->data.oMi[j].rotation().data(); }

@@ -42,6 +42,7 @@ class Mechanics {
   // all with the routines of Pinocchio and Eigen: what a stage cannot do without.
   double bare(const double* q, const double* v, int r, const double* G, int repetitions);
 
+  double potential() const;                 // of gravity in J, where poses stand
   const double* M() const;                  // upper triangle by columns, (nv, nv)
   const double* J() const;                  // at the world's origin by columns, (6, nv)
   const double* rotation(int joint) const;  // by columns

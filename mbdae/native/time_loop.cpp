@@ -63,6 +63,68 @@ void TimeLoop::project(double t) {
   next_.carry.assign(F.begin() + s_.nv, F.end()), next_.memory.reset();
 }
 
+void TimeLoop::look(Proposal& p) {
+  const double t = run_.leg.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
+  const State end = next_;
+  const Numbers z = z_, size = size1_;
+  double last = 1;  // the share of the step that was taken last
+  auto shorter = [&](double theta) {
+    method_.take(run_.adaptive, t, theta * h, run_.state, next_, z_.data(), errors_);
+    if (run_.adaptive || run_.project) s_.size(next_.y.data(), size1_.data());
+    if (run_.project) project(t + theta * h);
+    last = theta;
+    return next_.y;
+  };
+  const auto carried = [](const State& x) { return x.carry.empty() ? nullptr : x.carry.data(); };
+  seen_ = mbdae::look(s_, run_.events, {t, p.t_next, run_.state.y.data(), end.y.data(), carried(run_.state), carried(end)},
+                      shorter);
+  if (seen_.stop >= 0) {
+    const bool near = run_.watched && std::sqrt(least) < run_.watch.zone * run_.watch.usual;
+    if (near || seen_.stop * h == 0) throw Trouble();
+    if (last != seen_.stop) shorter(seen_.stop);
+    p.t_next = t + seen_.stop * h;
+  } else if (last != 1) {
+    next_ = end, z_ = z, size1_ = size;
+  }
+  s_.rows.least_pivot_ratio = least;
+}
+
+void TimeLoop::push() {
+  Steps& steps = run_.steps;
+  steps.t.push_back(run_.leg.t);
+  steps.y.insert(steps.y.end(), run_.state.y.begin(), run_.state.y.end());
+  steps.z.insert(steps.z.end(), z_.begin(), z_.end());
+  steps.least_pivot_ratio.push_back(s_.rows.least_pivot_ratio);
+}
+
+bool TimeLoop::cross() {
+  const double t = run_.jumps.restart;
+  Jumps jumps = run_.jumps;
+  Leg leg = run_.leg;
+  State& next = next_;
+  next = State(), next.y = run_.state.y;
+  Numbers F(s_.ny), z(s_.ng);
+  const long node = static_cast<long>(run_.steps.t.size());
+  try {
+    if (!jumps.leg(s_.samplers, t, leg)) return false;
+    s_.jump(t, next.y.data());
+    if (s_.settle(t, next)) run_.steps.changes.emplace_back(node, s_.rows.in_use());
+    s_.derivative(t, next.y.data(), F.data(), z.data());
+  } catch (const Trouble&) {
+    if (!run_.steps.changes.empty() && run_.steps.changes.back().first == node) run_.steps.changes.pop_back();
+    s_.point.forget();
+    return false;
+  }
+  next.carry.assign(F.begin() + s_.nv, F.end());
+  std::swap(run_.state, next), run_.leg = leg, run_.jumps.restart = jumps.restart;
+  z_ = z;
+  push();
+  run_.steps.behind.push_back(node);
+  run_.watch.before = INFINITY;
+  if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
+  return true;
+}
+
 bool TimeLoop::attempt() {
   Proposal p;
   if (!run_.adaptive)
@@ -79,7 +141,9 @@ bool TimeLoop::attempt() {
       return true;
     }
     if (run_.project) project(p.t_next);
-    if (s_.settle(p.t_next, next_)) run_.steps.changes.emplace_back(run_.taken + 1, s_.rows.in_use());
+    if (!run_.events.events.empty()) look(p);
+    if (s_.settle(p.t_next, next_))
+      run_.steps.changes.emplace_back(static_cast<long>(run_.steps.t.size()), s_.rows.in_use());
   } catch (const Trouble&) {
     return false;
   }
@@ -87,11 +151,11 @@ bool TimeLoop::attempt() {
   std::swap(run_.state, next_);
   std::swap(size0_, size1_);
   ++run_.taken;
-  Steps& steps = run_.steps;
-  steps.t.push_back(run_.leg.t);
-  steps.y.insert(steps.y.end(), run_.state.y.begin(), run_.state.y.end());
-  steps.z.insert(steps.z.end(), z_.begin(), z_.end());
-  steps.least_pivot_ratio.push_back(s_.rows.least_pivot_ratio);
+  push();
+  Events& events = run_.events;
+  if (events.events.empty()) return true;
+  events.nodes = std::move(seen_.nodes), events.stopped = seen_.stop >= 0;
+  events.found.insert(events.found.end(), seen_.found.begin(), seen_.found.end());
   return true;
 }
 
@@ -100,7 +164,8 @@ void TimeLoop::advance() {
   const auto started = Clock::now();
   SingularWatch& watch = run_.watch;
   if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
-  while (run_.taken + run_.rejected < run_.budget && run_.leg.t != run_.leg.end) {
+  while (run_.taken + run_.rejected < run_.budget) {
+    if (run_.leg.t == run_.leg.end && (!run_.jumps.crossed || std::isnan(run_.jumps.restart) || !cross())) return;
     const StepMemory control = run_.control;  // what a step that is given up must not have changed
     const GridMemory grid = run_.grid;
     const Counts counts = s_.counts;
@@ -112,6 +177,7 @@ void TimeLoop::advance() {
       return;
     }
     if (run_.taken == taken) continue;
+    if (run_.events.stopped) return;
     if (run_.watched) {
       watch.before = std::sqrt(s_.rows.least_pivot_ratio);
       watch.usual = std::max(watch.usual, watch.before);

@@ -5,6 +5,8 @@
 #include <vector>
 
 #include "collocation.hpp"
+#include "event_watch.hpp"
+#include "jumps.hpp"
 #include "projection.hpp"
 #include "step.hpp"
 #include "step_control.hpp"
@@ -17,11 +19,12 @@ struct SingularWatch {
   double suspect = 0, landed = 0, zone = 0;
 };
 
-// The steps that were taken, n of them.
+// The nodes that steps, n of them, and jumps led to.
 struct Steps {
   Numbers t, least_pivot_ratio;  // (n,); least_pivot_ratio: smallest ratio of pivots that each of them met
   Numbers y, z;        // (n, length), (n, ng) by rows
-  std::vector<std::pair<long, std::vector<int>>> changes;  // after how many steps which rows came into use
+  std::vector<std::pair<long, std::vector<int>>> changes;  // at which of them which rows came into use
+  std::vector<long> behind;                                // which of them lie behind a jump: no step led there
 };
 
 // What a run hands over, and gets back.
@@ -31,6 +34,8 @@ struct Run {
   StepControl control;
   Grid grid;
   SingularWatch watch;
+  Events events;
+  Jumps jumps;
   bool adaptive = false;  // by control; else on the grid
   bool project = false;   // the ends of steps
   bool watched = false;   // by the watch
@@ -92,6 +97,9 @@ class TimeLoop {
   bool attempt();          // a step; false where Python has something to say about it
   bool judge(double h);    // is it accepted?
   void project(double t);  // its end
+  void look(Proposal& p);  // for events on the step just taken, which ends where one ends the run
+  bool cross();            // the jump behind a leg; false where Python has something to say about it
+  void push();             // record the state
   bool landing();          // does a fixed step lead into a singular configuration where another can be taken?
   double error_norm(const double* e, int errors, double noise) const;
 
@@ -99,6 +107,7 @@ class TimeLoop {
   Index2System& s_;
   Run& run_;
   State next_;
+  Look seen_;              // on the step just taken
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
   Numbers z_;              // (ng,) multipliers of the method

@@ -61,15 +61,10 @@ def residuals(sol: "Solution") -> Residuals:
         InputError: for a solution of a textbook problem, or one without times.
     """
     mech = sol.mechanism
-    system = mech.system()
-    n = len(sol.t)
-    if not n:
+    if not len(sol.t):
         raise InputError(f"the solution of {mech.title!r} has no times: the run ended before the first of t_eval")
-    g, Gv, energies = np.empty((n, mech.ng)), np.empty((n, mech.ng)), np.empty((n, 2))
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that explodes
-        for i, (t, q, v) in enumerate(zip(sol.t, sol.q, sol.v, strict=True)):
-            g[i], Gv[i] = system.residual(t, q, v)
-            energies[i] = system.energy(q, v)
+        g, Gv, energies = sol.system.residuals(np.asarray(sol.t), np.asarray(sol.y))
     return Residuals(g, Gv, *energies.T)
 
 

@@ -2,8 +2,13 @@
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ...methods.controller import COMPANION, LARGEST, SAFETY, SMALLEST, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
+from ..events import SAME
+from ..jumps import CROWD, MARGIN, Leg
+from ..signal_events import ITERATIONS, SHARE, SHARP
 from .adaptive import NEARLY, NOTHING, Adaptive
 from .fixed import NEAR, TOLERATED, Fixed
 from .stepper import SPACINGS, PythonStepper, Stepper
@@ -32,6 +37,7 @@ class NativeStepper(Stepper):
         self.inner, self.system, self.tableau = inner, system, tableau
         self.run: Run = system.native.Run()
         self.run.project, self.run.seconds = project, SECONDS
+        self.watched: Any = None
 
     def advance(self, run: "RunState", most: int | None = None) -> None:
         """Take steps until something asks for Python, for `SECONDS` or little more; one in Python where it is needed.
@@ -68,6 +74,7 @@ class NativeStepper(Stepper):
         """Say where the run stands, how long its steps are, and every threshold of both."""
         r, leg, watch, inner = self.run, self.run.leg, run.singular, self.inner
         r.begin(run.state.y, self.system.carried(run.state), run.state.compensation)
+        self._events_to_native(run)
         r.budget, r.watched, r.adaptive = most, watch is not None, isinstance(inner, Adaptive)
         leg.t, leg.t1, leg.sign, leg.stop, leg.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
         if watch:
@@ -86,6 +93,20 @@ class NativeStepper(Stepper):
             g.step, g.t0, g.n, g.i, g.on_grid = inner.step, inner.t0, inner.n, inner.i, inner.on_grid
             g.near, r.tolerated = NEAR, TOLERATED
 
+    def _events_to_native(self, run: "RunState") -> None:
+        """Say where events stand and which jumps lie ahead; Python looks at functions step by step, and crosses."""
+        e, j, events = self.run.events, self.run.jumps, run.events
+        if self.watched is not events:
+            self.watched = events
+            e.watch(events.plain() if events.by_signal else [])
+            e.same, e.spacings, e.share, e.iterations = SAME, SHARP, SHARE, ITERATIONS
+            j.times, j.margin, j.crowd = sorted({*run.ahead.times, *self.system.laws.breaks()}), MARGIN, CROWD
+        j.crossed = events.by_signal or not events.events
+        j.restart = np.nan if run.leg.restart is None else run.leg.restart
+        if events.events and events.by_signal:
+            e.start = events.start[0]
+            e.stand([signal.node for signal in events.signals.values()])
+
     def _from_native(self) -> None:
         c, g, inner = self.run.control, self.run.grid, self.inner
         if isinstance(inner, Adaptive):
@@ -94,21 +115,30 @@ class NativeStepper(Stepper):
             inner.i, inner.on_grid = g.i, g.on_grid
 
     def _record(self, run: "RunState") -> None:
-        r, watch, first = self.run, run.singular, len(run.ts) - 1
-        if not r.taken:
+        r, watch, first = self.run, run.singular, len(run.ts)
+        ts, ys, zs, least_pivot_ratio = r.steps()
+        if not len(ts):
             return
         run.in_use += [(first + k, tuple(rows)) for k, rows in r.changes]
-        state = State(*r.state())
-        ts, ys, zs, least_pivot_ratio = r.steps()
-        times, i, n = ts.tolist(), 0, r.taken
+        run.events.take_over(r.events)
+        state, leg = State(*r.state()), r.leg
+        restart = None if np.isnan(r.jumps.restart) else r.jumps.restart
+        times, i, behind = ts.tolist(), 0, r.behind
         finished = times[-1] == run.t1
         if watch:
             watch.begin_step()
-        while i < n:
-            quiet = watch.quiet(least_pivot_ratio[i : n - finished]) if watch else n
-            run.extend(times[i : i + quiet], ys[i : i + quiet], zs[i : i + quiet], state)
-            i += quiet
-            if watch and i < n:
-                run.extend(times[i : i + 1], ys[i : i + 1], zs[i : i + 1], state)
-                self.system.least_pivot_ratio, i = float(least_pivot_ratio[i]), i + 1
-                watch.step(run, finished and i == n)
+        for n in [*behind, len(times)]:
+            end = finished and n == len(times)
+            while i < n:
+                quiet = watch.quiet(least_pivot_ratio[i : n - end]) if watch else n - i
+                run.extend(times[i : i + quiet], ys[i : i + quiet], zs[i : i + quiet], state)
+                i += quiet
+                if watch and i < n:
+                    run.extend(times[i : i + 1], ys[i : i + 1], zs[i : i + 1], state)
+                    self.system.least_pivot_ratio, i = float(least_pivot_ratio[i]), i + 1
+                    watch.step(run, end and i == n)
+            if n < len(times):
+                run.extend(times[n : n + 1], ys[n : n + 1], zs[n : n + 1], state)
+                run.behind_jump()
+                i = n + 1
+        run.leg = Leg(leg.stop, leg.end, restart)

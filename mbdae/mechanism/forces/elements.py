@@ -92,6 +92,10 @@ class ForceElements:
         """Potential energy in J; the kinematics stand at q."""
         return sum(law.potential(q) for law, _ in self.acting)
 
+    def breaks(self) -> list[float]:
+        """The times at which functions of time in the laws are not smooth."""
+        return sorted({x for law, _ in self.bound for signal in law.signals for x in signal.breaks})
+
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, where a law may jump; sign * inf if none."""
         return sign * min((sign * law.breakpoint(t, sign) for law, _ in self.bound), default=inf)

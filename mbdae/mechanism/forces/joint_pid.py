@@ -61,7 +61,9 @@ class JointPID(Force):
         if self.rate is not None:
             memory = {"integral": self.integral} if self.ki else {}
             sample = self._sampled(ix, i, 1 / self.rate)
-            return SampledElement(self.name, sample, self.rate, 0.0, {i: f"torque {self.joint}"}, memory)
+            known = {"kind": "pid", "reference": self.reference.plain(), "a": [self.kp, self.ki, self.kd]}
+            known |= {"x": ix if at else model.nq + ix, "v": model.nq + i}
+            return SampledElement(self.name, sample, self.rate, 0.0, {i: f"torque {self.joint}"}, memory, known)
         terms: list[Term] = [("tau", i, "u", 0, self.kp), ("tau", i, x, ix, -self.kp)]
         terms += [("tau", i, "du", 0, self.kd), ("tau", i, "v", i, -self.kd)]
         if not self.ki:

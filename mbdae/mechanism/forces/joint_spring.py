@@ -95,4 +95,4 @@ class CurveElement(ForceElement):
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
         numbers = {"rows": self.iv, "columns": self.iq, "a": [self.rest, self.damping]}
-        return {"kind": "curve", **numbers, "signals": [Pieces.of(self.c).plain()]}
+        return {"kind": "curve", **numbers, "signals": [Pieces.of(x).plain() for x in (self.c, self.integral)]}

@@ -130,4 +130,5 @@ class Linear(ForceElement):
     def plain(self) -> dict[str, Any]:  # noqa: D102
         signals, orders = [u.plain() for u, _ in self.u], [k for _, k in self.u]
         numbers = {"rows": self.y.tolist(), "columns": self.x.tolist(), "a": self.values.tolist()}
-        return {"kind": "linear", **numbers, "signals": signals, "orders": orders}
+        at_rest = sum(0.5 * k * rest**2 for _, _, k, rest in self.springs)
+        return {"kind": "linear", **numbers, "signals": signals, "orders": orders, "offset": at_rest}

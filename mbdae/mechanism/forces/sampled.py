@@ -89,14 +89,23 @@ class SampledElement(LinearElement):
         offset: a sampling instant in s.
         held: names of the torques by the index of their velocity.
         memory: names and start values.
+        known: the controller as the core takes it; Python is called when left out.
     """
 
     def __init__(
-        self, name: str, sample: Sample, rate: float, offset: float, held: dict[int, str], memory: Mapping[str, float]
+        self,
+        name: str,
+        sample: Sample,
+        rate: float,
+        offset: float,
+        held: dict[int, str],
+        memory: Mapping[str, float],
+        known: Mapping[str, Any] | None = None,
     ) -> None:
         terms: list[Term] = [("tau", i, "s", k, 1.0) for k, i in enumerate(held)]
         super().__init__(name, terms, states={**dict.fromkeys(held.values(), 0.0), **memory})
         self.sample, self.rate, self.offset, self.m = sample, rate, offset, len(held)
+        self.known = known or {"kind": "python", "call": self._again}
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next sampling instant.
@@ -107,6 +116,13 @@ class SampledElement(LinearElement):
         if sign < 0:
             raise InputError(f"controller {self.name!r} is sampled: a run with it cannot go backwards in time")
         return self.offset + (floor((t - self.offset) * self.rate + COINCIDE) + 1) / self.rate
+
+    def sampler(self) -> dict[str, Any]:
+        """Return what the core takes."""
+        return {**self.known, "rate": self.rate, "offset": self.offset, "coincide": COINCIDE}
+
+    def _again(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+        return np.zeros(len(v)), self.jump(t, q, v, s)
 
     def jump(self, t: float, q: Array, v: Array, s: Array) -> Array:
         """Return the new torque and memory if t is a sampling instant."""

@@ -12,7 +12,7 @@ import numpy as np
 from ...system import Array, Counts, State, Step
 from ..closures.independent_rows import probe
 from ..manifold import GROUPS
-from .compiled_parts import constraints_of, laws_of, limits_of
+from .compiled_parts import constraints_of, laws_of, limits_of, samplers_of
 from .index2 import Index2System
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ class Compiled(Index2System):
         lists = self.place.tolist(), probe(self.nv).tolist()
         tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, *lists
         self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables)
+        self.core.sample(samplers_of(self.laws))
         self._seen = [0] * len(COUNTS)
         self._begun = False
         self._method: tuple[Any, Any] = (None, None)
@@ -113,6 +114,14 @@ class Compiled(Index2System):
         left = np.isnan(F).any(axis=1) | np.isnan(lam).any(axis=1)
         F[left], lam[left] = super().derivatives(t[left], y[left], near[left])
         return F, lam
+
+    def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
+        """See `Index2System.residuals`."""
+        g, rates, energies = self.core.residuals(np.ascontiguousarray(t), np.ascontiguousarray(y))
+        left = np.isnan(energies).any(axis=1) & np.isfinite(y).all(axis=1)
+        if left.any():
+            g[left], rates[left], energies[left] = super().residuals(t[left], y[left])
+        return g, rates, energies
 
     def pivot_ratio(self, t: float, y: Array) -> float:
         """See `Index2System.pivot_ratio`."""

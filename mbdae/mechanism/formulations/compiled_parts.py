@@ -8,6 +8,7 @@ from .. import manifold
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..forces.elements import ForceElements
+from ..forces.sampled import SampledElement
 from ..frames import Anchor, Pair
 from . import projection
 
@@ -64,6 +65,12 @@ def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], li
 
 def _frame(a: Anchor) -> tuple[int, list[float], list[float]]:
     return a.joint, a.R.ravel().tolist(), a.p.tolist()
+
+
+def samplers_of(laws: ForceElements) -> list[Plain]:
+    """Return the controllers that are sampled."""
+    sampled = [(law, at) for law, at in laws.bound if isinstance(law, SampledElement)]
+    return [{**law.sampler(), "state": at.start, "states": at.stop - at.start} for law, at in sampled]
 
 
 def laws_of(laws: ForceElements) -> tuple[list[Any], list[Plain]]:

@@ -82,6 +82,16 @@ class Index2System(System):
         g, G = self.closures(q, t)
         return g, G @ v + self.g_t(t)
 
+    def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Return g (n, ng), G v + g_t (n, ng), kinetic and potential energy in J (n, 2) at points (n, ...)."""
+        n = len(t)
+        g, rates, energies = np.empty((n, self.ng)), np.empty((n, self.ng)), np.empty((n, 2))
+        for i in range(n):
+            q, v = self.split(y[i])
+            g[i], rates[i] = self.residual(t[i], q, v)
+            energies[i] = self.energy(q, v)
+        return g, rates, energies
+
     def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
         """Return gamma = Gdot v + g_tt over all rows, (ng,); without t, it is nan for driven rows."""
         pin.forwardKinematics(self.model, self.data, q, v, np.zeros(self.nv))

@@ -147,6 +147,14 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
   here.torque(damper, out.other, out.width), here.damping(damper.C, out.other + p.m.nv, out.width);
 }
 
-extern const LawKind bushing{fits, add, slopes};
+static double potential(const Law& law, const ForcePoint& p) {
+  double moved[6], out = 0;
+  law.pair->locate(p.m);
+  deflection(law, moved, moved + 3);
+  for (int i = 0; i < 6; ++i) out += 0.5 * law.a[i] * moved[i] * moved[i];
+  return out;
+}
+
+extern const LawKind bushing{fits, add, slopes, potential};
 
 }  // namespace mbdae::laws

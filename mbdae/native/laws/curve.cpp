@@ -1,10 +1,10 @@
-// tau = -c(q - rest) - d v; signals: c, rows: of v, columns: of q, a: rest, d.
+// tau = -c(q - rest) - d v; signals: c and its integral, rows: of v, columns: of q, a: rest, d.
 #include "../laws.hpp"
 
 namespace mbdae::laws {
 
 static bool fits(Law& law, const Sizes& n) {
-  bool out = law.a.size() == 2 && law.signals.size() == 1 && law.rows.size() == law.columns.size();
+  bool out = law.a.size() == 2 && law.signals.size() == 2 && law.rows.size() == law.columns.size();
   for (int i : law.rows) out = out && i >= 0 && i < n.nv;
   for (int i : law.columns) out = out && i >= 0 && i < n.nq;
   return out;
@@ -26,6 +26,12 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
   }
 }
 
-extern const LawKind curve{fits, add, slopes};
+static double potential(const Law& law, const ForcePoint& p) {
+  double out = 0;
+  for (int i : law.columns) out += law.signals[1].at(p.q[i] - law.a[0]) - law.signals[1].at(0);
+  return out;
+}
+
+extern const LawKind curve{fits, add, slopes, potential};
 
 }  // namespace mbdae::laws

@@ -47,6 +47,22 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
   }
 }
 
-extern const LawKind linear{fits, add, slopes};
+// Of springs tau = -k q + c: k q^2/2 - c q + c^2/2k, of which the last is the offset.
+static double potential(const Law& law, const ForcePoint& p) {
+  double out = law.offset;
+  for (const Law::Term& x : law.terms) {
+    if (x.to != 0) continue;
+    if (x.from == 0) {
+      out -= 0.5 * x.value * p.q[x.column] * p.q[x.column];
+      continue;
+    }
+    const auto& tangent = p.m.tangent;
+    const auto at = std::find(tangent.begin(), tangent.end(), x.row) - tangent.begin();
+    out -= x.value * p.q[at];
+  }
+  return out;
+}
+
+extern const LawKind linear{fits, add, slopes, potential};
 
 }  // namespace mbdae::laws

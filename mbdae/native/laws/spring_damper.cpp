@@ -50,6 +50,13 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
   here.damping(damper.C, out.other + p.m.nv, out.width);
 }
 
-extern const LawKind spring_damper{fits, add, slopes};
+static double potential(const Law& law, const ForcePoint& p) {
+  double n[3];
+  law.pair->locate(p.m);
+  const double stretch = unit_gap(*law.pair, n) - law.a[2];
+  return 0.5 * law.a[0] * stretch * stretch;
+}
+
+extern const LawKind spring_damper{fits, add, slopes, potential};
 
 }  // namespace mbdae::laws

@@ -46,6 +46,14 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
   here.torque(moment, out.other, out.width);
 }
 
-extern const LawKind wrench{fits, add, slopes};
+static double potential(const Law& law, const ForcePoint& p) {
+  if (!law.steady) return 0;
+  law.pair->locate(p.m);
+  double out = 0;
+  for (int i = 0; i < 3; ++i) out -= law.signals[i].at(0) * law.pair->pb[i];
+  return out;
+}
+
+extern const LawKind wrench{fits, add, slopes, potential};
 
 }  // namespace mbdae::laws

@@ -17,8 +17,12 @@ from ...cli.options import (
     speed_option,
     writable,
 )
+from ...integrate.events import Event
 from ...mechanism import load
+from ...system import Array
 from ..drift.drift import drift as measure_drift
+
+SHOWN = 5  # times of an event
 
 
 @click.command()
@@ -26,17 +30,32 @@ from ..drift.drift import drift as measure_drift
 @method_option
 @run_options
 @backend_option
+@click.option("--event", "events", multiple=True, help="List when a signal passes: 'q.slider = 0.3', 'v.crank'.")
+@click.option("--until", multiple=True, help="The same, and end the run there: 'force.wrist pin > 100'.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the solution as .npz, or as a .csv table.")
 @click.option("--html", type=click.Path(dir_okay=False), help="Write a replay as one HTML page.")
 @click.option("--plot", type=click.Path(dir_okay=False), help="Draw the run as .png, .svg or .pdf.")
 @speed_option
 @as_json
 def run(
-    model: str, output: str | None, html: str | None, plot: str | None, speed: float, as_json: bool, **options: Any
+    model: str,
+    events: tuple[str, ...],
+    until: tuple[str, ...],
+    output: str | None,
+    html: str | None,
+    plot: str | None,
+    speed: float,
+    as_json: bool,
+    **options: Any,
 ) -> None:
-    """Simulate a model, and save, replay or plot the motion."""
+    """Simulate a model, and save, replay or plot the motion.
+
+    Events are signals of `mbdae run MODEL -o run.csv`, or force, torque and effort of closures and drivers by name,
+    with = for both directions, > for rising above, < for falling below a number; a signal alone means its zeros.
+    """
     written = writable((output, (".npz", ".csv")), (html, PAGES), (plot, PICTURES))
-    sol = simulate(load(model), **options)
+    watched = [*events, *(Event(text, terminal=True) for text in until)]
+    sol = simulate(load(model), events=watched, **options)
     if output:
         sol.save(output)
     if html:
@@ -55,6 +74,7 @@ def run(
         "t": float(sol.t[-1]),
         "stats": sol.stats,
         "drift": found.to_dict(),
+        "events": {text: sol.events[i][0].tolist() for i, text in enumerate([*events, *until])},
         "singular": [x.to_dict() for x in sol.singular],
     }
     s = sol.stats
@@ -63,8 +83,15 @@ def run(
         f"{sol.status}: {sol.message}, t = {sol.t[-1]:g} s",
         f"  {s['steps']} steps, {rejected} rejected, {s['solves']} solves, {s['seconds']:.2f} s, {s['backend']}",
         str(found),
+        *(f"  {text}: {_times(sol.events[i][0])}" for i, text in enumerate([*events, *until])),
         *(f"  singular configuration: {x}" for x in sol.singular),
         *(f"wrote {p}" for p in written),
     ]
     emit({**data, "written": written}, "\n".join(lines), as_json)
     finish(sol)
+
+
+def _times(times: Array) -> str:
+    """Times of an event, the first of many."""
+    some = ", ".join(f"{t:.9g}" for t in times[:SHOWN])
+    return f"t = {some}{', ...' if len(times) > SHOWN else ''} s ({len(times)})" if len(times) else "never"
