@@ -65,6 +65,33 @@ def paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
     return out
 
 
+def motions(
+    model: pin.Model, names: Sequence[str], q: np.ndarray, v: np.ndarray, vdot: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, velocities and accelerations of the origins of frames in the world, (n, m, 3) each.
+
+    Args:
+        model: a model.
+        names: of n frames.
+        q: configurations, (m, nq).
+        v: velocities, (m, nv).
+        vdot: accelerations, (m, nv).
+
+    Raises:
+        UnknownNameError: lists the names that exist.
+    """
+    found = [anchor(model, name) for name in names]
+    data, out = make_data(model), np.empty((3, len(found), len(q), 3))
+    for k, row in enumerate(zip(q, v, vdot, strict=True)):
+        pin.forwardKinematics(model, data, *row)
+        for i, a in enumerate(found):
+            place = data.oMi[a.joint]
+            V, A, p = place.act(data.v[a.joint]), place.act(data.a[a.joint]), place.act(a.p)
+            out[0, i, k], out[1, i, k] = p, V.linear + np.cross(V.angular, p)
+            out[2, i, k] = A.linear + np.cross(A.angular, p) + np.cross(V.angular, out[1, i, k])
+    return out[0], out[1], out[2]
+
+
 def joint_names(model: pin.Model) -> list[str]:
     """Names of the moving joints, in the order of q."""
     return [n for n in model.names if n != "universe"]

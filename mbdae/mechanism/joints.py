@@ -44,3 +44,12 @@ def _alone(joint: pin.JointModel) -> pin.Model:
     model = pin.Model()
     model.addJoint(0, joint, pin.SE3.Identity(), "joint")
     return model
+
+
+def turning(model: pin.Model) -> np.ndarray:
+    """Which tangent components are angles that stand for the same pose after a full turn, (nv,)."""
+    out = np.zeros(model.nv, bool)
+    for joint in list(model.joints)[1:]:
+        if joint.shortname() == "JointModelSphericalZYX" or joint.nv <= 2:
+            out[joint.idx_v : joint.idx_v + joint.nv] = ~subspace(joint)[:3].any(axis=0)
+    return out

@@ -86,7 +86,7 @@ def write(sol: "Solution", path: str | Path) -> None:
     if Path(path).suffix not in SUFFIXES:
         raise InputError(f"a solution is saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
     if Path(path).suffix == ".csv":
-        _write_csv(sol.signals(), path)
+        write_csv(sol.signals(), path)
         return
     meta = {
         "format": FORMAT,
@@ -106,7 +106,8 @@ def write(sol: "Solution", path: str | Path) -> None:
         np.savez_compressed(temporary, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
 
 
-def _write_csv(columns: dict[str, np.ndarray], path: str | Path) -> None:
+def write_csv(columns: dict[str, np.ndarray], path: str | Path) -> None:
+    """Write columns of equal length, by name, as a table of comma-separated values."""
     with write_whole(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(columns)

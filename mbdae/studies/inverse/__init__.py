@@ -1,0 +1,1 @@
+"""Inverse dynamics: the torques that a prescribed motion takes."""

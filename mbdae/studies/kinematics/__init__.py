@@ -1,0 +1,1 @@
+"""Mechanisms of one freedom: the curve of their poses over an input."""

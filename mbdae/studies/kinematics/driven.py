@@ -1,0 +1,130 @@
+"""A mechanism whose input is its time: one row more says that a coordinate has the value u, others are held.
+
+Its rows are those of the closures, one for each coordinate that is held and, last, 0 = c(q) - u of the drive.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import qr
+
+from ...errors import InputError, UnknownNameError, several
+from ...mechanism import Driver, Mechanism
+from ...mechanism.frames import find_joint
+from ...mechanism.reactions import span
+from ...system import Array
+
+if TYPE_CHECKING:
+    from ...mechanism.formulations.index2 import Index2System
+
+RANK = 1e-9  # of the largest singular value of G
+Hold = str | Iterable[str] | Mapping[str, float]
+
+
+def driven(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
+    """Return the mechanism with ``drive`` as its last driver, u(t) = t, behind what is held.
+
+    Args:
+        mech: the mechanism; its other drivers stand still where they are at t = 0.
+        drive: a joint of one coordinate, or a driver of the mechanism.
+        hold: joints of one coordinate, and the values where they are held; those of q when left out.
+        q: configuration, (nq,).
+
+    Raises:
+        UnknownNameError: for a joint that does not exist.
+        InputError: for a joint of several coordinates, or one that is both driven and held.
+    """
+    own = {d.name: d for d in mech.drivers}
+    if drive not in own and drive not in mech.joint_names:
+        raise UnknownNameError("drive", drive, [*own, *single(mech)])
+    values = dict(hold) if isinstance(hold, Mapping) else dict.fromkeys(several(hold, "hold is a list of joints"))
+    clock = {"kind": "polynomial", "coefficients": (0.0, 1.0)}
+    if drive in own:
+        target = {k: v for k, v in own[drive].model_dump().items() if k not in ("motion", "name") and v is not None}
+        moved: tuple[str, ...] = own[drive].between
+    else:
+        target, moved = {"joint": drive}, (drive,)
+        _coordinate(mech, drive, q)
+    rows = [Driver(**{**d.model_dump(), "motion": d.follow(0.0)[0]}) for d in mech.drivers
+            if d.name != drive and (d.joint or "") not in (drive, *values)]  # fmt: skip
+    for name, value in values.items():
+        if name in moved:
+            raise InputError(f"{name!r} is driven: it cannot be held too")
+        here = _coordinate(mech, name, q)
+        rows.append(Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}"))
+    rows.append(Driver.model_validate({**target, "motion": clock, "name": f"drive {drive}"}))
+    return Mechanism(mech.model, mech.closures, mech.forces, drivers=rows, start=mech.start_values, title=mech.title)
+
+
+def single(mech: Mechanism) -> list[str]:
+    """Names of the joints of one coordinate."""
+    return [name for name in mech.joint_names if find_joint(mech.model, name).nv == 1]
+
+
+def _coordinate(mech: Mechanism, name: str, q: Array) -> float:
+    joint = find_joint(mech.model, name)
+    if joint.nv != 1:
+        raise InputError(f"joint {name!r} has {joint.nv} coordinates: what is driven or held has one")
+    x = q[joint.idx_q : joint.idx_q + joint.nq]
+    return float(x[0]) if joint.nq == 1 else float(np.arctan2(x[1], x[0]))
+
+
+def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str, hold: Iterable[str]) -> None:
+    """Refuse a mechanism that has not one freedom at a closed configuration q.
+
+    Raises:
+        InputError: no freedom is left; too many are, with the joints to hold; q is a singular pose; the drive does not
+            move.
+    """
+    _, G = system.closures(q, 0.0)
+    rows, e = G[:-1], G[-1]
+    left, sizes, right = np.linalg.svd(rows) if len(rows) else (np.eye(0), np.zeros(0), np.eye(system.nv))
+    r = int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)))
+    Z = right[r:].T
+    if r < min(rows.shape) and _is_singular(system, left[:, r:], Z):
+        raise InputError("the closures lose rank in this pose, from which several branches lead: start beside it")
+    held = ", ".join(hold)
+    if not Z.shape[1]:
+        raise InputError(f"no freedom is left for {drive!r} to move{f': {held} are held' if held else ''}")
+    if Z.shape[1] > 1:
+        n = Z.shape[1] - 1
+        names = to_hold(mech, Z, e, n)
+        which = f"hold {n} of them besides {drive!r}" + (f", for instance {','.join(names)}" if names else "")
+        raise InputError(f"{n + 1} freedoms are left: {which}")
+    tau = Z[:, 0]
+    if abs(e @ tau) < RANK:
+        gamma = system.gamma(q, tau, 0.0)
+        kappa = -np.linalg.lstsq(rows, gamma[:-1], rcond=RANK)[0]
+        if abs(gamma[-1] + e @ kappa) < RANK * (1 + np.abs(kappa).max()):
+            raise InputError(f"{drive!r} cannot move: the closures and what is held keep it where it is")
+
+
+def _is_singular(system: "Index2System", left: Array, Z: Array) -> bool:
+    """Whether dependent rows depend on each other in this pose only: then they bend along the null space Z (nv, k)."""
+    for u in left.T:
+        K = system.constraints.slopes(np.zeros(system.nv), np.append(u, 0.0))[0]
+        if np.abs(Z.T @ K @ Z).max() > 1e-6 * np.abs(system.constraints.W).max(initial=1.0):
+            return True
+    return False
+
+
+def to_hold(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
+    """Joints of one coordinate that leave nothing but the drive to move, n of them; sliding and driven ones first."""
+    along = Z.T @ e
+    if not np.abs(along).max() > RANK:
+        return []
+    Q = np.linalg.svd(along[None])[2][1:] @ Z.T  # what moves while the drive stands
+    names = single(mech)
+    acting = {str(getattr(f, "joint", "")) for f in mech.forces}
+    liking = [1.0 + (mech.joint_kind(j).startswith("P") or j in acting) for j in names]
+    columns = Q[:, [find_joint(mech.model, j).idx_v for j in names]] * np.array(liking)
+    diagonal, order = qr(columns, mode="r", pivoting=True)
+    if len(names) < n or abs(diagonal[n - 1, n - 1]) < 1e-6:
+        return []
+    return sorted((names[i] for i in order[:n]), key=names.index)
+
+
+def row_of(mech: Mechanism, name: str) -> int:
+    """The row of a driver of one."""
+    return span(mech, name).start

@@ -1,0 +1,233 @@
+"""What `mbdae.kinematics` returns: poses along a curve, with their rates per unit of the input."""
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...errors import InputError, UnknownNameError
+from ...files import write_whole
+from ...mechanism import Mechanism
+from ...mechanism.frames import WORLD, frame_names, motions
+from ...solution.archive import write_csv
+from ...solution.columns import coordinates, units
+from ...solution.solution import Solution
+from ...system import Array
+from .branching import BranchPoint
+
+ENDS = {
+    "range": "to the end of the range",
+    "closed": "back to its first pose",
+    "stuck": "to a pose from which it cannot be followed",
+    "long": "until it grew too long",
+}
+SUFFIXES = (".csv", ".json")
+
+
+class Stretch(NamedTuple):
+    """A curve: where its poses begin and end, the range of the input in which it can be assembled, how it ends."""
+
+    first: int
+    last: int
+    low: float
+    high: float
+    ended: str
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Poses of a mechanism with one freedom along a curve, or several.
+
+    Attributes:
+        mechanism: the mechanism.
+        drive: name of the input u.
+        held: joints that stand still.
+        output: joint of the transmission angle; empty for none.
+        unit: of the input, ``"rad"`` or ``"m"``.
+        u: input, (n,).
+        s: arclength along each curve, (n,).
+        q: configurations, (n, nq).
+        tangent: unit tangents dq/ds, (n, nv), finite at dead points too.
+        curvature: their rates, (n, nv); nan at branch points.
+        speed: du/ds, (n,): zero at dead points.
+        bend: gamma_in + e_in . curvature, by which du/ds changes, (n,).
+        transmission: angle at the output in rad, 0 to pi/2, (n,).
+        dead_points: input and configuration where the drive turns back.
+        branch_points: poses from which several branches lead.
+        stretches: the curves one after another; without ``branches`` there is one.
+        hidden: poses that lose rank more than once, through which the curve went straight.
+    """
+
+    mechanism: Mechanism
+    drive: str
+    held: tuple[str, ...]
+    output: str
+    unit: str
+    u: Array
+    s: Array
+    q: Array
+    tangent: Array
+    curvature: Array
+    speed: Array
+    bend: Array
+    transmission: Array
+    dead_points: tuple[tuple[float, Array], ...]
+    branch_points: tuple[BranchPoint, ...]
+    stretches: tuple[Stretch, ...]
+    hidden: int = 0
+
+    @cached_property
+    def moving(self) -> Array:
+        """Where the drive is at no dead point, (n,)."""
+        return np.abs(self.speed) > 1e-12
+
+    @cached_property
+    def rates(self) -> Array:
+        """Velocities per unit speed of the drive, dq/du, (n, nv); nan at dead points, where they are infinite."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.moving[:, None], self.tangent / self.speed[:, None], np.nan)
+
+    @cached_property
+    def accelerations(self) -> Array:
+        """Accelerations at constant unit speed of the drive, d2q/du2, (n, nv); nan at dead points and branch points."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = self.curvature - (self.bend / self.speed)[:, None] * self.tangent
+            return np.where(self.moving[:, None], along / (self.speed**2)[:, None], np.nan)
+
+    def ratio(self, joint: str) -> Array:
+        """Velocity of a joint of one coordinate per unit speed of the drive, (n,); nan at dead points."""
+        if f"v.{joint}" not in self.velocity_names:
+            raise UnknownNameError("joint", joint, [n[2:] for n in self.velocity_names])
+        return self.rates[:, self.velocity_names.index(f"v.{joint}")]
+
+    @cached_property
+    def velocity_names(self) -> list[str]:
+        """Names ``v.<joint>`` of the columns of rates."""
+        return [name for name in units(self.mechanism) if name.startswith("v.")]
+
+    def frames(self, names: list[str] | None = None) -> tuple[Array, Array, Array]:
+        """Positions of the origins of frames, their velocities and accelerations at unit speed, (k, n, 3) each.
+
+        Raises:
+            UnknownNameError: for a frame that does not exist.
+        """
+        chosen = self.frame_names if names is None else names
+        return motions(self.mechanism.model, chosen, self.q, self.rates, self.accelerations)
+
+    @cached_property
+    def frame_names(self) -> list[str]:
+        """Names of all frames that may move."""
+        return [name for name in frame_names(self.mechanism.model) if name != WORLD]
+
+    def run(self, stretch: int = 0, *, speed: float | None = None) -> Solution:
+        """One of the curves as a motion in time, for the replay or `mbdae.inverse_dynamics`.
+
+        Args:
+            stretch: which curve.
+            speed: constant speed of the drive in rad/s or m/s, from the first pose on; when left out, the arclength
+                grows by one in a second, through dead points.
+
+        Raises:
+            InputError: for a speed that is zero, or a curve with dead points, which no drive passes at its speed.
+        """
+        part = slice(self.stretches[stretch].first, self.stretches[stretch].last)
+        q, v, a, t = self.q[part], self.tangent[part], self.curvature[part], self.s[part]
+        if speed is not None:
+            if not np.isfinite(speed) or speed == 0:
+                raise InputError(f"speed must be a number other than zero, got {speed!r}")
+            t = (self.u[part] - self.u[part.start]) / speed
+            if not (self.moving[part].all() and (np.diff(t) > 0).all() | (np.diff(t) < 0).all()):
+                raise InputError(f"{self.drive!r} turns back at dead points, which it does not pass at constant speed")
+            v, a = speed * self.rates[part], speed**2 * self.accelerations[part]
+            if t[-1] < t[0]:
+                q, v, a, t = q[::-1], v[::-1], a[::-1], t[::-1]
+        mech, n = self.mechanism, len(t)
+        rest = np.zeros((n, len(mech.states) + 1))
+        settings = {"method": "kinematics", "dense_order": 5, "formulation": "index2", "project": False}
+        counts = dict.fromkeys(("f", "M", "G", "solves", "factorizations"), 0)
+        stats = {"steps": n - 1, "rejected": 0, **counts, "seconds": 0.0, "backend": "python"}
+        sol = Solution(mech, t, np.hstack([q, v, rest]), np.full((n, mech.ng), np.nan), "finished",
+                       f"a curve of poses over {self.drive}", stats, settings)  # fmt: skip
+        rates = np.hstack([v, np.nan_to_num(a), rest])
+        sol.rates |= dict(enumerate(rates))
+        return sol
+
+    def signals(self) -> dict[str, Array]:
+        """Named columns of equal length: ``pandas.DataFrame(found.signals())`` is a table.
+
+        ``curve`` counts from 1; ``u`` and ``s``, the input and the arclength; ``q.<joint>``, ``v.<joint>`` and
+        ``a.<joint>`` as in `Solution.signals`, velocities and accelerations at unit speed of the drive;
+        ``transmission`` in rad; ``position``, ``velocity``, ``acceleration.<frame>.x`` and so on.
+        """
+        n = len(self.u)
+        curve = np.concatenate([np.full(x.last - x.first, i + 1) for i, x in enumerate(self.stretches)])
+        out: dict[str, Array] = {"curve": curve, "u": self.u, "s": self.s}
+        parts = [coordinates(self.run(i)) for i in range(len(self.stretches))]
+        out |= {k: np.concatenate([p[k] for p in parts]) for k in parts[0] if k.startswith("q.")}
+        out |= dict(zip(self.velocity_names, self.rates.T, strict=True))
+        out |= {f"a.{k[2:]}": x for k, x in zip(self.velocity_names, self.accelerations.T, strict=True)}
+        if self.output:
+            out["transmission"] = self.transmission
+        for word, values in zip(("position", "velocity", "acceleration"), self.frames(), strict=True):
+            for name, path in zip(self.frame_names, values.reshape(-1, n, 3), strict=True):
+                out |= {f"{word}.{name}.{axis}": path[:, k] for k, axis in enumerate("xyz")}
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "title": self.mechanism.title,
+            "drive": self.drive,
+            "held": list(self.held),
+            "output": self.output,
+            "unit": self.unit,
+            "curves": [x._asdict() for x in self.stretches],
+            "dead_points": [{"u": u, "q": q.tolist()} for u, q in self.dead_points],
+            "branch_points": [b.to_dict() for b in self.branch_points],
+            "table": {name: column.tolist() for name, column in self.signals().items()},
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write the columns of `signals` as .csv, or all as .json.
+
+        Raises:
+            InputError: for another suffix, or an unwritable path.
+        """
+        if Path(path).suffix not in SUFFIXES:
+            raise InputError(f"kinematics are saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
+        if Path(path).suffix == ".csv":
+            write_csv(self.signals(), path)
+            return
+        with write_whole(path) as temporary:
+            temporary.write_text(json.dumps(self.to_dict()), "utf-8")
+
+    def __str__(self) -> str:
+        lines = [f"kinematics of {self.mechanism.title} over {self.drive} ({self.unit})"]
+        if self.held:
+            lines.append(f"  held: {', '.join(self.held)}")
+        for i, x in enumerate(self.stretches, 1):
+            poses = x.last - x.first
+            lines.append(f"  curve {i}: {poses} poses, input {x.low:.6g} to {x.high:.6g}, {ENDS[x.ended]}")
+        if self.dead_points:
+            lines.append(f"  dead points at {', '.join(f'{u:.12g}' for u, _ in self.dead_points)}")
+        for b in self.branch_points:
+            lines.append(f"  branch point at {b.u:.12g}: {2 * len(b.directions)} ways to go on")
+        if self.hidden:
+            lines.append(f"  {self.hidden} times rank was lost in another way: the curve went on straight")
+        if self.output and np.isfinite(self.transmission).any():
+            low, high = (np.degrees(f(self.transmission)) for f in (np.nanmin, np.nanmax))
+            lines.append(f"  transmission angle at {self.output}: {low:.4g} to {high:.4g} degrees")
+        return "\n".join(lines)
+
+
+def neighbours(found: Kinematics) -> list[slice]:
+    """Slices of poses between which nothing turns back: curves cut at dead points."""
+    out = []
+    for x in found.stretches:
+        turns = [x.first, *(x.first + 1 + np.flatnonzero(~found.moving[x.first + 1 : x.last - 1])).tolist(), x.last - 1]
+        out += [slice(a, b + 1) for a, b in pairwise(turns)]
+    return out

@@ -1,0 +1,114 @@
+"""Points of a curve at even values of the input, from dead point to dead point."""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ...errors import StepError
+from .branching import BranchPoint, branch_point
+from .curve import Curve, Point
+
+CLOSE = 1e-5  # rad and m of the input: a value so near a branch point is the branch point
+
+
+class Place(NamedTuple):
+    """A point of a curve: behind which node it lies, how far, and what it is."""
+
+    node: int
+    sigma: float
+    point: Point
+
+
+class Events(NamedTuple):
+    """What is special on a curve: dead points of the drive, and branch points by the node before them."""
+
+    dead: list[Place]
+    branches: dict[int, BranchPoint]
+    hidden: int  # crossings of sigma that are no simple branch points
+
+
+def events(curve: Curve) -> Events:
+    """Locate the dead points and branch points of a curve."""
+    dead: list[Place] = []
+    branches: dict[int, BranchPoint] = {}
+    hidden = 0
+    for i, (a, b) in enumerate(pairwise(curve.nodes)):
+        if a.sigma * b.sigma < 0:
+            found = branch_point(curve, i)
+            if found:
+                branches[i] = found
+            else:
+                hidden += 1
+        if a.speed * b.speed < 0 and i not in branches:
+            sigma = curve.zero(i, lambda p: p.speed)
+            dead.append(Place(i, sigma, curve.at(i, sigma)))
+    return Events(dead, branches, hidden)
+
+
+def sample(curve: Curve, found: Events, n: int) -> list[Point]:
+    """About n points of a curve: even in the input between the start, dead points and the end, which are among them."""
+    nodes = curve.nodes
+    ends = [Place(0, 0.0, nodes[0]), *found.dead, Place(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])]
+    travel = sum(abs(b.point.u - a.point.u) for a, b in pairwise(ends))
+    out: list[Point] = []
+    for a, b in pairwise(ends):
+        m = max(1, round((n - 1) * abs(b.point.u - a.point.u) / travel)) if travel else 1
+        values = np.linspace(a.point.u, b.point.u, m + 1)[1:-1]
+        sign = np.sign(b.point.u - a.point.u)
+        between = sign * np.array([a.point.u, *(p.u for p in nodes[a.node + 1 : b.node + 1])])
+        steps = a.node + np.searchsorted(between, sign * values, side="right") - 1
+        out.append(a.point)
+        out += [_sampled(curve, found, a, b, int(i), float(u)) for i, u in zip(steps, values, strict=True)]
+    return [*out, ends[-1].point]
+
+
+def _sampled(curve: Curve, found: Events, start: Place, end: Place, i: int, u: float) -> Point:
+    """The point behind node i with the input u, between two places."""
+    a, b = curve.nodes[i : i + 2]
+    crossing = found.branches.get(i)
+    if crossing is not None and abs(crossing.u - u) < CLOSE:
+        return at_crossing(curve, crossing, a)
+    low = start.sigma if start.node == i else 0.0
+    high = end.sigma if end.node == i else b.s - a.s
+    if low or high < b.s - a.s:  # beside a dead point
+        sigma = brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=1e-9)
+    else:
+        sigma = _inverse(a, b, u)
+    near = curve.at(i, sigma, roughly=True)
+    return curve.landed(near, u) or _by_arclength(curve, i, low, high, u)
+
+
+def _by_arclength(curve: Curve, i: int, low: float, high: float, u: float) -> Point:
+    try:
+        return curve.at(i, brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=1e-15))
+    except ValueError:
+        raise StepError("newton", f"the loops cannot be closed at {u:.9g}") from None
+
+
+def at_crossing(curve: Curve, crossing: BranchPoint, before: Point) -> Point:
+    """A branch point on the branch that a node before it lies on; kappa, which takes third derivatives, is not known."""
+    along = crossing.directions @ before.tau
+    k = int(np.abs(along).argmax())
+    tau = crossing.directions[k] * np.sign(along[k])
+    e = curve.system.closures(crossing.q, crossing.u)[1][-1]
+    nothing = np.full_like(tau, np.nan)
+    return before._replace(q=crossing.q, u=crossing.u, tau=tau, kappa=nothing, speed=float(e @ tau), bend=np.nan, sigma=0.0)
+
+
+def _inverse(a: Point, b: Point, u: float) -> float:
+    """The arclength behind a where the input, a cubic between a and b, has the value u."""
+    h, low, high = b.s - a.s, 0.0, 1.0
+    d, x = b.u - a.u, (u - a.u) / (b.u - a.u)
+    m0, m1 = h * a.speed, h * b.speed
+    c2, c3 = 3 * d - 2 * m0 - m1, m0 + m1 - 2 * d
+    for _ in range(8):
+        value = a.u + x * (m0 + x * (c2 + x * c3)) - u
+        low, high = (x, high) if value * d < 0 else (low, x)
+        x -= value / (m0 + x * (2 * c2 + 3 * x * c3))
+        if not low <= x <= high:
+            x = (low + high) / 2
+        if abs(value) < 1e-12:
+            break
+    return x * h

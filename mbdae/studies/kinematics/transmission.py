@@ -1,0 +1,69 @@
+"""The transmission angle of any mechanism: how much of the force on the output link moves it.
+
+A unit load on the output, balanced at the input, without weight: G^T lam = -e_out - c e_in. The link of the output is
+then held at the pin by a force F, and the pin moves with v_P: sin mu = |F . v_P| / (|F| |v_P|). Of a four-bar linkage
+that is the angle between coupler and rocker.
+"""
+
+import numpy as np
+
+from ...errors import InputError
+from ...mechanism import Mechanism
+from ...mechanism.closures.independent_rows import minimum_norm
+from ...mechanism.formulations.index2 import Index2System
+from ...mechanism.frames import find_joint, support
+from ...mechanism.joint_wrenches import joint_wrenches
+from ...system import Array
+
+
+def default_output(mech: Mechanism, drive: str, held: list[str]) -> str | None:
+    """The only joint of one coordinate at the ground that is neither driven nor held; None where there are others."""
+    found = [n for n in mech.joint_names if mech.model.parents[mech.model.getJointId(n)] == 0 and n not in (drive, *held)]
+    return found[0] if len(found) == 1 and find_joint(mech.model, found[0]).nv == 1 else None
+
+
+def transmission(
+    mech: Mechanism, moved: Mechanism, system: Index2System, q: Array, tangent: Array, output: str
+) -> Array:
+    """Return the transmission angle at an output joint in rad, from 0 to pi/2, (n,); nan where no force is passed on.
+
+    Args:
+        mech: the mechanism.
+        moved: the same with its drive as the last row.
+        system: a workspace of the latter.
+        q: configurations, (n, nq).
+        tangent: tangents of the curve, (n, nv).
+        output: a joint of one coordinate.
+
+    Raises:
+        UnknownNameError: for a joint that does not exist.
+        InputError: for a joint of several coordinates.
+    """
+    joint = find_joint(mech.model, output)
+    if joint.nv != 1:
+        raise InputError(f"the output {output!r} has {joint.nv} coordinates: a transmission angle needs one")
+    body, load, still = joint.id, np.zeros(mech.nv), np.zeros(mech.nv)
+    load[joint.idx_v] = 1.0
+    ends = [(name, p.pair, 1.0 if p.pair.b.joint == body else -1.0) for name, p in system.constraints.frame_parts.items()
+            if body in (p.pair.a.joint, p.pair.b.joint)]  # fmt: skip
+    behind = [j for j in range(1, mech.model.njoints) if mech.model.parents[j] == body]
+    out, moving = np.full(len(q), np.nan), support(mech.model, body)
+    if len(ends) + len(behind) != 1:
+        return out
+    for i, (pose, tau) in enumerate(zip(q, tangent, strict=True)):
+        G = system.closures(pose, 0.0)[1]
+        lam = minimum_norm(G, mech.nv, -load)
+        if ends:
+            name, pair, sign = ends[0]
+            rows = system.constraints.spans[name]
+            force, point = sign * (system.constraints.W[:, rows] @ lam[rows])[:3], pair.pb
+        else:
+            wrench, place = joint_wrenches(system, 0.0, pose, still, still, lam, laws=False), system.data.oMi[behind[0]]
+            force, point = -place.rotation @ wrench[behind[0] - 1, :3], place.translation.copy()
+        V = system.data.J.reshape(6, -1) @ (tau * moving)
+        moves = V[:3] + np.cross(V[3:], point)
+        sizes = np.linalg.norm(force) * np.linalg.norm(moves)
+        if sizes > 1e-12:
+            out[i] = np.arcsin(min(1.0, abs(force @ moves) / sizes))
+    return out
+
