@@ -100,6 +100,20 @@ class AssemblyError(MbdaeError):
         super().__init__(message)
 
 
+class EquilibriumError(MbdaeError):
+    """No equilibrium was found.
+
+    Attributes:
+        q: the configuration that came nearest, as a list.
+        residual: what is left of the forces along free motions there, as a share of the largest met.
+        joint: where most of it acts.
+    """
+
+    def __init__(self, message: str, q: list[float], residual: float, joint: str) -> None:
+        self.q, self.residual, self.joint = q, residual, joint
+        super().__init__(message)
+
+
 class NotCompiled(MbdaeError):
     """Names a part of a mechanism that the core does not have."""
 

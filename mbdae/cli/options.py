@@ -151,6 +151,22 @@ def numbers(values: tuple[str, ...], kind: Any, name: str) -> list[Any] | None:
         raise InputError(f"{name} takes numbers, got {', '.join(values)}") from None
 
 
+def values_by_name(texts: tuple[str, ...], option: str) -> dict[str, Any]:
+    """Numbers of an option ``name=value`` that is given several times; several numbers with commas are a list.
+
+    Raises:
+        InputError: naming the option.
+    """
+    out: dict[str, Any] = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        found = numbers((value,), float, f"{option} {name}") if value else None
+        if not found:
+            raise InputError(f"{option} takes name=value, got {text!r}")
+        out[name] = found[0] if len(found) == 1 else found
+    return out
+
+
 @contextmanager
 def bar(label: str, total: float | None) -> Iterator[Callable[..., None]]:
     """A progress bar on stderr when that is a terminal; it is told a fraction, a text, or both."""

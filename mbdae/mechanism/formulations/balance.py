@@ -1,0 +1,187 @@
+"""The balance of forces of a mechanism that rests, or moves steadily, and its exact slopes.
+
+    0 = f(t, q, v, s) + G^T lam,   0 = h(t, q, v, s),   0 = g(t, q),   v constant
+
+In coordinates y of the free motions, q (+) Z y, with the multipliers of least norm,
+
+    rho = Z^T f,   H = -Z^T K Z,   K = d(f + G^T lam)/dq - S h_s^+ h_q
+
+States that h determines (currents) follow the configuration. An integrator, for which h_s is singular, asks for a
+configuration, 0 = h; it is a row as a closure is one, and its state the multiplier.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError, UnknownNameError
+from ...system import Array
+from ..forces.elements import ForceElements
+from ..forces.sampled import SampledElement
+from .derivatives import jacobians
+from .freedom import Freedom, close, freedom
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+SINGULAR = 1e-10  # of the largest singular value of h_s, or of 1/s
+GRAVITY = "gravity"
+SETTLE = 20  # iterations for states
+
+
+class Balance(NamedTuple):
+    """The balance at a configuration.
+
+    Attributes:
+        q: configuration, (nq,).
+        s: states, (ns,).
+        f: forces, (nv,).
+        load: the part of them that is scaled, (nv,).
+        rho: Z^T f, (k,).
+        H: -d rho/dy, (k, k).
+        lam: multipliers of closures and drivers, (ng,).
+        holding: what holds the coordinates that are held, N m or N, (m,).
+        free: the free motions.
+        size: |M^-1/2 f| with the reactions left out: what rho is compared with.
+    """
+
+    q: Array
+    s: Array
+    f: Array
+    load: Array
+    rho: Array
+    H: Array
+    lam: Array
+    holding: Array
+    free: Freedom
+    size: float
+
+
+class Statics:
+    """The balance of a mechanism in a workspace, with some coordinates held and some forces scaled.
+
+    Args:
+        mech: the mechanism.
+        t: time in s.
+        v: constant speeds, (nv,), in coordinates that are held.
+        held: indices of the velocities whose coordinates are held.
+        loads: names of forces, or ``"gravity"``, that are scaled.
+
+    Raises:
+        UnknownNameError: for a force that does not exist.
+        InputError: for a sampled controller, which has no balance.
+    """
+
+    def __init__(
+        self, mech: "Mechanism", t: float, v: Array, held: Array, loads: Sequence[str] = ()
+    ) -> None:
+        self.mech, self.t, self.v, self.held = mech, t, v, held
+        self.system = s = mech.system()
+        for law, _ in s.laws.bound:
+            if isinstance(law, SampledElement):
+                raise InputError(f"{law.name!r} is a sampled controller: statics and modes need a continuous one")
+        for name in loads:
+            if name not in (*s.laws.names, GRAVITY):
+                raise UnknownNameError("force", name, (*s.laws.names, GRAVITY))
+        self.weighs = GRAVITY in loads
+        self.loads = ForceElements([law for law, _ in s.laws.bound if law.name in loads], s.model)
+        if self.loads.ns:
+            raise InputError(f"a load has no states of its own, got {', '.join(self.loads.states())}")
+        self.rows = np.eye(s.nv)[held]
+        self.factor = 1.0
+
+    def point(self, q: Array, s: Array) -> Balance:
+        """Return the balance at a configuration that is closed, states near s."""
+        system, v = self.system, self.v
+        s = self.states(q, s)
+        U = system.inertia(self.t, q)
+        G = system.jacobian()
+        f, load = system.force(self.t, q, v, s)[0], self.load(q)
+        f = f + (self.factor - 1.0) * load
+        row, R = self.asked(q, s)
+        free = freedom(U, np.vstack([G, self.rows, R]))
+        lam = free.multipliers(f)
+        K, S, hq, hs = self.slopes(q, s, lam[: system.ng])
+        K = K - S @ np.linalg.pinv(hs, SINGULAR) @ hq if len(s) else K
+        size = float(np.linalg.norm(np.linalg.solve(U.T, f)))
+        if len(R):
+            mu = lam[len(lam) - len(R) :]
+            along = null(hs)
+            s = s + along @ np.linalg.lstsq(S @ along, R.T @ mu)[0]
+        m = system.ng + len(self.held)
+        return Balance(
+            q, s, f, load, free.Z.T @ f, -free.Z.T @ K @ free.Z, lam[: system.ng], lam[system.ng : m], free, size
+        )
+
+    def close(self, q: Array, s: Array) -> Array:
+        """Return the configuration near q that closes all loops and meets integrators.
+
+        Raises:
+            StepError: if loops stay open.
+        """
+        more = (lambda x: self.asked(x, s)) if self.system.ns else None
+        return close(self.system, self.t, q, more)
+
+    def load(self, q: Array) -> Array:
+        """Return the forces that are scaled, (nv,); the kinematics stand at q, and velocities."""
+        s = self.system
+        out = self.loads.torque(self.t, q, self.v, np.empty(0))[0]
+        if self.weighs:
+            out = out - pin.computeGeneralizedGravity(s.model, s.data, q)
+        return out
+
+    def force(self, q: Array, s: Array) -> Array:
+        """Return f at a configuration, (nv,)."""
+        self.system.jacobian(q)
+        pin.forwardKinematics(self.system.model, self.system.data, q, self.v)
+        pin.computeJointJacobians(self.system.model, self.system.data, q)
+        return self.system.force(self.t, q, self.v, s)[0] + (self.factor - 1.0) * self.load(q)
+
+    def slopes(self, q: Array, s: Array, lam: Array) -> tuple[Array, Array, Array, Array]:
+        """Return K = d(f + G^T lam)/dq (nv, nv), S = df/ds (nv, ns), h_q (ns, nv), h_s (ns, ns)."""
+        system, nv = self.system, self.system.nv
+        u, rows = np.concatenate([self.v, s, [0.0]]), np.arange(system.ng)
+        found = jacobians(system, self.t, q, u, np.zeros(nv), lam, rows)
+        K = found.K[:nv].copy()
+        if self.factor != 1.0:
+            more = self.loads.slopes(self.t, q, self.v, np.empty(0))[:nv, :nv]
+            if self.weighs:
+                more = more - system.inertial.slopes(q, np.zeros(nv), np.zeros(nv))[1]
+            K += (self.factor - 1.0) * more
+        return K, found.D[:nv, nv:-1], found.K[nv:-1], found.D[nv:-1, nv:-1]
+
+    def states(self, q: Array, s: Array) -> Array:
+        """Return the states (ns,) with h = 0 as far as h determines them."""
+        if not len(s):
+            return s
+        for _ in range(SETTLE):
+            rates, _, hs = self.rates(q, s)
+            change = np.linalg.pinv(hs, SINGULAR) @ rates
+            s = s - change
+            if np.abs(change).max() <= 1e-15 * (1 + np.abs(s).max()):
+                break
+        return s
+
+    def asked(self, q: Array, s: Array) -> tuple[Array, Array]:
+        """Return what integrators want to vanish, (m,), and its slopes, (m, nv)."""
+        if not len(s):
+            return np.empty(0), np.empty((0, self.system.nv))
+        rates, hq, hs = self.rates(q, s)
+        left = null(hs.T).T
+        return left @ rates, left @ hq
+
+    def rates(self, q: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Return h (ns,), h_q (ns, nv) and h_s (ns, ns)."""
+        system, nv = self.system, self.system.nv
+        pin.forwardKinematics(system.model, system.data, q, self.v)
+        pin.computeJointJacobians(system.model, system.data, q)
+        laws = system.laws.slopes(self.t, q, self.v, s)
+        return system.laws.torque(self.t, q, self.v, s)[1][:-1], laws[nv:-1, :nv], laws[nv:-1, 2 * nv :]
+
+
+def null(A: Array) -> Array:
+    """Return an orthonormal basis of the vectors that A (n, n) takes to zero, (n, m)."""
+    S, Vt = np.linalg.svd(A)[1:]
+    return Vt[S <= SINGULAR * max(1.0, S.max(initial=0.0))].T

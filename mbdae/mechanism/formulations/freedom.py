@@ -1,0 +1,114 @@
+"""What closures leave free at a configuration, in coordinates in which the mass matrix is the unit matrix.
+
+    M = U^T U,   G U^-1 = P S V^T,   rank r,   Z = U^-1 V_2:   G Z = 0,  Z^T M Z = 1
+
+Statics, modes and kinematics move along Z and close the loops again by Gauss-Newton steps in the mass metric.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.linalg.lapack import dgesv
+
+from ...errors import StepError
+from ...system import Array
+from ..closures import independent_rows
+from ..closures.closure_error import largest_error
+
+if TYPE_CHECKING:
+    from .index2 import Index2System
+
+RANK = 1e-9  # of the largest singular value of G M^-1/2
+ITERATIONS = 20
+FALLING = 0.5  # of a residual: a whole correction that leaves more of it is rounding, or goes too far
+SHARES = (1.0, 0.5, 0.25, 0.125)  # of corrections
+OPEN = 1e-9  # m or rad: what stays open by more is not closed
+Rows = Callable[[Array], tuple[Array, Array]]
+"""Further residuals (k,) at a configuration (nq,), where the kinematics of the workspace stand, and slopes (k, nv)."""
+
+
+class Freedom(NamedTuple):
+    """The motions that rows leave free.
+
+    Attributes:
+        U: Cholesky factor of M = U^T U, (nv, nv).
+        P, S, V: of G U^-1 = P diag(S) V^T, cut off at the rank, (m, r), (r,), (nv, r).
+        Z: free motions, (nv, k), G Z = 0, Z^T M Z = 1.
+    """
+
+    U: Array
+    P: Array
+    S: Array
+    V: Array
+    Z: Array
+
+    @property
+    def pivot(self) -> float:
+        """Smallest singular value to the largest: 0 in a singular configuration."""
+        return float(self.S[-1] / self.S[0]) if len(self.S) else 1.0
+
+    def multipliers(self, f: Array) -> Array:
+        """Return lam (m,) of least norm such that f + G^T lam is made of inertial forces of free motions, M Z x."""
+        return -self.P @ ((self.V.T @ dgesv(self.U.T, f)[2]) / self.S)
+
+    def smallest(self, r: Array) -> Array:
+        """Return x (nv, ...) of least |U x| with G x = r (m, ...), in the sense of least squares."""
+        return dgesv(self.U, self.V @ ((self.P.T @ r).T / self.S).T)[2]
+
+
+def freedom(U: Array, G: Array) -> Freedom:
+    """Split the motions of a mechanism into those that rows keep from it and those that they leave free.
+
+    Args:
+        U: Cholesky factor of M = U^T U, (nv, nv).
+        G: rows, (m, nv).
+    """
+    nv = len(U)
+    if not len(G):
+        return Freedom(U, np.empty((0, 0)), np.empty(0), np.empty((nv, 0)), dgesv(U, np.eye(nv))[2])
+    P, S, Vt = np.linalg.svd(dgesv(U.T, G.T)[2].T)
+    r = int(np.count_nonzero(S > RANK * S[0]))
+    if r < min(G.shape):  # light bodies beside heavy ones
+        r = max(r, independent_rows.geometric_rank(G))
+    return Freedom(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2])
+
+
+def close(system: "Index2System", t: float, q: Array, more: Rows | None = None) -> Array:
+    """Return the configuration (nq,) near q that closes all loops, and meets further rows, to rounding.
+
+    Gauss-Newton steps of least mass metric; the last one that makes the residual less than half as large is kept.
+
+    Raises:
+        StepError: if rows stay open.
+    """
+
+    def residual(x: Array) -> tuple[Array, Array]:
+        g, G = system.closures(x, t)
+        if more is None:
+            return g, G
+        r, R = more(x)
+        return np.concatenate([g, r]), np.vstack([G, R])
+
+    if not system.ng and more is None:
+        return q
+    g, G = residual(q)
+    for _ in range(ITERATIONS):
+        size = np.linalg.norm(g)
+        if not size or not np.isfinite(size):
+            break
+        x = freedom(system.inertia(t, q), G).smallest(-g)
+        for share in SHARES if size > OPEN else SHARES[:1]:
+            nearer = system.manifold.integrate(q, share * x)
+            found = residual(nearer)
+            if np.linalg.norm(found[0]) < (1 - FALLING * share) * size:
+                break
+        else:
+            break
+        q, (g, G) = nearer, found
+    if not np.linalg.norm(g) <= OPEN:
+        if len(g) > system.ng and np.linalg.norm(g[: system.ng]) <= OPEN:
+            raise StepError("newton", "what controllers ask for cannot be reached")
+        gap = largest_error(system.mechanism, g[: system.ng])
+        raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
+    return q

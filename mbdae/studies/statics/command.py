@@ -1,0 +1,62 @@
+"""The sub-command ``statics``."""
+
+import sys
+from typing import Any
+
+import click
+
+from ...cli.options import FAILED, PICTURES, UNJUDGED, as_json, emit, plot_option, values_by_name, writable
+from ...errors import InputError
+from ...mechanism import load
+from .equilibrium import FIND, equilibrium
+from .load_path import load_path
+
+CODES = {"stable": 0, "rigid": 0, "unstable": FAILED, "neutral": UNJUDGED, "singular": UNJUDGED}
+
+
+@click.command()
+@click.argument("model")
+@click.option("--at", "at", multiple=True, help="Start from joint=value, in rad or m; the model's start when left out.")
+@click.option("--hold", "hold", multiple=True, help="A joint to be held where it starts; its torque is told.")
+@click.option("--speed", "speed", multiple=True, help="A constant speed, joint=value, in rad/s or m/s.")
+@click.option("-t", "--time", "t", type=float, default=0.0, show_default=True, help="Time in s, for drivers.")
+@click.option("--find", type=click.Choice(FIND), default="stable", show_default=True, help="Which equilibrium.")
+@click.option("--load", "load_name", help="A force, or gravity, that is scaled along a path of equilibria.")
+@click.option("--to", "end", type=float, help="The last factor on the load.")
+@click.option("--from", "begin", type=float, default=0.0, show_default=True, help="The first factor on the load.")
+@plot_option
+@as_json
+def statics(
+    model: str,
+    at: tuple[str, ...],
+    hold: tuple[str, ...],
+    speed: tuple[str, ...],
+    load_name: str | None,
+    begin: float,
+    end: float | None,
+    plot: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Find where a model rests or moves steadily, what holds it, and whether it is stable.
+
+    Exit code 0 stable, 1 unstable or none found, 3 neutral or not to be judged. With --load and --to the equilibrium is
+    followed while a force is scaled: load-deflection curve, snap-through, loss of stability.
+    """
+    writable((plot, PICTURES))
+    if (load_name is None) != (end is None) or (plot and end is None):
+        raise InputError("a path of equilibria takes --load and --to; --plot draws it")
+    mech = load(model)
+    start, speeds = values_by_name(at, "--at"), values_by_name(speed, "--speed")
+    given: dict[str, Any] = {"q": start or None, "v": speeds or None, "hold": hold, **options}
+    if load_name is None or end is None:
+        found = equilibrium(mech, **given)
+        emit(found.to_dict(), str(found), as_json)
+        sys.exit(CODES[found.stability])
+    given.pop("find")
+    path = load_path(mech, load_name, (begin, end), **given)
+    if plot:
+        path.plot(plot)
+    emit(path.to_dict(), str(path), as_json)
+    if not path.complete:
+        sys.exit(FAILED)

@@ -1,0 +1,225 @@
+"""Where a mechanism rests, or moves steadily, what holds it there, and whether it stays."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import EquilibriumError, StepError, UnknownNameError, require, several
+from ...mechanism import Mechanism
+from ...mechanism.formulations.balance import Balance, Statics
+from ...mechanism.formulations.linearization import refuse_unsteady
+from ...mechanism.frames import find_joint
+from ...mechanism.reactions import Reaction, reaction
+from ...solution.columns import coordinates, units
+from ...solution.solution import Solution
+from ...system import Array
+from .search import Search
+from .stability import Verdict, verdict
+
+if TYPE_CHECKING:
+    from ...mechanism.mechanism import Coordinates
+
+__all__ = ["equilibrium"]
+
+FIND = ("stable", "any")
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Result of `equilibrium`.
+
+    Attributes:
+        mechanism: the mechanism.
+        t: time in s, which matters for drivers and functions of time.
+        q: configuration, (nq,).
+        v: constant speeds, (nv,); zero at rest.
+        s: states of controllers and actuators, (ns,).
+        lam: multipliers of all rows, (ng,), of minimum norm.
+        holding: torque in N m or force in N that holds each coordinate of the joints that are held, by name.
+        residual: what is left of the forces along free motions, as a share of the largest met.
+        iterations: steps tried.
+        verdict: stability, and from what.
+    """
+
+    mechanism: Mechanism
+    t: float
+    q: Array
+    v: Array
+    s: Array
+    lam: Array
+    holding: dict[str, float]
+    residual: float
+    iterations: int
+    verdict: Verdict
+
+    @property
+    def stability(self) -> str:
+        """``"stable"``, ``"unstable"``, ``"neutral"``, ``"rigid"`` (no freedom is left) or ``"singular"``."""
+        return self.verdict.stability
+
+    @property
+    def eigenvalues(self) -> Array:
+        """Squares of the angular frequencies without damping, negative where it is unstable, 1/s^2, (k,)."""
+        return self.verdict.squares
+
+    @cached_property
+    def coordinates(self) -> dict[str, float]:
+        """The configuration by names ``q.<joint>``, see `mbdae.Solution.signals`."""
+        y = np.concatenate([self.q, self.v, self.s, [0.0]])
+        at = Solution(self.mechanism, np.zeros(1), y[None], self.lam[None], "finished", "", {}, {})
+        return {name: float(x[0]) for name, x in coordinates(at).items() if name.startswith("q.")}
+
+    def reaction(self, name: str) -> Reaction:
+        """Force and torque of a closure between frames, see `mbdae.Solution.reaction`.
+
+        Raises:
+            UnknownNameError: for a name that does not exist.
+        """
+        return reaction(self.mechanism, name, np.array([self.t]), self.q[None], self.lam[None])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        names = [c.name for c in self.mechanism.constraints if c.frames]
+        forces = {name: self.reaction(name) for name in names}
+        return {
+            "title": self.mechanism.title,
+            "t": self.t,
+            "q": self.q.tolist(),
+            "v": self.v.tolist(),
+            "s": dict(zip(self.mechanism.states, self.s.tolist(), strict=True)),
+            "coordinates": self.coordinates,
+            "lam": self.lam.tolist(),
+            "holding": self.holding,
+            "reactions": {
+                n: {"force": r.force_world[0].tolist(), "torque": r.torque_world[0].tolist()} for n, r in forces.items()
+            },
+            "residual": self.residual,
+            "iterations": self.iterations,
+            **self.verdict.to_dict(),
+        }
+
+    def __str__(self) -> str:
+        named = units(self.mechanism)
+        lines = [
+            f"equilibrium of {self.mechanism.title}: {self.verdict}",
+            f"  {self.iterations} iterations, forces balance to {self.residual:.1e} of the largest met",
+        ]
+        lines += [f"  {name} = {x:.10g} {named.get(name, '')}".rstrip() for name, x in self.coordinates.items()]
+        lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
+        lines += [f"  {name} is held by {x:.8g} N m or N" for name, x in self.holding.items()]
+        for c in self.mechanism.constraints:
+            if c.frames:
+                r = self.reaction(c.name)
+                force, torque = (float(np.linalg.norm(x)) for x in (r.force, r.torque))
+                lines.append(f"  {c.name} carries {force:.6g} N" + (f", {torque:.6g} N m" if torque > 1e-12 else ""))
+        return "\n".join(lines)
+
+
+def equilibrium(
+    mech: Mechanism,
+    q: "Coordinates | Array | None" = None,
+    *,
+    t: float = 0.0,
+    v: "Coordinates | Array | None" = None,
+    hold: str | Iterable[str] = (),
+    find: str = "stable",
+) -> Equilibrium:
+    """Find an equilibrium, 0 = f(t, q, v, s) + G^T lam, 0 = g(t, q), 0 = h(t, q, v, s), from a configuration.
+
+    From anywhere, by a trust region over the free motions that asks for no potential, so with controllers, motors and
+    follower forces, too. States are found with it: currents, and integrators, which ask for their reference. Drivers
+    stand where they are at time t. With speeds it is a relative equilibrium: the coordinates given a speed turn or
+    slide steadily and nothing may depend on them (the shaft of a governor); a torque that keeps them so is told.
+
+    Args:
+        mech: the mechanism.
+        q: joint values to start from by name, or a whole configuration (nq,); the model's start when left out.
+        t: time in s.
+        v: constant speeds by joint, in rad/s or m/s.
+        hold: joints that are held where they start; the torques that hold them are told.
+        find: ``"stable"`` leaves saddles and maxima; ``"any"`` goes to the nearest equilibrium of any kind.
+
+    Returns:
+        The equilibrium, with a verdict.
+
+    Raises:
+        EquilibriumError: where forces balance nowhere; says what is left at best, and at which joint.
+        InputError: for a wrong argument, or speeds that are not steady.
+        UnknownNameError: for a joint that does not exist.
+        AssemblyError: where the start cannot be closed.
+
+    Source: Conn, Gould, Toint, Trust-Region Methods (2000), chapter 7.
+    """
+    require(mech, Mechanism, "equilibrium takes a Mechanism (see mbdae.load)")
+    if find not in FIND:
+        raise UnknownNameError("kind of equilibrium", find, FIND)
+    q0, speeds, held, names = settle_arguments(mech, q, t, v, hold)
+    statics = Statics(mech, t, speeds, held)
+    here, residual, iterations = balanced(statics, q0, find)
+    holding = dict(zip(names, here.holding.tolist(), strict=True))
+    judged = verdict(statics, here)
+    return Equilibrium(mech, t, here.q, speeds, here.s, here.lam, holding, residual, iterations, judged)
+
+
+def settle_arguments(
+    mech: Mechanism, q: Any, t: float, v: Any, hold: str | Iterable[str]
+) -> tuple[Array, Array, Array, list[str]]:
+    """Return a closed start (nq,), speeds (nv,), the indices of held velocities, and the names of these.
+
+    Raises:
+        InputError, UnknownNameError: for wrong values or names.
+    """
+    start = mech.start_at(t)[0] if q is None else mech.assemble(q, t=t)[0]
+    if isinstance(v, Mapping):
+        speeds, turning = mech.coordinates(v, of_v=True)
+    else:
+        speeds = np.zeros(mech.nv) if v is None else mech.vector("v", v, mech.nv)
+        turning = np.flatnonzero(speeds)
+    fixed = [i for name in several(hold, "hold is a list of joints") for i in velocities(mech, name)]
+    held = np.unique(np.array([*fixed, *turning], int))
+    return start, speeds, held, labels(mech, held)
+
+
+def velocities(mech: Mechanism, name: str) -> range:
+    """The indices of a joint in v.
+
+    Raises:
+        UnknownNameError: for a joint that does not exist.
+    """
+    joint = find_joint(mech.model, name)
+    return range(joint.idx_v, joint.idx_v + joint.nv)
+
+
+def labels(mech: Mechanism, indices: Array) -> list[str]:
+    """Names of velocities: that of the joint, with the number of the coordinate where it has several."""
+    joints = [mech.coordinate_joint(int(i)) for i in indices]
+    spans = [velocities(mech, name) for name in joints]
+    return [n if len(at) == 1 else f"{n}.{i - at[0] + 1}" for n, at, i in zip(joints, spans, indices, strict=True)]
+
+
+def balanced(statics: Statics, q: Array, find: str) -> tuple[Balance, float, int]:
+    """Search from a configuration; return the balance, its residual, and the number of steps tried.
+
+    Raises:
+        EquilibriumError: where forces balance nowhere.
+        InputError: where speeds are not steady.
+    """
+    mech = statics.mech
+    try:
+        search = Search(statics, statics.point(q, np.array(list(mech.states.values()))))
+        found = search.run(find)
+    except StepError as e:
+        raise EquilibriumError(f"no equilibrium: {e}", q.tolist(), np.inf, "") from e
+    here = search.here
+    if not found:
+        pull = np.abs(here.free.Z @ here.rho)
+        worst = mech.coordinate_joint(int(pull.argmax()))
+        where = f"{search.residual:.2e} of the largest force met is left, most at joint {worst!r}"
+        text = f"no equilibrium found in {search.iterations} iterations: {where}"
+        raise EquilibriumError(text, here.q.tolist(), search.residual, worst)
+    if statics.v.any():
+        refuse_unsteady(statics, here)
+    return here, search.residual, search.iterations

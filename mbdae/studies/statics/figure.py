@@ -1,0 +1,49 @@
+"""The figure of a path of equilibria: the load over a coordinate."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import UnknownNameError
+from ...solution.columns import units
+from ..figures import COLOURS, WIDTH, beside, plain, settled, sheet
+from .load_path import LoadPath
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LOOKS = {"limit": ("limit point", "o"), "branch": ("branch point", "s")}
+
+
+@settled
+def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
+    """Draw the factor on the load over a coordinate; unstable equilibria dashed, limit and branch points marked.
+
+    Raises:
+        UnknownNameError: for a coordinate that does not exist.
+    """
+    found, name = path.coordinates, coordinate or path.moving
+    if name not in found:
+        raise UnknownNameError("coordinate", name, found)
+    figure = sheet(WIDTH, 3.2)
+    ax = figure.subplots()
+    x, loose = found[name], path.unstable > 0
+    changes = np.flatnonzero(np.diff(loose)) + 1
+    seen = set[bool]()
+    for part in np.split(np.arange(len(x)), changes):
+        wrong = bool(loose[part[0]])
+        run = np.append(part, part[-1] + 1)[: len(x) - part[0]]
+        style = {"color": COLOURS[1], "linestyle": "--"} if wrong else {"color": COLOURS[0], "linestyle": "-"}
+        label = None if wrong in seen else "unstable" if wrong else "stable"
+        ax.plot(x[run], path.factor[run], label=label, **style)
+        seen.add(wrong)
+    for kind, (label, marker) in LOOKS.items():
+        at = [e for e in path.events if e.kind == kind]
+        near = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
+        if at:
+            ax.plot(near, [e.factor for e in at], marker, color="black", label=label)
+    ax.set_xlabel(plain(f"{name} ({units(path.mechanism).get(name, '')})"))
+    ax.set_ylabel(plain(f"factor on {path.load}"))
+    ax.set_title(plain(path.mechanism.title))
+    beside(ax)
+    return figure
