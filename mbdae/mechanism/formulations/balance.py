@@ -129,7 +129,7 @@ class Statics:
         s = self.system
         out = self.loads.torque(self.t, q, self.v, np.empty(0))[0]
         if self.weighs:
-            out = out - pin.computeGeneralizedGravity(s.model, s.data, q)
+            out = out - pin.rnea(s.model, s.data, q, np.zeros(s.nv), np.zeros(s.nv))
         return out
 
     def force(self, q: Array, s: Array) -> Array:

@@ -117,6 +117,12 @@ def refuse_unsteady(statics: "Statics", here: "Balance") -> None:
         worst = int(np.abs(pull).argmax())
         name, size = system.mechanism.coordinate_joint(worst), abs(pull[worst])
         raise InputError(f"this is no equilibrium and no steady motion: joint {name!r} accelerates by {size:.3g}")
+    K, _, hq, _ = statics.slopes(here.q, here.s, here.lam)
+    change, most = free.Z.T @ K, np.vstack([K @ v, np.abs(K) @ np.abs(v)])
+    if np.abs(change @ v).max(initial=0.0) > STEADY * np.abs(free.Z.T).dot(most[1]).max(initial=1.0) or (
+        np.abs(hq @ v).max(initial=0.0) > STEADY * np.abs(v).max()
+    ):
+        raise InputError("these speeds are not steady: the forces change along the motion")
     if len(here.s) and np.abs(statics.rates(here.q, here.s)[0]).max() > STEADY * (1 + np.abs(here.s).max()):
         raise InputError("this is no equilibrium: states of controllers or motors change")
 

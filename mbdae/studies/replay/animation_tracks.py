@@ -42,6 +42,15 @@ def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> l
     ]
 
 
+def choices(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> list[dict[str, Any]]:
+    """Solutions at the same times (m,) of which one is shown at a time.
+
+    Raises:
+        InputError: for a solution of another mechanism.
+    """
+    return [{"name": name, "poses": _ghost(sol, name, other, times)} for name, other in others.items()]
+
+
 def _ghost(sol: "Solution", name: str, ghost: "Solution", times: Array) -> list[dict[str, Any]]:
     """Poses of the moving bodies of another solution, NaN at times that it does not reach."""
     mech, other = sol.mechanism, ghost.mechanism

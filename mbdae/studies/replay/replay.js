@@ -9,7 +9,7 @@ function player(viewer, scene) {
   const place = stage(viewer, scene), plots = plot(scene, t => { page.seek(t); });
   let offset = 0, shown = NaN, playing = false, before = null;
   const page = {
-    viewer, start, duration, plots, show, speed: scene.speed, loop: true,
+    viewer, start, duration, plots, show, speed: scene.speed, loop: true, choice: 0,
     get t() { return start + direction * offset; },
     get playing() { return playing; },
     play() {
@@ -17,6 +17,10 @@ function player(viewer, scene) {
       playing = duration > 0;
     },
     pause() { playing = false; },
+    choose(which) {
+      [page.choice, shown] = [which, NaN];
+      show();
+    },
     seek(t) {
       playing = false;
       offset = Math.min(duration, Math.max(0, direction * (t - start)));
@@ -31,7 +35,7 @@ function player(viewer, scene) {
     },
   };
   function show() {
-    if (offset !== shown) place(duration > 0 ? offset / duration * (frames - 1) : 0);
+    if (offset !== shown) place(duration > 0 ? offset / duration * (frames - 1) : 0, page.choice);
     shown = offset;
     plots.draw(page.t);
     const pace = page.speed === 1 ? "" : ` (${+page.speed.toPrecision(3)} × real time)`;
@@ -69,6 +73,10 @@ function controls(page, scene, fit) {
     page.loop = !page.loop;
     byId("loop").setAttribute("aria-pressed", page.loop);
   };
+  const choice = byId("choice");
+  choice.hidden = scene.choices.length < 2;
+  scene.choices.forEach(({name}, i) => choice.append(new Option(name, i)));
+  choice.onchange = () => page.choose(Number(choice.value));
   byId("play").onclick = page.toggle;
   byId("time").oninput = event => page.seek(page.start + event.target.value * (scene.end - scene.start));
   byId("loop").onclick = repeat;
@@ -81,7 +89,7 @@ function controls(page, scene, fit) {
   };
   document.addEventListener("keydown", event => {
     const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    if (!act || event.ctrlKey || event.metaKey || event.altKey || event.target === speeds) return;
+    if (!act || event.ctrlKey || event.metaKey || event.altKey || [speeds, choice].includes(event.target)) return;
     event.preventDefault();
     act(event);
   });

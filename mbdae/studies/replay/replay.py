@@ -52,6 +52,7 @@ def animate(
     signals: Mapping[str, Signal] | None = None,
     traces: str | Sequence[str] = (),
     ghosts: Mapping[str, "Solution"] | None = None,
+    choices: Mapping[str, "Solution"] | None = None,
     arrows: bool | str | Sequence[str] = False,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
@@ -74,6 +75,8 @@ def animate(
         signals: more signals by name: functions of (t, q, v), or arrays over ``sol.t``.
         traces: names of frames whose paths are drawn.
         ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots.
+        choices: solutions of this mechanism by name of which one is shown at a time, as chosen in the page; the
+            first stands in the place of ``sol``.
         arrows: names of closures, or True for all between frames, whose forces on the body of their second frame are
             drawn as arrows; where rows depend on each other, those of minimum norm.
         progress: called with the fraction of a video that is done.
@@ -88,6 +91,7 @@ def animate(
     """
     suffix = Path(path).suffix
     shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
+    shown["choices"] = choices
     if suffix in VIDEO:
         from .video import film
 
@@ -111,6 +115,7 @@ def page(
     signals: Mapping[str, Signal] | None = None,
     traces: str | Sequence[str] = (),
     ghosts: Mapping[str, "Solution"] | None = None,
+    choices: Mapping[str, "Solution"] | None = None,
     arrows: bool | str | Sequence[str] = False,
 ) -> str:
     """Returns the page that `animate` writes.
@@ -145,6 +150,7 @@ def page(
         "speed": float(speed),
         "bounds": tracks.bounds(scene, placements),
         "ghosts": tracks.ghosts(sol, ghosts, times),
+        "choices": tracks.choices(sol, choices or {}, times),
         "traces": tracks.traces(mechanism, traces, q),
         "arrows": tracks.arrows(sol, arrows, times),
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],

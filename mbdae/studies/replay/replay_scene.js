@@ -147,6 +147,7 @@ function stage(viewer, scene) {
   const [low, high] = scene.bounds, extent = Math.hypot(...low.map((x, i) => high[i] - x)) || 1;
   const root = nodeOf(viewer, "mechanism"), moves = [];
   for (const pose of scene.poses) moves.push(follower(nodeOf(viewer, pose.path), pose));
+  const choices = scene.choices.map(({poses}) => poses.map(pose => follower(nodeOf(viewer, pose.path), pose)));
   for (const ghost of scene.ghosts) {
     for (const pose of ghost.poses) {
       const copy = ghostly(nodeOf(viewer, pose.path), ghost.colour);
@@ -162,8 +163,8 @@ function stage(viewer, scene) {
     root.add(made.object);
     moves.push(made.follow);
   }
-  return at => {
-    for (const move of moves) move(at);
+  return (at, choice) => {
+    for (const move of [...moves, ...(choices[choice] || [])]) move(at);
     viewer.set_dirty();
   };
 }

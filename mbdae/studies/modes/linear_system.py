@@ -1,0 +1,185 @@
+"""A mechanism as a linear system with inputs and outputs, for control."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import UnknownNameError, several
+from ...mechanism import Mechanism
+from ...mechanism.formulations.balance import Statics
+from ...mechanism.formulations.linearization import LinearMotion
+from ...mechanism.forces.linear import LinearElement
+from ...mechanism.frames import WORLD, Pair, anchor, frame_names
+from ...system import Array
+from ..statics.equilibrium import labels
+from .operating_point import operating_point
+
+if TYPE_CHECKING:
+    from ...mechanism.mechanism import Coordinates
+
+__all__ = ["linearize"]
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class LinearSystem:
+    """Result of `linearize`: z' = A z + B u, y = C z + D u, in small changes from the point.
+
+    Attributes:
+        title: of the mechanism.
+        A: (n, n).
+        B: (n, inputs).
+        C: (outputs, n).
+        D: (outputs, inputs).
+        inputs: names.
+        outputs: names.
+        motion: the linearised motion; its ``state`` makes z of changes of q, v and s.
+    """
+
+    title: str
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    motion: LinearMotion
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """A, B, C and D, as ``scipy.signal.StateSpace(*s.matrices)`` and ``control.ss(*s.matrices)`` take them."""
+        return self.A, self.B, self.C, self.D
+
+    def response(self, omega: Sequence[float] | Array) -> Array:
+        """The frequency response C (i omega - A)^-1 B + D at angular frequencies (k,) in rad/s, (k, outputs, inputs)."""
+        one = np.eye(len(self.A))
+        return np.array([self.C @ np.linalg.solve(1j * w * one - self.A, self.B) + self.D for w in omega])
+
+    def plot(self, path: str | Path, hertz: Sequence[float] | Array) -> None:
+        """Draw gain and phase over frequencies in Hz as .png, .svg or .pdf.
+
+        Raises:
+            InputError: for another format, or an unwritable path.
+        """
+        from .. import figures
+        from .figure import frequency_response
+
+        figures.check(path)
+        figures.save(frequency_response(self, np.asarray(hertz, float)), path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        matrices = {name: X.tolist() for name, X in zip("ABCD", self.matrices, strict=True)}
+        return {"title": self.title, **matrices, "inputs": list(self.inputs), "outputs": list(self.outputs)}
+
+    def __str__(self) -> str:
+        n = len(self.A)
+        return f"linear system of {self.title}: {n} states, inputs {', '.join(self.inputs) or 'none'}, outputs " + (
+            ", ".join(self.outputs) or "none"
+        )
+
+
+def linearize(
+    mech: Mechanism,
+    q: "Coordinates | Array | None" = None,
+    v: "Coordinates | Array | None" = None,
+    *,
+    inputs: str | Iterable[str] = (),
+    outputs: str | Iterable[str] = (),
+    t: float = 0.0,
+    hold: str | Iterable[str] = (),
+) -> LinearSystem:
+    """Linearise a mechanism with inputs and outputs around an equilibrium or a steady motion.
+
+    An input is the name of a joint (a torque on it in N m or N; ``joint.2`` for one of several coordinates), of a
+    force whose value is a function of time (the voltage of a dc_motor, the reference of a joint_pid, the torque of a
+    joint_torque), or ``frame.x``, a force in N on a frame's origin along an axis of the world. An output is ``q.joint``
+    or ``v.joint`` (in the tangent), ``s.state``, or ``frame.x``, where a frame's origin is, in m. Where a reference
+    acts by its rate, too (kd), the states are z less what its jump would do, which shows in D.
+
+    Args:
+        mech: the mechanism.
+        q: see `mbdae.modes`; so v, t and hold.
+        v: constant speeds.
+        inputs: names.
+        outputs: names; all ``q.`` and ``v.`` when left out.
+        t: time in s.
+        hold: joints that stand still.
+
+    Raises:
+        UnknownNameError: for a name that does not exist; lists those that do.
+        InputError, EquilibriumError: as `mbdae.modes`.
+    """
+    statics, here, motion, _ = operating_point(mech, q, v, t, hold, "linearize")
+    into = several(inputs, "inputs is a list of names")
+    joints = labels(mech, np.arange(mech.nv))
+    out = several(outputs, "outputs is a list of names") or [f"{x}.{n}" for x in "qv" for n in joints]
+    back, Z, k = motion.back, motion.speeds, motion.positions.shape[1]
+    ns, n = len(here.s), len(motion.A)
+    pushes = _pushes(statics, here.q, joints)
+    columns, jumps = np.zeros((n, len(into))), np.zeros((n, len(into)))
+    for j, name in enumerate(into):
+        if name not in pushes:
+            raise UnknownNameError("input", name, pushes)
+        (tau, rates), (dtau, drates) = pushes[name]
+        columns[k : n - ns, j], columns[n - ns :, j] = Z.T @ tau, rates
+        jumps[k : n - ns, j], jumps[n - ns :, j] = Z.T @ dtau, drates
+    seen = _seen(statics, here.q, joints)
+    for name in out:
+        if name not in seen:
+            raise UnknownNameError("output", name, seen)
+    C = np.array([seen[name] for name in out]).reshape(len(out), 2 * mech.nv + ns) @ back
+    B, D = columns + motion.A @ jumps, C @ jumps
+    return LinearSystem(mech.title, motion.A, B, C, D, tuple(into), tuple(out), motion)
+
+
+Push = tuple[tuple[Array, Array], tuple[Array, Array]]
+
+
+def _pushes(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Push]:
+    """For each input the slopes of (f, h), and those with respect to its rate."""
+    system = statics.system
+    nv, ns = system.nv, system.ns
+    none = np.zeros(ns)
+    out: dict[str, Push] = {n: ((e, none), (np.zeros(nv), none)) for n, e in zip(joints, np.eye(nv), strict=True)}
+    for law, at in system.laws.bound:
+        if not isinstance(law, LinearElement):
+            continue
+        for i in range(len(law.u)):
+            parts = np.zeros((2, nv + ns))
+            for row, r, column, c, value in law.terms:
+                if column in ("u", "du") and c == i:
+                    parts[int(column == "du"), r if row == "tau" else nv + at.start + r] += value
+            name = law.name if len(law.u) == 1 else f"{law.name}.{i + 1}"
+            out[name] = ((parts[0, :nv], parts[0, nv:]), (parts[1, :nv], parts[1, nv:]))
+    for name, slope in _places(statics, q).items():
+        out.setdefault(name, ((slope, none), (np.zeros(nv), none)))
+    return out
+
+
+def _seen(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Array]:
+    """For each output its slopes with respect to (q, v, s), (2 nv + ns,)."""
+    nv, names = statics.system.nv, list(statics.mech.states)
+    one = np.eye(2 * nv + len(names))
+    out = {f"q.{n}": one[i] for i, n in enumerate(joints)} | {f"v.{n}": one[nv + i] for i, n in enumerate(joints)}
+    out |= {f"s.{n}": one[2 * nv + i] for i, n in enumerate(names)}
+    return out | {n: np.pad(slope, (0, nv + len(names))) for n, slope in _places(statics, q).items()}
+
+
+def _places(statics: Statics, q: Array) -> dict[str, Array]:
+    """Slopes (nv,) of the places ``frame.x`` of all frames."""
+    system, out = statics.system, {}
+    statics.force(q, np.zeros(system.ns))  # the kinematics stand at q
+    for name in frame_names(system.model)[1:]:
+        at = anchor(system.model, name)
+        if at.joint == 0:
+            continue
+        pair = Pair(system.model, system.data, anchor(system.model, WORLD), at)
+        pair.locate()
+        for axis, n in zip(AXES, np.eye(3), strict=True):
+            out[f"{name}.{axis}"] = pair.torque(np.concatenate([n, np.cross(pair.pb, n)]))
+    return out

@@ -1,0 +1,218 @@
+"""How a mechanism vibrates, and how fast disturbances die out or grow."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import StepError
+from ...mechanism import Mechanism
+from ...mechanism.formulations.freedom import close
+from ...mechanism.formulations.linearization import LinearMotion, spectrum
+from ...solution.solution import Solution
+from ...system import Array
+from ..comparison.tables import columns
+from ..statics.equilibrium import labels
+from .operating_point import operating_point
+
+if TYPE_CHECKING:
+    from ...mechanism.mechanism import Coordinates
+
+__all__ = ["modes"]
+
+ALIKE = 1e-7  # of the largest: eigenvalues that stand together
+STILL = 1e-12  # of the largest eigenvalue: none
+FRAMES, SECONDS = 121, 2.0  # of one cycle in a replay
+SWING = 0.25  # rad or m: the largest in a replay, where nothing is said
+PARTS = 3  # coordinates of a shape that the text shows
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Result of `modes`.
+
+    Attributes:
+        mechanism: the mechanism.
+        t: time in s.
+        motion: the linearised motion: A, and the point q, v, s around which.
+        around: ``"start"``, ``"given"``, ``"equilibrium"`` or ``"steady motion"``.
+        eigenvalues: of A, (n,), by their size; those of symmetries are exactly 0.
+    """
+
+    mechanism: Mechanism
+    t: float
+    motion: LinearMotion
+    around: str
+    eigenvalues: Array
+
+    @cached_property
+    def roots(self) -> Array:
+        """One eigenvalue for each mode, (k,): of conjugate pairs the one above."""
+        return self.eigenvalues[self.eigenvalues.imag >= 0]
+
+    @property
+    def frequencies(self) -> Array:
+        """|Im|/(2 pi) of each mode in Hz, (k,)."""
+        return self.roots.imag / (2 * np.pi)
+
+    @property
+    def damping(self) -> Array:
+        """Damping ratio -Re/|lambda| of each mode, (k,): 1 creeps, 0 keeps on, negative grows; nan for 0."""
+        size = np.abs(self.roots)
+        return np.divide(0.0 - self.roots.real, size, out=np.full(len(size), np.nan), where=size > 0)
+
+    @cached_property
+    def shapes(self) -> Array:
+        """Shape dq of each mode, (k, nv), complex, with dq^H M dq = 1 and its largest part real.
+
+        A mode of states alone, as a current's, has a shape of zeros; so has the speed of a free motion.
+        """
+        A, n = self.motion.A, self.motion.positions.shape[1]
+        size, out = np.abs(self.eigenvalues).max(initial=0.0), []
+        done: list[complex] = []
+        for root in self.roots:
+            again = sum(abs(root - other) <= ALIKE * size for other in done)
+            S, Vh = np.linalg.svd(A - root * np.eye(len(A)))[1:]
+            z = Vh[-1 - again].conj() * (S[-1 - again] <= ALIKE * S[0])  # a chain of zeros has one vector
+            done.append(root)
+            out.append(self._normalised(self.motion.positions @ z[:n]))
+        return np.array(out).reshape(-1, self.mechanism.nv)
+
+    def _normalised(self, dq: Array) -> Array:
+        size = np.linalg.norm(self.motion.free.U @ dq)
+        if size <= STILL:
+            return np.zeros(len(dq), complex)
+        turn = dq[np.abs(dq).argmax()]
+        return dq * (abs(turn) / (turn * size))
+
+    @property
+    def stable(self) -> bool:
+        """No eigenvalue has a positive real part that counts."""
+        return bool((self.eigenvalues.real <= ALIKE * np.abs(self.eigenvalues).max(initial=0.0)).all())
+
+    def configurations(self, i: int, amplitude: float | None = None) -> Array:
+        """One cycle of mode i, (121, nq): q (+) a Re(e^(i phi) dq), with the loops closed.
+
+        Args:
+            i: number of the mode.
+            amplitude: the largest displacement of a coordinate in rad or m.
+        """
+        system, shape = self.mechanism.system(), self.shapes[i]
+        largest = np.abs(shape).max() or 1.0
+        out = np.empty((FRAMES, self.mechanism.nq))
+        for k, phi in enumerate(np.linspace(0, 2 * np.pi, FRAMES)):
+            x = (amplitude or SWING) / largest * (np.exp(1j * phi) * shape).real
+            out[k] = system.manifold.integrate(self.motion.q, x)
+            try:
+                out[k] = close(system, self.t, out[k])
+            except StepError:  # the replay shows loops open where a swing is larger than they allow
+                continue
+        return out
+
+    def animate(self, path: str | Path, amplitude: float | None = None) -> Path:
+        """Write a replay page of all modes with a shape, one cycle each; a selector in the page says which is shown.
+
+        Args:
+            path: ``.html``.
+            amplitude: the largest displacement of a coordinate in rad or m; 0.25 when left out.
+
+        Returns:
+            The path written.
+
+        Raises:
+            InputError: for another suffix, or where it cannot be written.
+        """
+        from ..replay.replay import animate
+
+        shown = [i for i in range(len(self.roots)) if self.shapes[i].any()]
+        runs = {f"mode {i + 1}: {self.describe(i)}": self._run(self.configurations(i, amplitude)) for i in shown}
+        first = next(iter(runs.values()), self._run(np.repeat(self.motion.q[None], FRAMES, 0)))
+        return animate(first, path, plots=(), choices=runs)
+
+    def _run(self, q: Array) -> Solution:
+        mech, t = self.mechanism, np.linspace(0.0, SECONDS, FRAMES)
+        y = np.hstack([q, np.zeros((FRAMES, mech.nv)), np.repeat(self.motion.s[None], FRAMES, 0), np.zeros((FRAMES, 1))])
+        return Solution(mech, t, y, np.zeros((FRAMES, mech.ng)), "finished", "", {}, {})
+
+    def describe(self, i: int) -> str:
+        """Frequency and damping of a mode in words."""
+        root = self.roots[i]
+        if root == 0:
+            return "free"
+        if root.imag:
+            return f"{self.frequencies[i]:.4g} Hz, damping {self.damping[i]:.3g}"
+        return f"{'grows' if root.real > 0 else 'dies out'}, {abs(root.real):.4g} 1/s"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; eigenvalues as pairs [re, im]."""
+        names = labels(self.mechanism, np.arange(self.mechanism.nv))
+        return {
+            "title": self.mechanism.title,
+            "around": self.around,
+            "stable": self.stable,
+            "q": self.motion.q.tolist(),
+            "v": self.motion.v.tolist(),
+            "eigenvalues": [[z.real, z.imag] for z in self.eigenvalues.tolist()],
+            "modes": [
+                {
+                    "eigenvalue": [root.real, root.imag],
+                    "frequency": float(f),
+                    "damping": float(d),
+                    "shape": {n: [x.real, x.imag] for n, x in zip(names, shape.tolist(), strict=True)},
+                }
+                for root, f, d, shape in zip(self.roots.tolist(), self.frequencies, self.damping, self.shapes, strict=True)
+            ],
+        }
+
+    def __str__(self) -> str:
+        names = labels(self.mechanism, np.arange(self.mechanism.nv))
+        heads = ["mode", "eigenvalue in 1/s", "", "Hz", "damping", "moves most"]
+        body = []
+        for i, root in enumerate(self.roots):
+            size = np.abs(self.shapes[i])
+            order = [j for j in np.argsort(-size, kind="stable")[:PARTS] if size[j] > 0.01 * size.max()]
+            moves = ", ".join(f"{names[j]} {size[j] / size.max():.2g}" for j in order) or ("states" if root else "its speed")
+            pair = f"+- {root.imag:.10g} i" if root.imag else ""
+            ratio = f"{self.damping[i]:.4g}" if root else "-"
+            body.append([str(i + 1), f"{root.real:.10g}", pair, f"{self.frequencies[i]:.6g}", ratio, moves])
+        words = "stable" if self.stable else "unstable"
+        return "\n".join([f"modes of {self.mechanism.title} around its {self.around}: {words}", "", *columns([heads, *body])])
+
+
+def modes(
+    mech: Mechanism,
+    q: "Coordinates | Array | None" = None,
+    v: "Coordinates | Array | None" = None,
+    *,
+    t: float = 0.0,
+    hold: str | Iterable[str] = (),
+) -> Modes:
+    """Find the modes of small motions around an equilibrium or a steady motion.
+
+    Eigenvalues lambda and shapes dq of dq ~ exp(lambda t), G dq = 0, from the exact slopes of all forces, of
+    G^T lam among them; with gyroscopic terms, states of controllers, and rows of velocity only.
+
+    Args:
+        mech: the mechanism.
+        q: a whole configuration (nq,), taken as it is; or joint values by name from which the equilibrium is searched.
+            When left out, the start where it is steady, else the equilibrium found from there.
+        v: constant speeds by joint, or a whole velocity (nv,), of a steady motion.
+        t: time in s, which matters for drivers and functions of time: they are taken as they are then.
+        hold: joints that stand still.
+
+    Returns:
+        Eigenvalues, frequencies, damping ratios and shapes.
+
+    Raises:
+        InputError: for a configuration that is neither an equilibrium nor a steady motion, where closures lose rank, or
+            where no freedom is left.
+        EquilibriumError: where no equilibrium is found.
+    """
+    _, _, motion, around = operating_point(mech, q, v, t, hold, "modes")
+    found = spectrum(motion.A).astype(complex)
+    found[np.abs(found) <= STILL * np.abs(found).max(initial=0.0)] = 0.0
+    order = np.lexsort((-found.imag, found.real, np.round(np.abs(found), 9)))
+    return Modes(mech, t, motion, around, found[order])

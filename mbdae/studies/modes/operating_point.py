@@ -1,0 +1,71 @@
+"""Around which motion a mechanism is linearised."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import InputError, require, several
+from ...mechanism import Mechanism
+from ...mechanism.formulations.balance import Balance, Statics
+from ...mechanism.formulations.linearization import LinearMotion, linearize_at, refuse_unsteady
+from ...system import Array
+from ..statics.equilibrium import balanced, labels, settle_arguments, velocities
+from ..statics.stability import loses_rank
+
+if TYPE_CHECKING:
+    from ...mechanism.mechanism import Coordinates
+
+
+def operating_point(
+    mech: Mechanism,
+    q: "Coordinates | Array | None",
+    v: "Coordinates | Array | None",
+    t: float,
+    hold: str | Iterable[str],
+    what: str,
+) -> tuple[Statics, Balance, LinearMotion, str]:
+    """Return the balance around which to linearise, and what it is.
+
+    A whole configuration (nq,) is taken as it is, with the speeds v. Without one, the start is taken where it is an
+    equilibrium or a steady motion with the start's own speeds; else the equilibrium that is found from there.
+
+    Raises:
+        InputError: for a configuration that is no equilibrium, one without freedom, or one where closures lose rank.
+        EquilibriumError: where none is found.
+    """
+    require(mech, Mechanism, f"{what} takes a Mechanism (see mbdae.load)")
+    names = several(hold, "hold is a list of joints")
+    held = np.unique(np.array([i for name in names for i in velocities(mech, name)], int))
+    found = None
+    if isinstance(q, np.ndarray):
+        q0 = mech.assemble(q, t=t)[0]
+        speeds = settle_arguments(mech, q, t, v, hold)[1]
+        found = _at(mech, q0, speeds, t, held), "given"
+    elif q is None and v is None:
+        try:
+            found = _at(mech, *mech.start_at(t), t, held), "start"
+        except InputError:
+            found = None
+    if found is None:
+        q0, speeds, fixed, _ = settle_arguments(mech, q, t, v, hold)
+        here = balanced(Statics(mech, t, speeds, fixed), q0, "stable")[0]
+        statics = Statics(mech, t, speeds, held)
+        found = (statics, statics.point(here.q, here.s)), "steady motion" if speeds.any() else "equilibrium"
+    (statics, here), kind = found
+    if not here.free.Z.shape[1] and not len(here.s):
+        raise InputError(f"{mech.title!r} has no freedom left{_held(mech, held)}: it has no modes")
+    if loses_rank(statics, here):
+        raise InputError(f"the closures of {mech.title!r} lose rank in this pose: motions near it are not linear")
+    return statics, here, linearize_at(statics, here), kind
+
+
+def _held(mech: Mechanism, held: Array) -> str:
+    return f" with {', '.join(labels(mech, held))} held" if len(held) else ""
+
+
+def _at(mech: Mechanism, q: Array, v: Array, t: float, held: Array) -> tuple[Statics, Balance]:
+    statics = Statics(mech, t, v, held)
+    here = statics.point(q, np.array(list(mech.states.values())))
+    refuse_unsteady(statics, here)
+    return statics, here

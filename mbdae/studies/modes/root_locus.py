@@ -1,0 +1,164 @@
+"""Eigenvalues over a parameter or a speed: root loci and Campbell diagrams."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from ...errors import InputError, MbdaeError
+from ...mechanism import Mechanism
+from ...system import Array
+from ..sweep.run import Job
+from .modes import modes
+
+__all__ = ["root_locus"]
+
+SPEED = "v."
+Model = str | Path | Callable[..., Mechanism]
+
+
+@dataclass(frozen=True)
+class RootLocus:
+    """Result of `root_locus`.
+
+    Attributes:
+        model: as it was given.
+        name: of the parameter.
+        values: of it, (n,).
+        eigenvalues: followed from value to value, (n, m); nan where they were not found.
+        messages: why not, by the number of the value.
+    """
+
+    model: str
+    name: str
+    values: Array
+    eigenvalues: Array
+    messages: dict[int, str]
+
+    @property
+    def crossings(self) -> list[float]:
+        """Values at which an eigenvalue crosses the imaginary axis, by linear interpolation."""
+        out = []
+        for root in self.eigenvalues.T:
+            re = root.real
+            for i in np.flatnonzero((re[1:] > 0) != (re[:-1] > 0)):
+                a, b = re[i : i + 2]
+                moves = np.abs(root[i : i + 2]).max()
+                if np.isfinite([a, b]).all() and min(abs(a), abs(b)) >= 0 and abs(b - a) > 1e-7 * moves:
+                    out.append(float(self.values[i] + (self.values[i + 1] - self.values[i]) * a / (a - b)))
+        return sorted(set(out))
+
+    def plot(self, path: str | Path, *, campbell: bool | None = None) -> None:
+        """Draw real parts and frequencies over the parameter, and the roots in the plane, as .png, .svg or .pdf.
+
+        Args:
+            path: where.
+            campbell: draw lines of whole multiples of the speed over the frequencies; for speeds when left out.
+
+        Raises:
+            InputError: for another format, or an unwritable path.
+        """
+        from .. import figures
+        from .figure import locus
+
+        figures.check(path)
+        figures.save(locus(self, self.name.startswith(SPEED) if campbell is None else campbell), path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; eigenvalues as pairs [re, im]."""
+        pairs = [[[z.real, z.imag] for z in row] for row in self.eigenvalues.tolist()]
+        return {
+            "model": self.model,
+            "parameter": self.name,
+            "values": self.values.tolist(),
+            "eigenvalues": pairs,
+            "crossings": self.crossings,
+            "messages": self.messages,
+        }
+
+    def __str__(self) -> str:
+        n, m = self.eigenvalues.shape
+        span = f"{self.values[0]:g} to {self.values[-1]:g}"
+        lines = [f"root locus of {self.model} over {self.name}, {span}: {n} values, {m} eigenvalues"]
+        growth = np.nanmax(self.eigenvalues.real, axis=1) if m else np.zeros(n)
+        lines.append(f"  largest real part {growth.min():.6g} to {growth.max():.6g} 1/s")
+        lines += [f"  an eigenvalue crosses the imaginary axis near {self.name} = {x:.6g}" for x in self.crossings]
+        lines += [f"  {self.name} = {self.values[i]:g}: {text}" for i, text in self.messages.items()]
+        return "\n".join(lines)
+
+
+def root_locus(
+    model: Model,
+    name: str,
+    values: Sequence[float] | Array,
+    *,
+    v: Mapping[str, float] | None = None,
+    **options: Any,
+) -> RootLocus:
+    """Follow eigenvalues over a parameter or a speed.
+
+    Args:
+        model: what `mbdae.load` takes, or a function of the parameter that returns a Mechanism.
+        name: a parameter as in `mbdae.sweep`: ``"force.spring.stiffness"``, ``"start.v.shaft"``, ``"speed"`` of a
+            mechanism.py; or ``"v.shaft"``, a constant speed of a joint.
+        values: of it, in their order.
+        v: other constant speeds, see `mbdae.modes`.
+        options: q, t and hold of `mbdae.modes`.
+
+    Returns:
+        The eigenvalues, each followed over the parameter.
+
+    Raises:
+        UnknownNameError, InputError: for a model or parameter that does not exist, or where no value has modes.
+    """
+    numbers = np.asarray(values, float)
+    if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
+        raise InputError(f"a root locus takes a list of numbers, got {values!r:.60}")
+    maker = Job(str(model) if isinstance(model, Path) else model).maker()
+    speed = name.removeprefix(SPEED) if name.startswith(SPEED) else None
+    if speed is None:
+        maker.check({name: float(numbers[0])})
+    rows: list[Array | None] = []
+    messages: dict[int, str] = {}
+    for i, value in enumerate(numbers.tolist()):
+        speeds = {**(v or {}), **({speed: value} if speed else {})}
+        try:
+            mech = maker.make({} if speed else {name: value})
+            rows.append(modes(mech, v=speeds or None, **options).eigenvalues)
+        except MbdaeError as e:
+            rows.append(None)
+            messages[i] = str(e)
+    known = [row for row in rows if row is not None]
+    if not known:
+        raise InputError(f"no value of {name} has modes: {messages[0]}")
+    size = max(len(row) for row in known)
+    out = np.full((len(rows), size), np.nan + 0j)
+    last: Array | None = None
+    for i, row in enumerate(rows):
+        if row is not None and len(row) == size:
+            out[i] = row if last is None else _followed(last, row)
+            last = out[i]
+    title = model if isinstance(model, str) else getattr(model, "__name__", str(model))
+    return RootLocus(title, name, numbers, out, messages)
+
+
+def _followed(before: Array, after: Array) -> Array:
+    """Eigenvalues in the order of those before that they are nearest to, all together."""
+    return after[linear_sum_assignment(np.abs(before[:, None] - after))[1]]
+
+
+def read_range(text: str) -> tuple[str, Array]:
+    """Read ``name=first:last:number``.
+
+    Raises:
+        InputError: for anything else.
+    """
+    name, _, rest = text.partition("=")
+    try:
+        first, last, n = rest.split(":")
+        return name, np.linspace(float(first), float(last), int(n))
+    except ValueError:
+        raise InputError(f"--over takes name=first:last:number, got {text!r}") from None
