@@ -1,10 +1,10 @@
-"""The problems of textbooks, by name."""
-
-from collections.abc import Callable
+"""A problem that is nonlinear in z, with a known solution."""
 
 import numpy as np
 
-from .hessenberg import Hessenberg
+from ..hessenberg import Hessenberg
+
+__all__ = ["hessenberg_a"]
 
 
 def hessenberg_a() -> Hessenberg:
@@ -25,6 +25,3 @@ def hessenberg_a() -> Hessenberg:
         title="Hessenberg problem (a)",
         exact=lambda t: (np.array([np.exp(t), np.exp(-2 * t)]), np.array([np.exp(2 * t)])),
     )
-
-
-TEXTBOOK: dict[str, Callable[[], Hessenberg]] = {"hessenberg_a": hessenberg_a}
