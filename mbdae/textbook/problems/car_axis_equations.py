@@ -1,7 +1,7 @@
 """The car axis of the test set for initial value problem solvers, at velocity level."""
 
-from math import hypot, sin, sqrt
 from math import cos as cosine
+from math import hypot, sin, sqrt
 
 import numpy as np
 

@@ -13,7 +13,7 @@ AT, OWNER = np.arange(3 * N), np.repeat(np.arange(N), 3)
 
 
 def start() -> Array:
-    """Particles on circles of latitude, each given by its first number, their count, turn and latitude over pi: (20, 3)."""
+    """Particles on circles of latitude, given by first number, count, turn and latitude over pi: (20, 3)."""
     at = [(2 * i / n + turn, b) for first, n, turn, b in BELTS for i in range(first, first + n)]
     a, b = np.pi * np.array(at).T
     return np.stack([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)], axis=1)
