@@ -3,13 +3,17 @@
 import numpy as np
 
 from ..mechanism.closures.closure_error import largest_error
+from ..mechanism.contacts import first_negative, rolling
 from ..mechanism.formulations.index2 import Index2System
+from ..mechanism.reactions import scaled, span
 from ..solution.columns import balance
 from ..solution.solution import Solution
 
 OPEN = 0.01  # rad, or of a length: what would have to move by as much to close the loops
 SLIPPING = 1e-6  # |G v + g_t| over all rows, of 1 + |v|
 LOST = 0.1  # of the energy that moves
+PRESSED = 1e-6  # of the largest N: what is negative by less counts as 0
+APART = 1e-5  # of the largest row: rows that are projected depend on each other but for less
 SAMPLES = 8  # steps at which the energy is looked at
 
 
@@ -37,10 +41,55 @@ def doubts(sol: Solution, system: Index2System) -> str:
     lost = _lost(sol, system)
     if not lost <= LOST:
         found.append(f"the energy balance is lost: {lost:.2g} of the energy that moves")
+    more = [text for text in (departed(sol, system), lifts(sol)) if text]
     if not found:
-        return ""
+        return "; ".join(more)
     fixed, kept = "step" in sol.settings, sol.settings["project"] or formulation == "ggl" or not system.ng
-    return f"{'; '.join(found)}: take a smaller {'step' if fixed else 'rtol'}{'' if kept else ', or project=True'}"
+    advice = f"take a smaller {'step' if fixed else 'rtol'}{'' if kept else ', or project=True'}"
+    return "; ".join([f"{'; '.join(found)}: {advice}", *more])
+
+
+def departed(sol: Solution, system: Index2System) -> str:
+    """Say which closure was kept by others at the start and is not at the end of a projected run; empty for none.
+
+    Wheels that steer in parallel, say: projection goes on to close all rows, and brakes what the mechanism cannot do.
+    """
+    used = list(sol.in_use[-1][1]) if sol.in_use else []
+    if not sol.settings["project"] or not 0 < len(used) < system.ng:
+        return ""
+    ts, ys, _ = sol.nodes
+    G = scaled(system, ts[-1], system.split(ys[-1])[0])
+    Q = np.linalg.qr(G[used].T)[0]
+    size, left = np.linalg.norm(G, axis=1).max(), np.linalg.norm(G - G @ Q @ Q.T, axis=1)
+    if not left.max() > APART * size:
+        return ""
+    name = sol.mechanism.row_closure(int(left.argmax()))
+    return f"{name!r} depended on other closures at the start and does not now: they cannot all be kept while it moves"
+
+
+def lifts(sol: Solution) -> str:
+    """Say which rolling bodies the surface would have to pull at, from when on; empty for none.
+
+    The method's own multipliers tell where to look, those of the hidden constraint whether it is so.
+    """
+    mech, (ts, _, zs) = sol.mechanism, sol.nodes
+    found = []
+    for closure in rolling(mech):
+        row = span(mech, closure.name).start
+        if closure.contact is False or not (zs[1:, row] < 0).any():
+            continue
+        normal = zs[:, row].copy()
+        for i in np.flatnonzero(~(normal >= 0)):
+            normal[i] = sol.multipliers(ts[i])[row]
+            if i and normal[i] < 0:
+                normal[i - 1] = sol.multipliers(ts[i - 1])[row]
+                break
+        start = first_negative(ts, normal)
+        if start is not None and normal.min() < -PRESSED * np.abs(normal).max():
+            found.append(
+                f"{closure.name!r} is held on its surface from t = {start:.6g} s on, where N < 0: it would lift"
+            )
+    return "; ".join(found)
 
 
 def _lost(sol: Solution, system: Index2System) -> float:

@@ -3,6 +3,7 @@
 from ..errors import NotCompiled
 from .closures.closure import Closure
 from .closures.driver import Driver
+from .contacts import Contact, contact
 from .forces import NAMES
 from .formats.library import model_names
 from .formats.load import describe, load, restore
@@ -19,6 +20,7 @@ globals().update(NAMES)  # every force is public, found and not listed
 __all__ = [
     "Closure",
     "Compiled",
+    "Contact",
     "Driver",
     "Effort",
     "Function",
@@ -26,6 +28,7 @@ __all__ = [
     "NotCompiled",
     "Reaction",
     "Singular",
+    "contact",
     "depth_first",
     "describe",
     "effort",

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..mechanism.contacts import contact, path, rolling
 from ..mechanism.frames import find_joint
 from ..system import Array
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from .solution import Solution
 
 TURN = 2 * np.pi
+CONTACT = ("normal", "longitudinal", "lateral", "friction")
 RESTING = 1e-10  # rad/s or m/s: of what does not move, energies are rounding
 PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # joint: names of the coordinates in q and in v
     "Translation": (("x", "y", "z"), ("x", "y", "z")),
@@ -73,9 +75,11 @@ def signals(sol: "Solution", *, lam: bool = True) -> dict[str, Array]:
 
     ``t`` in s; ``q.<joint>`` and ``v.<joint>`` (rad or m, per s), with a part behind the name where a joint has several
     coordinates (``q.base.x``, ``v.base.wz``); unbounded revolute joints as one angle, unwrapped over the run;
-    ``s.<state>`` of forces that have states of their own; ``lam.<closure>.<row>`` with rows counted from 1 (N, N m;
-    from the hidden constraint); ``kinetic``, ``potential``, ``energy`` = kinetic + potential, and ``work`` of the
-    non-conservative forces and drivers in J; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
+    ``contact.<closure>.x``, ``.y``, ``.z`` in m where bodies roll; ``s.<state>`` of forces that have states of their
+    own; ``lam.<closure>.<row>`` with rows counted from 1 (N, N m; from the hidden constraint); of rolling bodies
+    ``normal.<closure>``, ``longitudinal.<closure>`` and ``lateral.<closure>`` in N, and ``friction.<closure>``, the
+    coefficient that it takes not to slip; ``kinetic``, ``potential``, ``energy`` = kinetic + potential, and ``work`` of
+    the non-conservative forces and drivers in J; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
 
     Args:
         sol: the solution.
@@ -87,14 +91,31 @@ def signals(sol: "Solution", *, lam: bool = True) -> dict[str, Array]:
     mech, r = sol.mechanism, residuals(sol)
     out = {"t": np.asarray(sol.t)}
     out |= coordinates(sol)
+    for closure in rolling(mech):
+        points = path(mech, closure.name, sol.q)
+        out |= {f"contact.{closure.name}.{x}": column for x, column in zip("xyz", points.T, strict=True)}
     out |= {f"s.{name}": sol.y[:, mech.nq + mech.nv + i] for i, name in enumerate(mech.states)}
     if lam:
         out |= {name: sol.lam[:, i] for i, name in enumerate(row_names(mech))}
+        for closure in rolling(mech):
+            out |= contact_forces(sol, closure.name)
     energy = r.kinetic + r.potential
     out |= {"kinetic": r.kinetic, "potential": r.potential, "energy": energy, "work": sol.work}
     for name, rows in (("g", r.g), ("Gv", r.Gv)):
         out[name] = np.abs(rows).max(axis=1, initial=0.0)
     return out
+
+
+def contact_forces(sol: "Solution", name: str) -> dict[str, Array]:
+    """Return the columns of `signals` that a rolling closure has with its multipliers."""
+    found = contact(sol.mechanism, name, sol.t, sol.q, sol.lam)
+    return {f"{kind}.{name}": getattr(found, kind) for kind in CONTACT}
+
+
+def contact_names(mech: "Mechanism") -> list[str]:
+    """Names of all columns of rolling closures."""
+    names = [c.name for c in rolling(mech)]
+    return [f"contact.{n}.{x}" for n in names for x in "xyz"] + [f"{kind}.{n}" for n in names for kind in CONTACT]
 
 
 def coordinates(sol: "Solution") -> dict[str, Array]:

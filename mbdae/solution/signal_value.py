@@ -6,6 +6,7 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..mechanism import Driver, Mechanism
+from ..mechanism.contacts import rolling
 from ..mechanism.frames import find_joint, skew
 from ..system import Array
 from .columns import PARTS, row_names
@@ -71,6 +72,13 @@ def signal_values(mech: Mechanism) -> dict[str, SignalValue]:
             forces = tuple(i for i in rows if mech.row_units[i] == "m")
             out |= {f"force.{c.name}": SignalValue("force", rows=forces)}
             out |= {f"torque.{c.name}": SignalValue("torque", rows=rows)}
+    for c in rolling(mech):
+        first, grip = mech.row_names.index(c.name), int(c.contact is not False)
+        if c.contact is not False:
+            out[f"normal.{c.name}"] = SignalValue("lam", rows=(first,))
+        if c.grip in (None, "full"):
+            out[f"longitudinal.{c.name}"] = SignalValue("lam", rows=(first + grip,))
+            out[f"lateral.{c.name}"] = SignalValue("lam", rows=(first + grip + 1,))
     for c in mech.constraints:
         if isinstance(c, Driver) or not c.frames:
             out[f"{EFFORT}.{c.name}"] = SignalValue("lam", rows=(mech.row_names.index(c.name),))

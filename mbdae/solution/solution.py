@@ -11,7 +11,18 @@ import numpy as np
 
 from .. import backend
 from ..errors import InputError, StepError
-from ..mechanism import Effort, Mechanism, NotCompiled, Reaction, Singular, effort, reaction, redundant
+from ..mechanism import (
+    Contact,
+    Effort,
+    Mechanism,
+    NotCompiled,
+    Reaction,
+    Singular,
+    contact,
+    effort,
+    reaction,
+    redundant,
+)
 from ..system import Array
 from ..textbook.hessenberg import Hessenberg
 from .archive import read, write
@@ -175,6 +186,14 @@ class Solution:
             InputError: for a coupling or a driver of joints: see `effort`.
         """
         return reaction(self.mechanism, name, self.t, self.q, self.lam)
+
+    def contact(self, name: str) -> Contact:
+        """Return the forces (N) on a rolling body and where they act, and the friction that they take, from `lam`.
+
+        Raises:
+            UnknownNameError: for a name that is not that of a rolling closure.
+        """
+        return contact(self.mechanism, name, self.t, self.q, self.lam)
 
     def effort(self, name: str) -> Effort:
         """Return torque or force (N m, N) and power (W) of a coupling or a driver, from `lam`.

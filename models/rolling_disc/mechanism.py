@@ -40,7 +40,10 @@ def mechanism(
             },
         ],
         "closure": [
-            {"name": "ground", "kind": "rolling", "frames": ["world", "disc"], "radius": RADIUS, "axis": [0.0, 1.0, 0.0]}
+            {
+                "name": "ground", "kind": "rolling", "frames": ["world", "disc"],
+                "radius": RADIUS, "axis": [0.0, 1.0, 0.0],
+            }
         ],
         "start": {
             "q": {"lean": pi / 2 - inclination},

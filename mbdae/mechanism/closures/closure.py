@@ -77,7 +77,8 @@ class Closure(Table):
         semi_axes: of an ellipsoid along the axes of the second frame, in m.
         centre: of an ellipsoid in the second frame, in m; its origin when left out.
         grip: where a rolling body does not slip: ``"full"`` when left out, ``"lateral"``, ``"longitudinal"``,
-            ``"none"``, or along one line at an angle in rad from ahead to the left (rollers of omni and mecanum wheels).
+            ``"none"``, or along one line at an angle in rad from ahead to the left (rollers of omni and mecanum
+            wheels).
         contact: whether a rolling body is kept on the surface; false where joints keep it there. True when left out.
         surface: of the first frame on which a body rolls: its x-y plane when left out, or a sphere or cylinder (about
             its z axis), for spheres.

@@ -2,7 +2,8 @@
 
     0 = g(t, q) = c(q) - u(t),   G = dc/dq,   g_t = -u',   gamma = Gdot v + g_tt,   g_tt = -u''
 
-with u = 0 for closures. Neither G nor its rate depends on time, and g_tq = 0. Rows of velocity only have no g: it is 0 for them.
+with u = 0 for closures. Neither G nor its rate depends on time, and g_tq = 0. Rows of velocity only have no g: it is 0
+for them.
 """
 
 from collections.abc import Sequence

@@ -59,7 +59,10 @@ def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], li
         pairs.append((_frame(pair.a), _frame(pair.b)))
     for part in constraints.joint_parts:
         rows[part.at] = part.plain()
-    drivers = [{"row": at, "length": bool(d.frames and d.motion), "speed": bool(d.speed), "motion": d.path.plain()} for at, d in constraints.driven]
+    drivers = [
+        {"row": at, "length": bool(d.frames and d.motion), "speed": bool(d.speed), "motion": d.path.plain()}
+        for at, d in constraints.driven
+    ]
     return pairs, rows, drivers
 
 

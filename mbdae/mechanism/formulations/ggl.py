@@ -2,8 +2,8 @@
 
     q' = v + M^-1 G_p^T mu,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = g(t, q),   0 = G(q) v + g_t(t)
 
-G_p are the rows that have a g: those of velocity only have no mu. On the exact solution mu = 0. Source: Gear, Gupta, Leimkuhler, J. Comput. Appl. Math. 12 (1985); Hairer, Wanner II,
-(VII.1.51).
+G_p are the rows that have a g: those of velocity only have no mu. On the exact solution mu = 0. Source: Gear, Gupta,
+Leimkuhler, J. Comput. Appl. Math. 12 (1985); Hairer, Wanner II, (VII.1.51).
 """
 
 from typing import TYPE_CHECKING
@@ -30,8 +30,8 @@ OPEN = 1e-7  # m or rad: what rows that are not in use may show
 class GGLSystem(Index2System):
     """`mbdae.system.System` of a mechanism with both levels kept: z = (lam, mu), (2 ng,), mu = 0 for rows of velocity.
 
-    Rows: mu takes the rows in use, or independent ones of those that have a g where there are others. Where the rank is constant 0 = g on these rows describes the same configurations as
-    on all; the others are watched.
+    Rows: mu takes the rows in use, or independent ones of those that have a g where there are others. Where the rank is
+    constant 0 = g on these rows describes the same configurations as on all; the others are watched.
     """
 
     def __init__(self, mechanism: "Mechanism") -> None:

@@ -22,9 +22,9 @@ OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a fai
 def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> Array:
     """Return the nearest point with g(t, q) = 0 and G(q) v + g_t = 0, q first and then v, over all rows.
 
-    Rows of velocity have no part in q. Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g with a truncated pseudoinverse, M
-    frozen; then v - M^-1/2 (G M^-1/2)^+ (G v + g_t). A step that does not halve |g| is not taken: near singular
-    positions rounding in g stands for large corrections.
+    Rows of velocity have no part in q. Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g
+    with a truncated pseudoinverse, M frozen; then v - M^-1/2 (G M^-1/2)^+ (G v + g_t). A step that does not halve |g|
+    is not taken: near singular positions rounding in g stands for large corrections.
 
     Args:
         system: a workspace.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError, several
+from ...mechanism.contacts import path, rolling
 from ...mechanism.frames import paths
 from ...system import Array
 from ..figures import COLOURS
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 GHOSTS = ("#e8590c", "#0c8599", "#9c36b5", "#5c940d", "#c2255c")
 ARROW = "#c2185b"
+TOUCHED = "contact."
 
 
 def poses(scene: "Scene", placements: Array) -> Iterator[dict[str, Any]]:
@@ -75,15 +77,19 @@ def _alike(a: "Mechanism", b: "Mechanism") -> bool:
 
 
 def traces(mechanism: "Mechanism", names: str | Sequence[str], q: Array) -> list[dict[str, Any]]:
-    """Paths of the origins of frames at configurations q (m, nq).
+    """Paths of the origins of frames at configurations q (m, nq); ``contact.<closure>`` is where a body rolls.
 
     Raises:
-        UnknownNameError: for a frame that does not exist.
+        UnknownNameError: for a frame or rolling closure that does not exist.
     """
     listed = several(names, "traces is a list of frames")
+    found = [
+        path(mechanism, n.removeprefix(TOUCHED), q) if n.startswith(TOUCHED) else paths(mechanism.model, [n], q)[0]
+        for n in listed
+    ]
     return [
         {"name": name, "colour": COLOURS[i % len(COLOURS)], "points": typed(track, "float32")}
-        for i, (name, track) in enumerate(zip(listed, paths(mechanism.model, listed, q), strict=True))
+        for i, (name, track) in enumerate(zip(listed, found, strict=True))
     ]
 
 
@@ -102,7 +108,13 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
     sample = resampled(sol, times)
     chosen = joined if names is True else several(names, "arrows is True, or a list of closures")
     found = [sample.reaction(name) for name in chosen]
-    at = paths(sol.mechanism.model, [joined[r.name][1] for r in found], sample.q)
+    wheels = {c.name for c in rolling(sol.mechanism)}
+    at = [
+        path(sol.mechanism, r.name, sample.q)
+        if r.name in wheels
+        else paths(sol.mechanism.model, [joined[r.name][1]], sample.q)[0]
+        for r in found
+    ]
     forces = [
         {
             "name": r.name + ("" if all(r.unique[:3]) else " (minimum norm)"),

@@ -73,7 +73,7 @@ def animate(
             several (``"q"``, ``"lam.wrist pin"``), or a sequence of both for common axes. Joint coordinates, energies
             and |g| when left out; () for none.
         signals: more signals by name: functions of (t, q, v), or arrays over ``sol.t``.
-        traces: names of frames whose paths are drawn.
+        traces: names of frames whose paths are drawn; ``contact.<closure>`` is where a body rolls.
         ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots.
         choices: solutions of this mechanism by name of which one is shown at a time, as chosen in the page; the
             first stands in the place of ``sol``.

@@ -4,6 +4,7 @@
 "final q.slider"               its value at the end; max, min, mean over time, and peak, the largest magnitude
 "peak force.wrist pin"         of a reaction: force.(closure) in N and torque.(closure) in N m are magnitudes
 "max effort.motor"             of a coupling or a driver
+"min normal.front"             of a rolling body; also longitudinal, lateral and friction, the coefficient that it takes
 a function of the Solution     returns a table of numbers: {"period": 1.2}
 
 Where the sweep has times, signals are taken there; else at the ends of steps, between which a maximum may hide.
@@ -17,7 +18,7 @@ import numpy as np
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
-from ...solution.columns import coordinates, row_names, signals
+from ...solution.columns import CONTACT, contact_forces, contact_names, coordinates, row_names, signals
 from ...solution.signal_value import EFFORT, REACTION, signal_values
 from ...solution.solution import Solution
 from ...system import Array
@@ -54,7 +55,7 @@ def check(mech: Mechanism, outputs: Sequence[Output], timed: bool) -> None:
         UnknownNameError: for a signal or a reduction that does not exist.
         InputError: for a signal to be kept at times when there are none, or what is neither text nor function.
     """
-    known = list(signal_values(mech)) if any(isinstance(x, str) for x in outputs) else []
+    known = [*signal_values(mech), *contact_names(mech)] if any(isinstance(x, str) for x in outputs) else []
     for output in outputs:
         if not isinstance(output, str):
             if not callable(output):
@@ -117,6 +118,8 @@ def columns(sol: Solution, wanted: set[str]) -> dict[str, Array]:
             out[name] = np.linalg.norm(sol.lam[:, force_rows(sol, which)], axis=1)
         elif kind in REACTION:
             out[name] = np.linalg.norm(getattr(sol.reaction(which), kind), axis=1)
+        elif kind in CONTACT:
+            out |= contact_forces(sol, which)
         elif kind == EFFORT:
             out[name] = sol.effort(which).effort
         elif name not in out:

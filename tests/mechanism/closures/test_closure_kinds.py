@@ -26,7 +26,9 @@ DRIVERS = {
 }
 SPEEDS = {
     "speed of a joint": Driver(joint="helical_7", speed={"kind": "harmonic", "amplitude": 0.7, "omega": 3.0}),
-    "speed of a distance": Driver(frames=("tip_2", "tip_7"), speed={"kind": "harmonic", "amplitude": 0.7, "omega": 3.0}),
+    "speed of a distance": Driver(
+        frames=("tip_2", "tip_7"), speed={"kind": "harmonic", "amplitude": 0.7, "omega": 3.0}
+    ),
 }
 CASES = {**CLOSURES, **closure_kinds.ROLLING, **SPEEDS, **{f"driver of a {k}": d for k, d in DRIVERS.items()}}
 
@@ -135,7 +137,7 @@ WRONG = {
     'kind = "point"': "a point closure needs frames",
     'kind = "distance"\nframes = ["a", "b"]': "a distance closure needs length",
     'kind = "parallel"\nframes = ["a", "b"]\naxis = [0, 0, 0]': "an axis must not be zero",
-    'kind = "point"\nframes = ["a", "b"]\nlenght = 1': "unknown key closure.0.lenght; known: axis, centre, coefficients",
+    'kind = "point"\nframes = ["a", "b"]\nlenght = 1': "unknown key closure.0.lenght; known: axis, centre",
 }
 
 

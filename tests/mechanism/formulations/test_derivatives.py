@@ -17,7 +17,10 @@ from mbdae.mechanism.frames import wrench_matrix
 PAIRS = [("tip_3", "tip_5"), ("tip_5", "tip_3"), ("tip_2", "tip_5"), ("ground", "tip_5"), ("tip_0", "tip_3")]
 CLOSURES = [
     closure.model_copy(
-        update={"name": name, **({"frames": pair} if closure.frames else {"joints": ("rx_4", "py_2", "rx_4")[: len(closure.joints)]})}
+        update={
+            "name": name,
+            **({"frames": pair} if closure.frames else {"joints": ("rx_4", "py_2", "rx_4")[: len(closure.joints)]}),
+        }
     )
     for (name, closure), pair in zip(
         {**{name: kind.closure for name, kind in closure_kinds.KINDS.items()}, **closure_kinds.ROLLING}.items(),

@@ -1,0 +1,146 @@
+"""What rolls: where it touches, how it is pressed, and how much friction that takes."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import UnknownNameError
+from ..system import Array
+from .closures.closure import Closure
+from .closures.contact import Grip, Height, Shape
+from .closures.line_rows import still
+from .reactions import NONE, NOT_UNIQUE, null_rows, sampled, span
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+FORCES = ("normal", "longitudinal", "lateral")
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Force on a rolling body at the point where it touches, in the surface's normal, ahead and to the left.
+
+    Attributes:
+        name: of the closure.
+        t: times in s, (n,).
+        normal: N in N, positive where the body is pressed on the surface, (n,); nan where joints keep the height.
+        longitudinal: ahead along the heading, in N, (n,).
+        lateral: to the left, in N, (n,).
+        point: the point in the world in m, (n, 3).
+        unique: which of the three forces the motion determines.
+    """
+
+    name: str
+    t: Array
+    normal: Array
+    longitudinal: Array
+    lateral: Array
+    point: Array
+    unique: tuple[bool, bool, bool]
+
+    @property
+    def friction(self) -> Array:
+        """The coefficient of friction that it takes not to slip, |F_t|/N, (n,); nan where N is not positive."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(self.normal > 0, np.hypot(self.longitudinal, self.lateral) / self.normal, np.nan)
+
+    @property
+    def lifts(self) -> float | None:
+        """The first time in s at which N is negative: the surface would have to pull; None where it never is."""
+        return first_negative(self.t, self.normal)
+
+    def __str__(self) -> str:
+        low, high = (
+            float(f(self.normal)) if np.isfinite(self.normal).any() else np.nan for f in (np.nanmin, np.nanmax)
+        )
+        slip = float(np.nanmax(self.friction)) if np.isfinite(self.friction).any() else np.nan
+        ahead, left = (float(np.abs(x).max(initial=0.0)) for x in (self.longitudinal, self.lateral))
+        lines = [
+            f"contact {self.name}: N {low:.4g} to {high:.4g} N, ahead up to {ahead:.4g} N, "
+            f"to the left up to {left:.4g} N, friction needed {slip:.3g}"
+        ]
+        if self.lifts is not None:
+            lines.append(f"  N is negative from t = {self.lifts:.6g} s: it would lift")
+        if free := [n for n, known in zip(FORCES, self.unique, strict=True) if not known]:
+            lines.append(f"  not unique: {', '.join(free)} ({NOT_UNIQUE})")
+        return "\n".join(lines)
+
+
+def first_negative(t: Array, x: Array) -> float | None:
+    """The first time at which a sampled function (n,) is negative, from the line through its samples."""
+    below = np.flatnonzero(x < 0)
+    if not len(below):
+        return None
+    i = int(below[0])
+    if not i or not x[i - 1] >= 0:
+        return float(t[i])
+    return float(t[i - 1] + (t[i] - t[i - 1]) * x[i - 1] / (x[i - 1] - x[i]))
+
+
+def rolling(mech: "Mechanism") -> list[Closure]:
+    """The closures by which bodies roll."""
+    return [c for c in mech.closures if c.kind == "rolling"]
+
+
+def shape(mech: "Mechanism", name: str) -> Shape:
+    """What rolls on what.
+
+    Raises:
+        UnknownNameError: lists the names of rolling closures.
+    """
+    for closure in rolling(mech):
+        if closure.name == name:
+            return closure.shape
+    raise UnknownNameError("rolling closure", name, [c.name for c in rolling(mech)])
+
+
+def contact(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Contact:
+    """Return the contact force of a rolling closure, and where it acts.
+
+    Args:
+        mech: the mechanism.
+        name: of the closure.
+        t: times, (n,).
+        q: configurations, (n, nq).
+        lam: multipliers, (n, ng).
+
+    Raises:
+        UnknownNameError: for a name that is not that of a rolling closure.
+        StepError: where the body lies flat.
+    """
+    points = path(mech, name, q)
+    system, owned = mech.system(), span(mech, name)
+    turn = np.zeros((3, owned.stop - owned.start))
+    for rows, kind, _ in system.constraints.frame_parts[name].rows:
+        at = slice(rows.start - owned.start, rows.stop - owned.start)
+        if isinstance(kind, Height):
+            turn[0, at] = 1.0
+        elif isinstance(kind, Grip):
+            turn[1:, at] = kind.share
+    force = np.asarray(lam)[:, owned] @ turn.T
+    if not turn[0].any():
+        force[:, 0] = np.nan
+    unique = np.ones(3, bool)
+    for i in sampled(len(t)):
+        unique &= np.abs(turn @ null_rows(system, t[i], q[i])[owned]).max(axis=1, initial=0.0) < NONE
+    normal, ahead, left = force.T
+    known = bool(unique[0]), bool(unique[1]), bool(unique[2])
+    return Contact(name, np.asarray(t), normal, ahead, left, points, known)
+
+
+def path(mech: "Mechanism", name: str, q: Array) -> Array:
+    """Where a body that rolls touches at configurations q (n, nq), in the world in m, (n, 3).
+
+    Raises:
+        UnknownNameError: for a name that is not that of a rolling closure.
+        StepError: where the body lies flat.
+    """
+    body, system = shape(mech, name), mech.system()
+    pair = system.constraints.frame_parts[name].pair
+    out = np.empty((len(q), 3))
+    for i, row in enumerate(q):
+        system.jacobian(row)
+        out[i] = body.touch(still(pair)).p[:, 0]
+    return out
