@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..errors import InputError
+from ..mechanism.callbacks import function_name
 from ..system import Array
 from .signal_events import SignalEvent
 
@@ -106,6 +107,11 @@ class EventWatch:
         self._last = {i: self.evaluate(e, t, y) for i, e in self.functions.items()}
         for signal in self.signals.values():
             signal.begin(t, y)
+
+    @property
+    def functions_named(self) -> str:
+        """What keeps the core from looking, in words."""
+        return ", ".join(f"event {function_name(e.function)!r} is a function" for e in self.functions.values())
 
     def plain(self) -> list[Any]:
         """Return signals as the core takes them."""
