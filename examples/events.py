@@ -1,4 +1,4 @@
-"""Events: times at which a function of the state is zero, found on the dense output.
+"""Events: times at which a signal passes a level, or a function of the state is zero.
 
 A four-bar swings from rest. The turning points of its crank are zeros of its speed, and the run ends where the end of
 the coupler falls through a level.
@@ -18,13 +18,13 @@ def main(end: float = 10.0) -> mbdae.Solution:
     """Print the events and return the solution, which ends at the terminal one."""
     mech = mbdae.load("four_bar")
     model, data = mech.model, mech.model.createData()
-    tip, crank = model.getFrameId("coupler_tip"), model.joints[model.getJointId("crank")]
+    tip = model.getFrameId("coupler_tip")
 
     def height(t: float, q: np.ndarray, v: np.ndarray) -> float:
         pin.framesForwardKinematics(model, data, q)
         return float(data.oMf[tip].translation[2]) - LEVEL
 
-    turning = mbdae.Event(lambda t, q, v: v[crank.idx_v])
+    turning = "v.crank"  # a signal, whose zeros are meant
     low = mbdae.Event(height, terminal=True, direction=-1)
     sol = mbdae.solve(mech, (0, end), rtol=1e-10, events=[turning, low])
     (turns, _), (lows, _) = sol.events  # times (n,) and states (n, ny)

@@ -4,9 +4,9 @@ Until the end of the span:
 
 1. near a singular configuration, leap over it (`mbdae.integrate.leap`);
 2. else let the stepper advance: one step in Python, or many in the compiled core, which comes back where something
-   asks for Python: the end of a leg, a singular configuration, an event to look for, a look at the clock;
-3. look for events on what is new; a terminal one ends the run;
-4. at the end of a leg, begin again behind the jump.
+   asks for Python: a singular configuration, a function to look at for events, a look at the clock;
+3. look for events on what is new, if the core has not; a terminal one ends the run;
+4. at the end of a leg, begin again behind the jump, if the core has not.
 
 Each step, on both back ends, is proposed, taken, measured against the tolerance, brought back to the closures where
 the run projects, and judged; then the rows of the next one are chosen (`mbdae.system.System.settle`).

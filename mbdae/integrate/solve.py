@@ -68,8 +68,8 @@ def solve(
         jumps: times at which forces (of t) jump: steps end there. Controllers and functions of time in mechanism files
             tell their own.
         t_eval: times to report, in the span's order, interpolated as by ``sol(t)``; all steps when left out.
-        events: functions event(t, q, v) -> float (textbook problems: event(t, y)) or `mbdae.Event`; their zeros are
-            reported, and a terminal one ends the run.
+        events: signals and levels, ``"q.slider = 0.3"``, functions event(t, q, v) -> float (textbook problems:
+            event(t, y)), or `mbdae.Event` of either; zeros are reported, and a terminal one ends the run.
         progress: called with the fraction done, after each step or several times a second.
         backend: ``"native"``: the compiled core, for mechanisms in index-2 form; ``"python"``;
             or ``"auto"``: the core where it is there and has what is asked for. ``stats["backend"]`` says which.

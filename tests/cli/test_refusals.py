@@ -238,7 +238,7 @@ def test_values_of_a_table_have_names():
 
 
 def test_an_event_is_a_function():
-    refused(InputError, lambda: mbdae.Event(3), "an event is a function", "got 3")  # type: ignore[arg-type]
+    refused(InputError, lambda: mbdae.Event(3), "an event is a signal or a function", "got 3")  # type: ignore[arg-type]
 
 
 def test_small_gaps_and_words_for_numbers(four_bar):

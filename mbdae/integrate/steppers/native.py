@@ -138,6 +138,8 @@ class NativeStepper(Stepper):
                     self.system.least_pivot_ratio, i = float(least_pivot_ratio[i]), i + 1
                     watch.step(run, end and i == n)
             if n < len(times):
+                if run.stiffness:
+                    run.stiffness.look(run)
                 run.extend(times[n : n + 1], ys[n : n + 1], zs[n : n + 1], state)
                 run.behind_jump()
                 i = n + 1

@@ -16,7 +16,7 @@ from ...system import Array, Counts, State, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..workspace import make_data
-from . import interpolation, projection
+from . import interpolation, projection, residuals
 from .chart import Index2Chart
 from .inertial import Inertial
 
@@ -36,8 +36,7 @@ class Index2System(System):
         self.mechanism, self.model, self.manifold = mechanism, mechanism.model, mechanism.manifold
         self.data, self.inertial = make_data(self.model), Inertial(self.model)
         self._M = self.data.M  # live view
-        self.nq, self.nv, self.ng = self.model.nq, self.model.nv, mechanism.ng
-        self.nz = self.ng
+        self.nq, self.nv, self.ng, self.nz = self.model.nq, self.model.nv, mechanism.ng, mechanism.ng
         self.laws = mechanism.bind_forces(self.data)
         self.ns = self.laws.ns
         self.ny = 2 * self.nv + self.ns + 1
@@ -81,16 +80,6 @@ class Index2System(System):
         """Return g(t, q) and G v + g_t over all rows, (ng,) each."""
         g, G = self.closures(q, t)
         return g, G @ v + self.g_t(t)
-
-    def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Return g (n, ng), G v + g_t (n, ng), kinetic and potential energy in J (n, 2) at points (n, ...)."""
-        n = len(t)
-        g, rates, energies = np.empty((n, self.ng)), np.empty((n, self.ng)), np.empty((n, 2))
-        for i in range(n):
-            q, v = self.split(y[i])
-            g[i], rates[i] = self.residual(t[i], q, v)
-            energies[i] = self.energy(q, v)
-        return g, rates, energies
 
     def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
         """Return gamma = Gdot v + g_tt over all rows, (ng,); without t, it is nan for driven rows."""
@@ -295,6 +284,7 @@ class Index2System(System):
         return out
 
     restore = projection.restore
+    residuals = residuals.residuals
     interpolant = interpolation.interpolant
 
     def size(self, y: Array) -> Array:  # noqa: D102
