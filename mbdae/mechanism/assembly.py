@@ -11,7 +11,7 @@ from ..errors import AssemblyError, InputError, StepError
 from ..system import Array
 from .assembly_mode import Residuals, closures, turned_over, with_directions
 from .closures.closure_error import ClosureError, largest_error
-from .joints import subspace
+from .joints import lengths
 from .start import normalized
 from .workspace import make_data
 
@@ -80,8 +80,8 @@ def close_position(system: "Index2System", q: Array, held: Array, t: float) -> A
     g, G = closures(system, q, t)
     if not len(g):
         return q
-    tries = [_gauss_newton(system, q, free, t)]
-    closed = [x for x in tries if _closed(system, x, t)]
+    tries = [gauss_newton(system, q, free, t)]
+    closed = [x for x in tries if is_closed(system, x, t)]
     if closed and _distance(mech, q, closed[0]) < NEAR:
         return closed[0]
     reach = 1.2 * float(np.linalg.norm(_newton(G, g, free))) + NEAR
@@ -90,12 +90,12 @@ def close_position(system: "Index2System", q: Array, held: Array, t: float) -> A
         width = next(widths, None)
         if width is None or (width > WIDTHS[1] and closed):
             break
-        more = [_gauss_newton(system, start, free, t) for start in _displaced(mech, q, free, width)]
-        tries, closed = tries + more, closed + [x for x in more if _closed(system, x, t)]
+        more = [gauss_newton(system, start, free, t) for start in _displaced(mech, q, free, width)]
+        tries, closed = tries + more, closed + [x for x in more if isis_closed(system, x, t)]
     if not closed and any(_open(system, x, t) <= ACCEPT for x in tries):  # a frame is turned over: turn it back first
         starts = (q, *(x for width in WIDTHS[1:3] for x in _displaced(mech, q, free, width)))
-        turned = (_gauss_newton(system, _gauss_newton(system, x, free, t, with_directions), free, t) for x in starts)
-        closed = [x for x in turned if _closed(system, x, t)][:1]
+        turned = (gauss_newton(system, gauss_newton(system, x, free, t, with_directions), free, t) for x in starts)
+        closed = [x for x in turned if isis_closed(system, x, t)][:1]
     if closed:
         return _slide(system, q, min(closed, key=lambda x: _distance(mech, q, x)), free, t)
     best = min(tries, key=lambda x: _open(system, x, t))
@@ -105,7 +105,7 @@ def close_position(system: "Index2System", q: Array, held: Array, t: float) -> A
     raise open_closure(mech, largest_error(mech, system.closures(best, t)[0]), held, "configuration")
 
 
-def _gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: Residuals = closures) -> Array:
+def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: Residuals = closures) -> Array:
     """Damped steps with line search, at most one radian or metre at a time: stay on the branch."""
     m = system.manifold
     g, G = rows(system, q, t)
@@ -137,8 +137,8 @@ def _slide(system: "Index2System", guess: Array, q: Array, free: Array, t: float
             break
         x = np.zeros(mech.nv)
         x[free] = along / max(1.0, 2 * np.abs(along).max())
-        new = _gauss_newton(system, mech.manifold.integrate(q, x), free, t)
-        if not _closed(system, new, t) or _distance(mech, guess, new) >= _distance(mech, guess, q):
+        new = gauss_newton(system, mech.manifold.integrate(q, x), free, t)
+        if not isis_closed(system, new, t) or _distance(mech, guess, new) >= _distance(mech, guess, q):
             break
         q = new
     return q
@@ -160,17 +160,8 @@ def _displaced(mech: "Mechanism", q: Array, free: Array, width: float) -> Iterat
     size = min(1.0, max(places, default=1.0)) or 1.0
     for _ in range(STARTS):
         x = np.zeros(mech.nv)
-        x[free] = width * rng.uniform(-1, 1, len(free)) * np.where(_lengths(mech.model)[free], size, 1.0)
+        x[free] = width * rng.uniform(-1, 1, len(free)) * np.where(lengths(mech.model)[free], size, 1.0)
         yield mech.manifold.integrate(q, x)
-
-
-def _lengths(model: pin.Model) -> Array:
-    """Which tangent components are lengths, (nv,): those of prismatic and translating joints."""
-    out = np.zeros(model.nv, bool)
-    for joint in list(model.joints)[1:]:
-        S = subspace(joint)
-        out[joint.idx_v : joint.idx_v + joint.nv] = ~S[3:].any(axis=0)
-    return out
 
 
 def _distance(mech: "Mechanism", q0: Array, q1: Array) -> float:
@@ -182,7 +173,7 @@ def _open(system: "Index2System", q: Array, t: float) -> float:
     return residual if np.isfinite(residual) else np.inf
 
 
-def _closed(system: "Index2System", q: Array, t: float) -> bool:
+def isis_closed(system: "Index2System", q: Array, t: float) -> bool:
     return _open(system, q, t) <= ACCEPT and not turned_over(system)
 
 

@@ -46,6 +46,15 @@ def _alone(joint: pin.JointModel) -> pin.Model:
     return model
 
 
+def lengths(model: pin.Model) -> np.ndarray:
+    """Which tangent components are lengths, (nv,): those of prismatic and translating joints."""
+    out = np.zeros(model.nv, bool)
+    for joint in list(model.joints)[1:]:
+        S = subspace(joint)
+        out[joint.idx_v : joint.idx_v + joint.nv] = ~S[3:].any(axis=0)
+    return out
+
+
 def turning(model: pin.Model) -> np.ndarray:
     """Which tangent components are angles that stand for the same pose after a full turn, (nv,)."""
     out = np.zeros(model.nv, bool)

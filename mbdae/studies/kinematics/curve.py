@@ -108,14 +108,10 @@ class Curve:
                 continue
             self.nodes.append(new)
             h = min(LARGEST, h * float(np.clip((BENT * h / max(missed, 1e-12)) ** (1 / 3), 0.4, 2.0)))
-            back = self.wrapped(here.q, start.q) if len(self.nodes) > 2 else None
-            if back is not None and 0 < (along := back @ here.tau) <= new.s - here.s and new.tau @ start.tau > 0:
-                at = self.at(len(self.nodes) - 2, along)
-                if np.abs(self.wrapped(at.q, start.q)).max() < 1e-3 * along + NEAR and at.tau @ start.tau > TURN:
-                    self.nodes[-1], self.ended = self._landed(len(self.nodes) - 2, along, start), "closed"
-                    if low <= self.nodes[-1].u <= high and abs(self.nodes[-1].u - start.u) < NEAR:
-                        return self
-                    self.nodes[-1], self.ended = new, ""
+            if len(self.nodes) > 2 and (again := self.passing(len(self.nodes) - 2, start)) is not None:
+                if abs(again.u - start.u) < NEAR:
+                    self.nodes[-1], self.ended = again, "closed"
+                    return self
             if not low <= new.u <= high:
                 end = low if new.u < low else high
                 sigma = self.zero(len(self.nodes) - 2, lambda p, end=end: p.u - end)
@@ -126,12 +122,20 @@ class Curve:
         self.ended = "long"
         return self
 
-    def _landed(self, i: int, sigma: float, start: Point) -> Point:
-        """The start's pose again, at the end of a closed curve."""
-        at = self.at(i, sigma)
-        again = self.manifold.integrate(at.q, self.wrapped(at.q, start.q))
-        found = self._correct(again, at.u)
-        return at if found is None else self._point(found, at, at.s)
+    def passing(self, i: int, pose: Point) -> Point | None:
+        """The point behind node i, before node i + 1, where the curve comes to another one's pose in its direction."""
+        a, b = self.nodes[i : i + 2]
+        ahead = self.wrapped(a.q, pose.q)
+        along = float(ahead @ a.tau)
+        if not (0 < along <= b.s - a.s and b.tau @ pose.tau > 0 and np.abs(ahead).max() < 2 * (b.s - a.s)):
+            return None
+        at = self.at(i, along)
+        rest = self.wrapped(at.q, pose.q)
+        if not (np.abs(rest).max() < 1e-2 * along + NEAR and at.tau @ pose.tau > TURN):
+            return None
+        found = self._correct(self.manifold.integrate(at.q, rest), at.u + float(rest @ at.tau) * at.speed)
+        again = None if found is None else self._point(found, at, at.s)
+        return again if again is not None and np.abs(self.wrapped(again.q, pose.q)).max() < NEAR else None
 
     def wrapped(self, q0: Array, q1: Array) -> Array:
         """q1 (-) q0 up to full turns of its angles, (nv,)."""

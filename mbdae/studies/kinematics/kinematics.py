@@ -1,24 +1,25 @@
 """Kinematics of mechanisms with one freedom: all poses over the range of an input, followed over their arclength."""
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import InputError, StepError, require
+from ...errors import AssemblyError, InputError, StepError, require
 from ...mechanism import Mechanism
+from ...mechanism.assembly import close_position
 from ...mechanism.joints import turning
-from ...mechanism.manifold import Manifold
 from ...system import Array
 from .branching import BranchPoint, leave, same
-from .curve import Curve, Point
+from .curve import NEAR, Curve, Point
 from .driven import Hold, check_freedom, driven
 from .result import Kinematics, Stretch
-from .sampling import Events, events, sample
+from .sampling import Events, at_crossing, events, sample
 from .transmission import default_output, transmission
 
 __all__ = ["kinematics"]
 
 MOST_BRANCHES = 32
+NEXT = 0.1  # rad or m: a step of the input on the way to its first value
 BOUNDED = 1e3  # rad or m: an input that is followed further without end needs a span
 
 
@@ -68,35 +69,37 @@ def kinematics(
     begin = mech.start[0] if q is None else mech.vector("q", q, mech.nq)
     moved = driven(mech, drive, hold, begin)
     system = moved.system()
-    first, u = _first(moved, begin, drive, span)
+    first, u = _first(moved, begin, span)
     held = [d.joint or d.name for d in moved.drivers[:-1]]
     check_freedom(moved, system, first, drive, held)
     low, high = _range(u, span, turns, unit=str(moved.row_units[-1]), drive=drive)
     curve = Curve(system, turning(mech.model))
     curve.begin(first, u, None if span is None or span[1] > span[0] else _falling(curve, first, u))
-    found = [(curve.follow(low, high), events(curve))]
+    found = [Followed(curve.follow(low, high), events(curve))]
     if branches:
-        found += _others(curve, found[0][1], low, high)
+        found += _others(found[0], low, high)
     if curve.ended in ("long", "stuck"):
         raise StepError("newton", _unfinished(curve, drive))
     chosen = default_output(mech, drive, held) if output is None else output
     return _result(mech, moved, drive, held, chosen, found, points)
 
 
-def _first(moved: Mechanism, q: Array, drive: str, span: tuple[float, float] | None) -> tuple[Array, float]:
+def _first(moved: Mechanism, q: Array, span: tuple[float, float] | None) -> tuple[Array, float]:
     """The closed configuration where the curve begins, and the input there."""
-    system = moved.system()
-    if span is not None and not (len(span) == 2 and np.isfinite(span).all() and span[0] != span[1]):
+    system, nothing = moved.system(), np.array([], int)
+    here = float(system.closures(q, 0.0)[0][-1])
+    if span is None:
+        return close_position(system, q, nothing, here), here
+    if not (len(span) == 2 and np.isfinite(span).all() and span[0] != span[1]):
         raise InputError(f"span is two different numbers, from and to, got {span!r}")
-    u = float(system.closures(q, 0.0)[0][-1]) if span is None else float(span[0])
-    if span is not None:  # go there in small steps of the drive, as it would
-        here = float(system.closures(q, 0.0)[0][-1])
-        for value in np.linspace(here, u, max(2, int(abs(u - here) / 0.2) + 2))[1:-1]:
-            try:
-                q = moved.assemble(q, t=float(value))[0]
-            except Exception:
-                break
-    return moved.assemble(q, t=u)[0], u
+    first = float(span[0])
+    for u in np.linspace(here, first, int(abs(first - here) / NEXT) + 2)[1:]:  # there in small steps, as the drive would
+        try:
+            q = close_position(system, q, nothing, float(u))
+        except AssemblyError as e:
+            raise AssemblyError(f"the input cannot begin at {first:.6g}: it gets no further than about {u:.4g}; {e}",
+                                e.closure, e.gap) from None  # fmt: skip
+    return q, first
 
 
 def _falling(curve: Curve, q: Array, u: float) -> Array:
@@ -120,37 +123,76 @@ def _unfinished(curve: Curve, drive: str) -> str:
     return f"the curve over {drive!r} does not end within {len(curve.nodes)} steps, at {at:.6g}: give a span"
 
 
-def _others(curve: Curve, found: Events, low: float, high: float) -> list[tuple[Curve, Events]]:
-    """Curves along all tangents at branch points that no curve has passed."""
+class Followed(NamedTuple):
+    """A curve with its events, and the branch points where it begins and ends."""
+
+    curve: Curve
+    events: Events
+    begins: BranchPoint | None = None
+    ends: BranchPoint | None = None
+
+
+def _others(first: Followed, low: float, high: float) -> list[Followed]:
+    """Curves along all tangents at branch points that no curve has passed; each ends where it comes upon another."""
     met: list[BranchPoint] = []
-    used: list[set[int]] = []
-    out: list[tuple[Curve, Events]] = []
+    used: list[set[int]] = []  # ways +1, -1, +2, -2 that were gone from each
+    out: list[Followed] = []
+    start = first.curve.nodes[0]
 
-    def pass_by(c: Curve, e: Events) -> None:
-        for i, point in e.branches.items():
-            k = next((k for k, other in enumerate(met) if same(c, point, other)), len(met))
-            if k == len(met):
-                met.append(point)
-                used.append(set())
-            tau = c.nodes[i].tau
-            way = int(np.abs(met[k].directions @ tau).argmax())
-            used[k] |= {(way, 1), (way, -1)}  # type: ignore[arg-type]
+    def number(curve: Curve, point: BranchPoint) -> int:
+        k = next((k for k, other in enumerate(met) if same(curve, point, other)), len(met))
+        if k == len(met):
+            met.append(point)
+            used.append(set())
+        return k
 
-    pass_by(curve, found)
+    def passed(curve: Curve, found: Events) -> tuple[Events, BranchPoint | None]:
+        """Note the ways gone; cut the curve where it has come upon one gone before."""
+        for i in range(len(curve.nodes) - 1):
+            if curve is not first.curve and any(
+                (again := curve.passing(i, pose)) is not None and abs(again.u - start.u) < NEAR
+                for pose in (start, start._replace(tau=-start.tau))
+            ):
+                _cut(curve, i, again)  # type: ignore[arg-type]
+                return _before(found, i), None
+            if i in found.branches:
+                k = number(curve, found.branches[i])
+                along = met[k].directions @ curve.nodes[i].tau
+                way = int(np.abs(along).argmax())
+                sign = 1 if along[way] > 0 else -1
+                known = -sign * (way + 1) in used[k]
+                used[k] |= {way + 1, -way - 1}
+                if known:
+                    del curve.nodes[i + 1 :]
+                    curve.ended = "branch"
+                    return _before(found, i), met[k]
+        return found, None
+
+    passed(*first[:2])
     k = 0
     while k < len(met) and len(out) < MOST_BRANCHES:
         for way, sign in ((w, s) for w in range(len(met[k].directions)) for s in (1, -1)):
-            if (way, sign) in used[k]:  # type: ignore[comparison-overlap]
+            if sign * (way + 1) in used[k]:
                 continue
-            used[k].add((way, sign))  # type: ignore[arg-type]
-            other = leave(curve, met[k], sign * met[k].directions[way])
-            if other is not None and low <= other.nodes[0].u <= high:
-                other.follow(low, high)
-                seen = events(other)
-                out.append((other, seen))
-                pass_by(other, seen)
+            used[k].add(sign * (way + 1))
+            curve = leave(first.curve, met[k], sign * met[k].directions[way])
+            if curve is not None and low <= curve.nodes[0].u <= high:
+                curve.follow(low, high)
+                found, ends = passed(curve, events(curve))
+                out.append(Followed(curve, found, met[k], ends))
         k += 1
     return out
+
+
+def _cut(curve: Curve, i: int, last: Point) -> None:
+    curve.nodes[i + 1 :] = [last]
+    curve.ended = "branch"
+
+
+def _before(found: Events, i: int) -> Events:
+    """What lies before node i."""
+    branches = {k: b for k, b in found.branches.items() if k < i}
+    return found._replace(dead=[d for d in found.dead if d.node < i], branches=branches)
 
 
 def _result(
@@ -159,26 +201,29 @@ def _result(
     drive: str,
     held: list[str],
     output: str | None,
-    found: list[tuple[Curve, Events]],
+    found: list[Followed],
     n: int,
 ) -> Kinematics:
     points: list[Point] = []
     stretches: list[Stretch] = []
-    for curve, seen in found:
+    for curve, seen, begins, ends in found:
         sampled = sample(curve, seen, n)
-        inputs = [p.u for p in curve.nodes] + [d.point.u for d in seen.dead]
+        sampled[:0] = [at_crossing(curve, begins, curve.nodes[0], behind=True)] if begins else []
+        sampled += [at_crossing(curve, ends, curve.nodes[-1])] if ends else []
+        inputs = [p.u for p in sampled]
         stretches.append(Stretch(len(points), len(points) + len(sampled), min(inputs), max(inputs), curve.ended))
         points += sampled
-    dead = [d.point for _, seen in found for d in seen.dead]
+    dead = [d.point for _, seen, *_ in found for d in seen.dead]
     crossings: list[BranchPoint] = []
-    for curve, seen in found:
+    for curve, seen, *_ in found:
         crossings += [b for b in seen.branches.values() if not any(same(curve, b, c) for c in crossings)]
     tau = np.array([p.tau for p in points])
     q = np.array([p.q for p in points])
-    system = found[0][0].system
+    system = found[0].curve.system
     angles = np.full(len(q), np.nan)
     if output is not None:
-        angles = transmission(mech, moved, system, q, tau, output)
+        crossing = np.array([p.sigma == 0 for p in points])
+        angles = transmission(mech, system, q, tau, crossing, output)
     return Kinematics(
         mechanism=mech,
         drive=drive,
@@ -196,5 +241,5 @@ def _result(
         dead_points=tuple((p.u, p.q) for p in dead),
         branch_points=tuple(crossings),
         stretches=tuple(stretches),
-        hidden=sum(seen.hidden for _, seen in found),
+        hidden=sum(f.events.hidden for f in found),
     )

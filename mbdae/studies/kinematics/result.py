@@ -23,7 +23,7 @@ ENDS = {
     "range": "to the end of the range",
     "closed": "back to its first pose",
     "stuck": "to a pose from which it cannot be followed",
-    "long": "until it grew too long",
+    "branch": "to a curve above",
 }
 SUFFIXES = (".csv", ".json")
 
@@ -205,6 +205,10 @@ class Kinematics:
         with write_whole(path) as temporary:
             temporary.write_text(json.dumps(self.to_dict()), "utf-8")
 
+    def summary(self) -> dict[str, Any]:
+        """`to_dict` without the table."""
+        return {key: value for key, value in self.to_dict().items() if key != "table"}
+
     def __str__(self) -> str:
         lines = [f"kinematics of {self.mechanism.title} over {self.drive} ({self.unit})"]
         if self.held:
@@ -215,7 +219,7 @@ class Kinematics:
         if self.dead_points:
             lines.append(f"  dead points at {', '.join(f'{u:.12g}' for u, _ in self.dead_points)}")
         for b in self.branch_points:
-            lines.append(f"  branch point at {b.u:.12g}: {2 * len(b.directions)} ways to go on")
+            lines.append(f"  branch point at {round(b.u, 12) + 0.0:.12g}: {2 * len(b.directions)} ways to go on")
         if self.hidden:
             lines.append(f"  {self.hidden} times rank was lost in another way: the curve went on straight")
         if self.output and np.isfinite(self.transmission).any():

@@ -87,14 +87,17 @@ def _by_arclength(curve: Curve, i: int, low: float, high: float, u: float) -> Po
         raise StepError("newton", f"the loops cannot be closed at {u:.9g}") from None
 
 
-def at_crossing(curve: Curve, crossing: BranchPoint, before: Point) -> Point:
-    """A branch point on the branch that a node before it lies on; kappa, which takes third derivatives, is not known."""
-    along = crossing.directions @ before.tau
+def at_crossing(curve: Curve, crossing: BranchPoint, beside: Point, *, behind: bool = False) -> Point:
+    """A branch point on the branch of a node beside it; kappa, which takes third derivatives, is not known."""
+    along = crossing.directions @ beside.tau
     k = int(np.abs(along).argmax())
     tau = crossing.directions[k] * np.sign(along[k])
     e = curve.system.closures(crossing.q, crossing.u)[1][-1]
-    nothing = np.full_like(tau, np.nan)
-    return before._replace(q=crossing.q, u=crossing.u, tau=tau, kappa=nothing, speed=float(e @ tau), bend=np.nan, sigma=0.0)
+    away = float(np.linalg.norm(curve.manifold.difference(beside.q, crossing.q)))
+    s, unknown = beside.s + (-away if behind else away), np.full_like(tau, np.nan)
+    return beside._replace(
+        s=s, q=crossing.q, u=crossing.u, tau=tau, kappa=unknown, speed=float(e @ tau), bend=np.nan, sigma=0.0
+    )
 
 
 def _inverse(a: Point, b: Point, u: float) -> float:

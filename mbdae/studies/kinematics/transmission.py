@@ -15,6 +15,8 @@ from ...mechanism.frames import find_joint, support
 from ...mechanism.joint_wrenches import joint_wrenches
 from ...system import Array
 
+STANDING = 1e-9  # of the tangent: a smaller share of the input is a dead point
+
 
 def default_output(mech: Mechanism, drive: str, held: list[str]) -> str | None:
     """The only joint of one coordinate at the ground that is neither driven nor held; None where there are others."""
@@ -23,16 +25,16 @@ def default_output(mech: Mechanism, drive: str, held: list[str]) -> str | None:
 
 
 def transmission(
-    mech: Mechanism, moved: Mechanism, system: Index2System, q: Array, tangent: Array, output: str
+    mech: Mechanism, system: Index2System, q: Array, tangent: Array, crossing: Array, output: str
 ) -> Array:
     """Return the transmission angle at an output joint in rad, from 0 to pi/2, (n,); nan where no force is passed on.
 
     Args:
         mech: the mechanism.
-        moved: the same with its drive as the last row.
-        system: a workspace of the latter.
+        system: a workspace of the same with its drive as the last row.
         q: configurations, (n, nq).
         tangent: tangents of the curve, (n, nv).
+        crossing: where branches cross, and nothing is said, (n,).
         output: a joint of one coordinate.
 
     Raises:
@@ -52,7 +54,12 @@ def transmission(
         return out
     for i, (pose, tau) in enumerate(zip(q, tangent, strict=True)):
         G = system.closures(pose, 0.0)[1]
-        lam = minimum_norm(G, mech.nv, -load)
+        if crossing[i]:
+            continue
+        if abs(G[-1] @ tau) < STANDING:  # a dead point: the load on the output is nothing beside that of the input
+            lam = np.append(minimum_norm(G[:-1], mech.nv - 1, -G[-1]), 0.0)
+        else:
+            lam = minimum_norm(G, mech.nv, -load)
         if ends:
             name, pair, sign = ends[0]
             rows = system.constraints.spans[name]

@@ -1,0 +1,62 @@
+"""Poses, rates and transmission angle over the input."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...solution.columns import units
+from ..figures import COLOURS, NAMES, WIDTH, beside, own_style, plain, settled, sheet
+from .result import Kinematics, neighbours
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STEEP = 50.0  # times the median rate: more, beside dead points, is cut off
+PARTS = ("q.", "v.", "a.")
+
+
+@settled
+def curves(found: Kinematics) -> "Figure":
+    """Draw coordinates, velocities and accelerations per unit of the drive, and the transmission angle over the input.
+
+    Curves are cut at dead points, where rates grow without bound; dotted lines show these, dashed ones branch points.
+    """
+    signals = found.signals()
+    unit = {n: u for n, u in units(found.mechanism).items() if n.startswith("q.") and u != "1"}
+    moving = [n for n in unit if np.ptp(signals[n]) > 1e-9]
+    kinds = list(dict.fromkeys(unit[n] for n in moving))
+    rows = [(part, kind) for part in PARTS for kind in kinds]
+    extra = bool(found.output)
+    figure = sheet(WIDTH, 1.35 * (len(rows) + extra) + 0.6)
+    axes = np.atleast_1d(figure.subplots(len(rows) + extra, 1, sharex=True))
+    for ax, (part, kind) in zip(axes, rows, strict=False):
+        names = [n for n in moving if unit[n] == kind]
+        for i, name in enumerate(names):
+            _curve(ax, found, signals.get(part + name[2:], np.full(len(found.u), np.nan)), plain(name[2:]), i)
+        per = {"q.": kind, "v.": f"{kind}/{found.unit}", "a.": f"{kind}/{found.unit}$^2$"}[part]
+        ax.set_ylabel(f"{ {'q.': NAMES[kind], 'v.': 'rates', 'a.': 'accelerations'}[part]} ({per})")
+        if part == "q.":
+            beside(ax, labelspacing=0.3)
+    if extra:
+        _curve(axes[-1], found, np.degrees(found.transmission), "", 0)
+        axes[-1].set_ylabel("transmission (deg)")
+        axes[-1].set_ylim(0, 92)
+    for ax in axes:
+        for u, _ in found.dead_points:
+            ax.axvline(u, color="0.5", lw=0.7, ls=":")
+        for b in found.branch_points:
+            ax.axvline(b.u, color="0.5", lw=0.7, ls="--")
+    axes[-1].set_xlabel(plain(f"{found.drive} ({found.unit})"))
+    figure.align_ylabels(axes)
+    figure.suptitle(plain(f"{found.mechanism.title} over {found.drive}"), fontsize=9)
+    return figure
+
+
+def _curve(ax: "Axes", found: Kinematics, values: np.ndarray, label: str, i: int) -> None:
+    """One signal, with a gap at each dead point."""
+    steep = STEEP * float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
+    shown = np.where(np.abs(values) > steep, np.nan, values) if steep and found.dead_points else values
+    style = own_style(i) | {"color": COLOURS[i % len(COLOURS)]}
+    for k, part in enumerate(neighbours(found)):
+        ax.plot(found.u[part], shown[part], label=label if k == 0 else None, **style)
