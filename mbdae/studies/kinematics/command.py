@@ -55,13 +55,13 @@ def kinematics(
         raise InputError("--modes lists poses at one value of the input: there is no curve to write")
     mech = load(model)
     if modes:
-        listing = assembly_modes(mech, drive, first, hold=_held(hold), apart=listed(apart))
+        listing = assembly_modes(mech, drive, first, hold=held(hold), apart=listed(apart))
         emit(listing.to_dict(), str(listing), as_json)
         return
     if (first is None) != (last is None):
         raise InputError("give both --from and --to, or --turns")
     span = None if first is None or last is None else (first, last)
-    found = follow(mech, drive, span=span, turns=turns, hold=_held(hold), points=points, output=output, branches=branches)
+    found = follow(mech, drive, span=span, turns=turns, hold=held(hold), points=points, output=output, branches=branches)
     if path:
         found.save(path)
     if html:
@@ -77,7 +77,7 @@ def kinematics(
     emit({**found.to_dict(), "written": written}, "\n".join(lines), as_json)
 
 
-def _held(values: tuple[str, ...]) -> dict[str, Any]:
+def held(values: tuple[str, ...]) -> dict[str, Any]:
     """Joints, and the values where they are held: None for where they are."""
     out: dict[str, Any] = {}
     for text in listed(values):

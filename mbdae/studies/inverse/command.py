@@ -1,0 +1,74 @@
+"""The sub-command ``inverse``."""
+
+from typing import Any
+
+import click
+
+from ...cli.options import PICTURES, as_json, emit, listed, plot_option, writable
+from ...errors import InputError
+from ...mechanism import load
+from ..kinematics.command import held
+from ..kinematics.kinematics import kinematics
+from .inverse import inverse_dynamics
+from .result import SUFFIXES
+
+
+@click.command()
+@click.argument("model")
+@click.argument("motion", required=False, metavar="[RUN.npz|TABLE.csv]")
+@click.option("--drive", help="Instead of a motion: a joint that turns at constant speed, through one turn.")
+@click.option("--speed", type=float, help="Its speed in rad/s or m/s.")
+@click.option("--from", "first", type=float, help="Where the drive begins, with --to; one turn when left out.")
+@click.option("--to", "last", type=float, help="Where it ends.")
+@click.option("--hold", multiple=True, help="A joint that stands still while the drive turns, or joint=value.")
+@click.option("--points", type=click.IntRange(min=3), default=361, show_default=True, help="Poses of the drive.")
+@click.option("-a", "--actuator", "names", multiple=True, help="A joint or driver that acts; several times for several.")
+@click.option("--weight", multiple=True, help="actuator=weight, where there are more of them than freedoms.")
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the table as .csv or .json.")
+@plot_option
+@as_json
+def inverse(
+    model: str,
+    motion: str | None,
+    drive: str | None,
+    speed: float | None,
+    first: float | None,
+    last: float | None,
+    hold: tuple[str, ...],
+    points: int,
+    names: tuple[str, ...],
+    weight: tuple[str, ...],
+    output: str | None,
+    plot: str | None,
+    as_json: bool,
+) -> None:
+    """Tell what actuators must give for a motion: a saved run, a table of q(t), or a drive at constant speed."""
+    written = writable((output, SUFFIXES), (plot, PICTURES))
+    if (motion is None) == (drive is None):
+        raise InputError("give a motion (RUN.npz or TABLE.csv), or --drive and --speed")
+    if (first is None) != (last is None) or (motion and (speed is not None or first is not None or hold)):
+        raise InputError("--speed, --from, --to and --hold go with --drive; give both --from and --to, or none")
+    mech = load(model)
+    prescribed: Any = motion
+    if drive is not None:
+        if speed is None:
+            raise InputError(f"give --speed, at which {drive!r} turns")
+        span = None if first is None or last is None else (first, last)
+        prescribed = kinematics(mech, drive, span=span, hold=held(hold), points=points)
+    found = inverse_dynamics(mech, prescribed, listed(names) or None, speed=speed, weights=_weights(weight))
+    if output:
+        found.save(output)
+    if plot:
+        from .. import figures
+        from .figure import demands
+
+        figures.save(demands(found), plot)
+    lines = [str(found), *(f"wrote {p}" for p in written)]
+    emit({**found.to_dict(), "written": written}, "\n".join(lines), as_json)
+
+
+def _weights(values: tuple[str, ...]) -> dict[str, float]:
+    try:
+        return {name: float(value) for name, _, value in (text.partition("=") for text in listed(values))}
+    except ValueError:
+        raise InputError(f"--weight takes actuator=number, got {', '.join(values)}") from None

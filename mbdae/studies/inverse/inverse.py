@@ -1,0 +1,122 @@
+"""Inverse dynamics of closed loops: what actuators must give for a motion, and what all joints carry."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, require
+from ...mechanism import Mechanism
+from ...mechanism.closures.independent_rows import minimum_norm
+from ...mechanism.joint_wrenches import joint_wrenches
+from ...system import Array
+from ..kinematics.result import Kinematics
+from .actuators import Actuators, actuators_of, weights_of
+from .prescribed import prescribed
+from .result import InverseDynamics
+
+__all__ = ["inverse_dynamics"]
+
+RANK = 1e-9  # of the largest singular value of G
+REACHED = 1e-8  # of the largest force: what actuators may leave
+
+
+def inverse_dynamics(
+    mech: Mechanism,
+    motion: Any,
+    actuators: str | Sequence[str] | None = None,
+    *,
+    speed: float | None = None,
+    weights: Mapping[str, float] | None = None,
+) -> InverseDynamics:
+    """Return the efforts of actuators that bring about a motion, and the forces in all joints.
+
+        b = M v' - f,   Z^T S^T tau = Z^T b with |W^1/2 tau| least,   then G^T lam = b - S^T tau with |lam| least
+
+    with an orthonormal basis Z of the null space of the closures' G: efforts and multipliers are not mixed. Weight,
+    springs, dampers and all forces count, but for motors and controllers of the joints that are actuated; drivers
+    count as motions, not as forces.
+
+    Args:
+        mech: the mechanism.
+        motion: a run (`mbdae.Solution`, or the path of its .npz); a curve of `mbdae.kinematics`, with ``speed``; a table
+            of columns ``t`` and joints of one coordinate, or the path of its .csv, through which splines of degree 5
+            are laid and from which the closures tell the other joints; or arrays (t, q, v, a).
+        actuators: names of joints, drivers, motors or controllers. When left out: the drive of the curve, the
+            mechanism's drivers, or its joints with motors and controllers.
+        speed: constant speed of the drive in rad/s or m/s.
+        weights: of the squares of efforts by name, where there are more of them than freedoms; 1 when left out.
+
+    Raises:
+        UnknownNameError: for a name that does not exist.
+        InputError: for a motion that the closures do not admit, or actuators that do not bring it about.
+
+    Example:
+        >>> turn = kinematics(mech, "crank")                              # doctest: +SKIP
+        >>> print(inverse_dynamics(mech, turn, speed=10.0))               # doctest: +SKIP
+    """
+    require(mech, Mechanism, "inverse_dynamics takes a Mechanism (see mbdae.load)")
+    acting = actuators_of(mech, actuators, motion.drive if isinstance(motion, Kinematics) else "")
+    weight = weights_of(acting.names, weights)
+    moves = prescribed(mech, motion, speed)
+    n, m, c = len(moves.t), len(acting.names), acting.closures
+    system = acting.mechanism.system()
+    s = _states(acting.mechanism, moves.states, n)
+    bases = [_basis(system.closures(q, t)[1][:c], mech.nv) for t, q in zip(moves.t, moves.q, strict=True)]
+    usual = max(r for r, _ in bases)
+    efforts, speeds = np.full((n, m), np.nan), np.full((n, m), np.nan)
+    lam, joints = np.full((n, c), np.nan), np.full((n, mech.model.njoints - 1, 6), np.nan)
+    for i, (t, q, v, vdot) in enumerate(zip(*moves[:4], strict=True)):
+        r, Z = bases[i]
+        if r < usual:
+            continue  # several motions go through this pose: no effort is determined
+        U, G = system.inertia(t, q), system.jacobian()
+        b = U.T @ (U @ vdot) - system.force(t, q, v, s[i])[0]
+        S = acting.at(G)
+        efforts[i] = _least(Z.T @ S.T, Z.T @ b, weight)
+        _check_reached(acting, Z, S, b, efforts[i], t)
+        lam[i] = minimum_norm(G[:c], r, b - S.T @ efforts[i]) if r else 0.0
+        speeds[i] = S @ v
+        whole = np.concatenate([lam[i], np.zeros(system.ng - c)])
+        for row, effort in zip(acting.rows, efforts[i], strict=True):
+            if row >= 0:
+                whole[row] = effort
+        joints[i] = joint_wrenches(system, t, q, v, vdot, whole)
+    if not np.isfinite(efforts).any():
+        raise InputError("the closures lose rank in all poses of the motion: no effort is determined")
+    return InverseDynamics(
+        mech, moves.t, moves.q, moves.v, moves.vdot, tuple(acting.names), tuple(acting.units), efforts, speeds,
+        lam, joints, moves.over[0], moves.over[1],
+    )  # fmt: skip
+
+
+def _states(mech: Mechanism, known: Mapping[str, Array], n: int) -> Array:
+    """States of the forces that are left, (n, ns): those of the motion, or their start values."""
+    return np.array([known.get(name, np.full(n, start)) for name, start in mech.states.items()]).T.reshape(n, -1)
+
+
+def _basis(G: Array, nv: int) -> tuple[int, Array]:
+    """Rank of G, and an orthonormal basis Z (nv, nv - r) of its null space."""
+    if not len(G):
+        return 0, np.eye(nv)
+    _, sizes, right = np.linalg.svd(G)
+    r = int(np.count_nonzero(sizes > RANK * sizes[0]))
+    return r, right[r:].T
+
+
+def _least(A: Array, b: Array, weight: Array) -> Array:
+    """The x with A x = b of least sum of weight x^2."""
+    root = np.sqrt(weight)
+    return np.linalg.lstsq(A / root, b, rcond=RANK)[0] / root
+
+
+def _check_reached(acting: Actuators, Z: Array, S: Array, b: Array, effort: Array, t: float) -> None:
+    left = Z.T @ (b - S.T @ effort)
+    if np.abs(left).max(initial=0.0) <= REACHED * max(np.abs(b).max(), 1e-3):
+        return
+    missing = Z @ left
+    joint = acting.mechanism.coordinate_joint(int(np.abs(missing).argmax()))
+    raise InputError(
+        f"{', '.join(acting.names)} cannot bring about the motion at t = {t:.6g}: {np.abs(missing).max():.3g} N m or N "
+        f"are missing, the most at joint {joint!r}: the mechanism has {Z.shape[1]} freedoms"
+    )

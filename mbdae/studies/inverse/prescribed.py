@@ -1,0 +1,212 @@
+"""Prescribed motions: runs, tables of joint coordinates, curves of poses at constant speed, or q, v and v' themselves."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from ...errors import InputError, UnknownNameError
+from ...mechanism import Mechanism
+from ...mechanism.assembly import close_position
+from ...mechanism.closures.closure_error import largest_error
+from ...mechanism.frames import find_joint
+from ...solution.solution import Solution
+from ...system import Array
+from ..kinematics.result import Kinematics
+
+DEGREE = 5  # of the spline through a table: accelerations are splines of degree 3
+RANK = 1e-9  # of the largest singular value of G
+CONTRADICTS = 1e-4  # rad or m by which a table may miss the closures
+ITERATIONS = 20
+
+
+class Prescribed(NamedTuple):
+    """A motion of a mechanism.
+
+    Attributes:
+        t: times in s, (n,).
+        q: configurations, (n, nq).
+        v: velocities, (n, nv).
+        vdot: accelerations, (n, nv).
+        states: of forces by name, (n,) each, as far as the motion has them.
+        over: what figures have as abscissa, (n,), and its name with unit.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    vdot: Array
+    states: dict[str, Array]
+    over: tuple[Array, str]
+
+
+def prescribed(mech: Mechanism, motion: Any, speed: float | None) -> Prescribed:
+    """Return a motion of a mechanism as numbers, see `mbdae.inverse_dynamics`.
+
+    Raises:
+        InputError: for something else, a motion of another mechanism, or one that the closures do not admit.
+        UnknownNameError: for a column that is no joint of one coordinate.
+    """
+    if speed is not None and not isinstance(motion, Kinematics):
+        raise InputError("speed goes with a curve of mbdae.kinematics: other motions have times")
+    if isinstance(motion, str | Path):
+        motion = Solution.load(motion) if Path(motion).suffix == ".npz" else read_table(motion)
+    if isinstance(motion, Kinematics):
+        return _of_curve(mech, motion, speed)
+    if isinstance(motion, Solution):
+        return _of_run(mech, motion)
+    if isinstance(motion, Mapping):
+        return _of_table(mech, motion)
+    if isinstance(motion, Sequence) and len(motion) == 4:
+        return _of_numbers(mech, motion)
+    what = "a Solution, a Kinematics, a table of columns, the path of one of them, or (t, q, v, a)"
+    raise InputError(f"a motion is {what}, got {motion!r:.60}")
+
+
+def _of_curve(mech: Mechanism, found: Kinematics, speed: float | None) -> Prescribed:
+    _same(mech, found.mechanism)
+    if speed is None:
+        raise InputError(f"give the speed at which {found.drive!r} turns, in {found.unit}/s")
+    last = found.stretches[0].last
+    unknown = ~np.isfinite(found.curvature[:last]).all(axis=1)
+    if unknown.any():
+        at = f"{found.drive} = {found.u[:last][unknown][0]:.9g}"
+        raise InputError(f"efforts are not determined at the branch point {at}: give a span that does not reach it")
+    run = found.run(speed=speed)
+    rates = np.array([run.rates[i] for i in range(len(run.t))])
+    over = found.u[:last] if run.q[0] is found.q[0] or (run.q[0] == found.q[0]).all() else found.u[:last][::-1]
+    name = f"{found.drive} ({found.unit})"
+    return Prescribed(run.t, run.q, run.v, rates[:, mech.nv : 2 * mech.nv], {}, (over, name))
+
+
+def _of_run(mech: Mechanism, sol: Solution) -> Prescribed:
+    _same(mech, sol.mechanism)
+    nv, nodes = mech.nv, np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
+    F = np.full((len(sol.t), sol.system.ny), np.nan)
+    for part in sol.parts(nodes):
+        at = sol.at(int(nodes[part[0]]))
+        F[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])[0]
+    kept = np.isfinite(F).all(axis=1)
+    states = {name: sol.s[kept, i] for i, name in enumerate(sol.mechanism.states)}
+    t = np.asarray(sol.t)[kept]
+    if not len(t):
+        raise InputError("the run has no times with finite accelerations")
+    return Prescribed(t, sol.q[kept], sol.v[kept], F[kept, nv : 2 * nv], states, (t, "t (s)"))
+
+
+def _same(mech: Mechanism, other: Mechanism) -> None:
+    if mech.joint_names != other.joint_names or mech.nq != other.nq:
+        raise InputError(f"the motion is of {other.title!r}, whose joints are not those of {mech.title!r}")
+
+
+def _of_numbers(mech: Mechanism, motion: Sequence[Any]) -> Prescribed:
+    t = np.atleast_1d(np.asarray(motion[0], float))
+    q, v, a = (np.atleast_2d(np.asarray(x, float)) for x in motion[1:])
+    for name, x, width in (("q", q, mech.nq), ("v", v, mech.nv), ("a", a, mech.nv)):
+        if x.shape != (len(t), width) or not np.isfinite(x).all():
+            raise InputError(f"{name} of a motion is finite and has shape ({len(t)}, {width}), got {x.shape}")
+    free = Mechanism(mech.model, mech.closures)
+    system = free.system()
+    for i in range(len(t)) if free.ng else ():
+        for values, what in zip(_misses(system, q[i], v[i], a[i]), ("", "/s", "/s^2"), strict=True):
+            gap = largest_error(free, values, what)
+            if gap.size > CONTRADICTS * (1 + np.abs((q, v, a)[("", "/s", "/s^2").index(what)][i]).max()):
+                raise InputError(f"the motion opens closure {gap.name!r} by {gap.text} at t = {t[i]:.9g}")
+    return Prescribed(t, q, v, a, {}, (t, "t (s)"))
+
+
+def _misses(system: Any, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
+    g, G = system.closures(q, 0.0)
+    return g, G @ v, G @ a + system.gamma(q, v, 0.0)
+
+
+def read_table(path: str | Path) -> dict[str, Array]:
+    """Read the columns of a .csv file: the first line has their names.
+
+    Raises:
+        InputError: for a file that is missing, or holds something else.
+    """
+    try:
+        with Path(path).open(newline="", encoding="utf-8") as file:
+            names, *rows = csv.reader(file)
+        values = np.array([[float(x) for x in row] for row in rows if row]).T
+        return dict(zip([n.strip() for n in names], values, strict=True))
+    except (OSError, ValueError) as e:
+        raise InputError(f"{path} is no table of numbers with a line of names above: {e}") from None
+
+
+def _of_table(mech: Mechanism, columns: Mapping[str, Any]) -> Prescribed:
+    """A spline of degree 5 through each column, and the motion of all joints that follows from the closures."""
+    known = {n: np.asarray(x, float) for n, x in columns.items()}
+    if "t" not in known:
+        raise InputError(f"a table of a motion has a column t, got {', '.join(known) or 'none'}")
+    t = known.pop("t")
+    single = {n: j for n in mech.joint_names if (j := find_joint(mech.model, n)).nv == 1}
+    prefixed = any(n.startswith("q.") for n in known)
+    given = {n.removeprefix("q."): x for n, x in known.items() if n.startswith("q.") or not prefixed}
+    for name in given:
+        if name not in single:
+            raise UnknownNameError("joint of one coordinate", name, single)
+    if not given:
+        raise InputError(f"a table of a motion has columns of joints: {', '.join(single)}")
+    if len(t) < 3 or any(x.shape != t.shape or not np.isfinite(x).all() for x in given.values()):
+        raise InputError("columns of a motion are finite, of one length, with at least three times")
+    if not (np.diff(t) > 0).all():
+        raise InputError("the times of a motion must rise")
+    degree = next(k for k in (DEGREE, 3, 2) if k < len(t))
+    curves = make_interp_spline(t, np.array(list(given.values())).T, k=degree)
+    targets = np.stack([curves(t, k) for k in range(3)])
+    return Prescribed(t, *_followed(mech, [single[n] for n in given], targets), {}, (t, "t (s)"))
+
+
+def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array, Array, Array]:
+    """q, v and v' with joints at targets u, u', u'', (3, n, k): closures exactly, the targets by least squares."""
+    free = Mechanism(mech.model, mech.closures, start=mech.start_values)
+    system, n = free.system(), targets.shape[1]
+    at, iq = [j.idx_v for j in joints], [(j.idx_q, j.nq) for j in joints]
+    out = np.empty((n, mech.nq)), np.empty((n, mech.nv)), np.empty((n, mech.nv))
+    q = close_position(system, mech.start[0], np.array([], int), 0.0)
+    for i in range(n):
+        for _ in range(ITERATIONS):
+            g, G = system.closures(q, 0.0)
+            here = np.array([q[k] if m == 1 else np.arctan2(q[k + 1], q[k]) for k, m in iq])
+            miss = targets[0, i] - here
+            miss = np.where([m == 2 for _, m in iq], (miss + np.pi) % (2 * np.pi) - np.pi, miss)
+            x = _solve(G, -g, at, miss)
+            x /= max(1.0, 2.0 * float(np.abs(x).max()))
+            q = system.manifold.integrate(q, x)
+            if np.abs(x).max() < 1e-10:
+                break
+        if i == 0 and _freedoms(G, at):
+            names = ", ".join(free.coordinate_joint(k) for k in at)
+            raise InputError(f"{_freedoms(G, at)} freedoms are left when {names} move as in the table: name more joints")
+        missed = float(np.abs(miss).max())
+        if not (missed < CONTRADICTS and np.abs(g).max(initial=0.0) < CONTRADICTS):
+            raise InputError(f"the closures do not let the joints follow the table at point {i + 1}: they miss it by "
+                             f"{missed:.3g} rad or m")  # fmt: skip
+        v = _solve(G, np.zeros(len(G)), at, targets[1, i])
+        gamma = system.gamma(q, v, 0.0)
+        G = system.jacobian(q)
+        out[0][i], out[1][i], out[2][i] = q, v, _solve(G, -gamma, at, targets[2, i])
+    return out
+
+
+def _solve(G: Array, rate: Array, at: list[int], target: Array) -> Array:
+    """The x with G x = rate and x[at] next to a target."""
+    if not len(G):
+        Z, x = np.eye(G.shape[1]), np.zeros(G.shape[1])
+    else:
+        left, sizes, right = np.linalg.svd(G)
+        r = int(np.count_nonzero(sizes > RANK * sizes[0]))
+        x, Z = (left[:, :r].T @ rate / sizes[:r]) @ right[:r], right[r:].T
+    return x + Z @ np.linalg.lstsq(Z[at], target - x[at], rcond=RANK)[0]
+
+
+def _freedoms(G: Array, at: list[int]) -> int:
+    """Freedoms that are left while some coordinates are given."""
+    rows = np.vstack([G, np.eye(G.shape[1])[at]])
+    sizes = np.linalg.svd(rows, compute_uv=False)
+    return G.shape[1] - int(np.count_nonzero(sizes > RANK * sizes[0]))

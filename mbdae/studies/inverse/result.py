@@ -1,0 +1,209 @@
+"""What `mbdae.inverse_dynamics` returns: efforts, powers, and the forces in all joints."""
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.integrate import simpson, trapezoid
+
+from ...errors import InputError, UnknownNameError
+from ...files import write_whole
+from ...mechanism import Mechanism, Reaction, reaction
+from ...solution.archive import write_csv
+from ...solution.columns import row_names
+from ...system import Array
+
+SUFFIXES = (".csv", ".json")
+AXES = "xyz"
+
+
+class Demand(NamedTuple):
+    """What an actuator must do, for choosing a motor.
+
+    Attributes:
+        name: of the effort.
+        unit: ``"N m"`` or ``"N"``.
+        peak: largest |effort|.
+        at: where, in the figure's abscissa.
+        rms: root of the mean square over time.
+        speed: largest |speed|, in rad/s or m/s.
+        power: largest power that it gives, in W.
+        braking: largest power that it takes, in W.
+        energy: in J: given less taken.
+        given: in J.
+        taken: in J.
+    """
+
+    name: str
+    unit: str
+    peak: float
+    at: float
+    rms: float
+    speed: float
+    power: float
+    braking: float
+    energy: float
+    given: float
+    taken: float
+
+
+@dataclass(frozen=True)
+class InverseDynamics:
+    """Efforts of actuators along a motion.
+
+    Attributes:
+        mechanism: the mechanism.
+        t: times in s, (n,).
+        q: configurations, (n, nq).
+        v: velocities, (n, nv).
+        vdot: accelerations, (n, nv).
+        names: of the actuators, m.
+        units: of their efforts, ``"N m"`` or ``"N"``.
+        efforts: (n, m); nan in poses where the closures lose rank.
+        speeds: of the actuators in rad/s or m/s, (n, m).
+        lam: multipliers of the closures, (n, ng) without drivers, of least norm where rows depend on each other.
+        joints: force and torque in each joint of the tree, on the body behind it, in the joint's axes, (n, nj, 6).
+        over: abscissa of figures, (n,).
+        over_name: its name with unit.
+    """
+
+    mechanism: Mechanism
+    t: Array
+    q: Array
+    v: Array
+    vdot: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    efforts: Array
+    speeds: Array
+    lam: Array
+    joints: Array
+    over: Array
+    over_name: str
+
+    @cached_property
+    def power(self) -> Array:
+        """Power that each actuator gives in W, (n, m)."""
+        return self.efforts * self.speeds
+
+    @cached_property
+    def undetermined(self) -> Array:
+        """Times of poses in which the closures lose rank, and efforts are not determined, (k,)."""
+        return self.t[~np.isfinite(self.efforts).all(axis=1)]
+
+    @cached_property
+    def demands(self) -> tuple[Demand, ...]:
+        """What each actuator must do."""
+        kept = np.isfinite(self.efforts).all(axis=1)
+        t = self.t[kept]
+        out = []
+        for i, (name, unit) in enumerate(zip(self.names, self.units, strict=True)):
+            tau, speed, power = self.efforts[kept, i], self.speeds[kept, i], self.power[kept, i]
+            length = float(t[-1] - t[0])
+            rms = np.sqrt(simpson(tau**2, x=t) / length) if length > 0 else np.abs(tau).max()
+            given, taken = (float(trapezoid(np.maximum(sign * power, 0), t)) for sign in (1, -1))
+            peak = int(np.abs(tau).argmax())
+            out.append(
+                Demand(
+                    name, unit, float(abs(tau[peak])), float(self.over[kept][peak]), float(rms),
+                    float(np.abs(speed).max()), float(max(power.max(), 0)), float(max(-power.min(), 0)),
+                    float(simpson(power, x=t)) if len(t) > 1 else 0.0, given, taken,
+                )
+            )  # fmt: skip
+        return tuple(out)
+
+    def effort(self, name: str) -> Array:
+        """The effort of an actuator in N m or N, (n,).
+
+        Raises:
+            UnknownNameError: lists those that exist.
+        """
+        if name not in self.names:
+            raise UnknownNameError("actuator", name, self.names)
+        return self.efforts[:, self.names.index(name)]
+
+    def joint(self, name: str) -> tuple[Array, Array]:
+        """Force in N and torque in N m in a joint of the tree, on the body behind it, in the joint's axes, (n, 3) each.
+
+        Raises:
+            UnknownNameError: lists the joints that exist.
+        """
+        if name not in self.mechanism.joint_names:
+            raise UnknownNameError("joint", name, self.mechanism.joint_names)
+        values = self.joints[:, self.mechanism.joint_names.index(name)]
+        return values[:, :3], values[:, 3:]
+
+    def reaction(self, name: str) -> Reaction:
+        """Force and torque of a closure, see `mbdae.Solution.reaction`."""
+        return reaction(self._closed, name, self.t, self.q, self.lam)
+
+    @cached_property
+    def _closed(self) -> Mechanism:
+        return Mechanism(self.mechanism.model, self.mechanism.closures)
+
+    def signals(self) -> dict[str, Array]:
+        """Named columns of equal length: ``pandas.DataFrame(found.signals())`` is a table.
+
+        ``t``; the abscissa under its name; ``effort``, ``speed`` and ``power.<actuator>``; ``lam.<closure>.<row>``;
+        ``force`` and ``torque.<joint>.x`` and so on, in the joint's axes, on the body behind it.
+        """
+        out: dict[str, Array] = {"t": self.t}
+        if not self.over_name.startswith("t "):
+            out["u"] = self.over
+        for word, values in (("effort", self.efforts), ("speed", self.speeds), ("power", self.power)):
+            out |= {f"{word}.{n}": x for n, x in zip(self.names, values.T, strict=True)}
+        out |= dict(zip(row_names(self._closed), self.lam.T, strict=True))
+        for name in self.mechanism.joint_names:
+            for word, values in zip(("force", "torque"), self.joint(name), strict=True):
+                out |= {f"{word}.{name}.{axis}": x for axis, x in zip(AXES, values.T, strict=True)}
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "title": self.mechanism.title,
+            "over": self.over_name,
+            "actuators": [d._asdict() for d in self.demands],
+            "undetermined": self.undetermined.tolist(),
+            "table": {name: column.tolist() for name, column in self.signals().items()},
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write the columns of `signals` as .csv, or all as .json.
+
+        Raises:
+            InputError: for another suffix, or an unwritable path.
+        """
+        if Path(path).suffix not in SUFFIXES:
+            raise InputError(f"inverse dynamics are saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
+        if Path(path).suffix == ".csv":
+            write_csv(self.signals(), path)
+            return
+        with write_whole(path) as temporary:
+            temporary.write_text(json.dumps(self.to_dict()), "utf-8")
+
+    def __str__(self) -> str:
+        span = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s"
+        lines = [f"inverse dynamics of {self.mechanism.title}, {span}"]
+        for d in self.demands:
+            per = "rad/s" if d.unit == "N m" else "m/s"
+            what = self.over_name.rsplit(" (", 1)
+            lines.append(
+                f"  {d.name}: peak {d.peak:.5g} {d.unit} at {what[0]} = {d.at:.4g} {what[1].rstrip(')')}, "
+                f"RMS {d.rms:.5g} {d.unit}, up to {d.speed:.4g} {per}"
+            )
+            lines.append(
+                f"    power {-d.braking:.4g} to {d.power:.4g} W; energy {d.energy:.5g} J, given {d.given:.5g}, "
+                f"taken back {d.taken:.5g}"
+            )
+        sizes = np.linalg.norm(self.joints[:, :, :3], axis=2)
+        largest = np.nanmax(sizes, axis=0)
+        loads = ", ".join(f"{n} {x:.4g}" for n, x in zip(self.mechanism.joint_names, largest, strict=True))
+        lines.append(f"  largest forces in joints (N): {loads}")
+        if len(self.undetermined):
+            times = ", ".join(f"{t:.6g}" for t in self.undetermined[:5])
+            lines.append(f"  closures lose rank, and nothing is determined, at t = {times} s")
+        return "\n".join(lines)
