@@ -91,11 +91,11 @@ def close_position(system: "Index2System", q: Array, held: Array, t: float) -> A
         if width is None or (width > WIDTHS[1] and closed):
             break
         more = [gauss_newton(system, start, free, t) for start in _displaced(mech, q, free, width)]
-        tries, closed = tries + more, closed + [x for x in more if isis_closed(system, x, t)]
+        tries, closed = tries + more, closed + [x for x in more if is_closed(system, x, t)]
     if not closed and any(_open(system, x, t) <= ACCEPT for x in tries):  # a frame is turned over: turn it back first
         starts = (q, *(x for width in WIDTHS[1:3] for x in _displaced(mech, q, free, width)))
         turned = (gauss_newton(system, gauss_newton(system, x, free, t, with_directions), free, t) for x in starts)
-        closed = [x for x in turned if isis_closed(system, x, t)][:1]
+        closed = [x for x in turned if is_closed(system, x, t)][:1]
     if closed:
         return _slide(system, q, min(closed, key=lambda x: _distance(mech, q, x)), free, t)
     best = min(tries, key=lambda x: _open(system, x, t))
@@ -138,7 +138,7 @@ def _slide(system: "Index2System", guess: Array, q: Array, free: Array, t: float
         x = np.zeros(mech.nv)
         x[free] = along / max(1.0, 2 * np.abs(along).max())
         new = gauss_newton(system, mech.manifold.integrate(q, x), free, t)
-        if not isis_closed(system, new, t) or _distance(mech, guess, new) >= _distance(mech, guess, q):
+        if not is_closed(system, new, t) or _distance(mech, guess, new) >= _distance(mech, guess, q):
             break
         q = new
     return q
@@ -173,7 +173,8 @@ def _open(system: "Index2System", q: Array, t: float) -> float:
     return residual if np.isfinite(residual) else np.inf
 
 
-def isis_closed(system: "Index2System", q: Array, t: float) -> bool:
+def is_closed(system: "Index2System", q: Array, t: float) -> bool:
+    """Whether all loops are closed, with no frame turned over."""
     return _open(system, q, t) <= ACCEPT and not turned_over(system)
 
 

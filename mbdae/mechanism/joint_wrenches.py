@@ -3,10 +3,10 @@
 The wrench of a joint acts on the body behind it, and its opposite on the body before it. It is all that goes through
 the joint: what the bearing carries, and what springs, motors and drivers of the joint do along its axes,
 
-    f_j = sum over the bodies k behind j of (I_k a_k + v_k x* I_k v_k - weight_k - wrenches of closures and forces on k).
+    f_j = sum over bodies k behind j of (I_k a_k + v_k x* I_k v_k - weight_k - wrenches of closures and forces on k).
 
-So S_j^T f_j + armature v'_j is the torque of all that acts in the joint. Which joint of a loop was cut does not matter:
-a closure's wrench, see `mbdae.mechanism.reactions`, is what its joint in the tree would have.
+So S_j^T f_j + armature v'_j is the torque of all that acts in the joint. Which joint of a loop was cut does not
+matter: a closure's wrench, see `mbdae.mechanism.reactions`, is what its joint in the tree would have.
 """
 
 from typing import TYPE_CHECKING

@@ -35,9 +35,7 @@ def joint_transform(joint: pin.JointModel, q: np.ndarray) -> pin.SE3:
 
 def is_depth_first(model: pin.Model) -> bool:
     """True when every subtree's joints are numbered in a row, which Pinocchio's algorithms take for granted."""
-    return all(
-        np.array_equal(s, np.arange(s[0], s[0] + len(s))) for s in map(np.array, list(model.subtrees)[1:])
-    )
+    return all(np.array_equal(s, np.arange(s[0], s[0] + len(s))) for s in map(np.array, list(model.subtrees)[1:]))
 
 
 def _alone(joint: pin.JointModel) -> pin.Model:

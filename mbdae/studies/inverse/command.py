@@ -22,7 +22,9 @@ from .result import SUFFIXES
 @click.option("--to", "last", type=float, help="Where it ends.")
 @click.option("--hold", multiple=True, help="A joint that stands still while the drive turns, or joint=value.")
 @click.option("--points", type=click.IntRange(min=3), default=361, show_default=True, help="Poses of the drive.")
-@click.option("-a", "--actuator", "names", multiple=True, help="A joint or driver that acts; several times for several.")
+@click.option(
+    "-a", "--actuator", "names", multiple=True, help="A joint or driver that acts; several times for several."
+)
 @click.option("--weight", multiple=True, help="actuator=weight, where there are more of them than freedoms.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the table as .csv or .json.")
 @plot_option

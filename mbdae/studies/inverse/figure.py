@@ -26,7 +26,9 @@ def demands(found: InverseDynamics) -> "Figure":
             if d.unit != kind:
                 continue
             style = own_style(i)
-            ax.plot(found.over, found.efforts[:, i], label=plain(f"{d.name}: peak {d.peak:.3g}, RMS {d.rms:.3g}"), **style)
+            ax.plot(
+                found.over, found.efforts[:, i], label=plain(f"{d.name}: peak {d.peak:.3g}, RMS {d.rms:.3g}"), **style
+            )
             for level, line in ((d.peak, ":"), (d.rms, "--")):
                 ax.axhline(level, color=style["color"], lw=0.7, ls=line)
             ax.plot(d.at, found.efforts[np.abs(found.over - d.at).argmin(), i], "o", ms=3, color=style["color"])

@@ -39,9 +39,9 @@ def inverse_dynamics(
 
     Args:
         mech: the mechanism.
-        motion: a run (`mbdae.Solution`, or the path of its .npz); a curve of `mbdae.kinematics`, with ``speed``; a table
-            of columns ``t`` and joints of one coordinate, or the path of its .csv, through which splines of degree 5
-            are laid and from which the closures tell the other joints; or arrays (t, q, v, a).
+        motion: a run (`mbdae.Solution`, or the path of its .npz); a curve of `mbdae.kinematics`, with ``speed``; a
+            table of columns ``t`` and joints of one coordinate, or the path of its .csv, through which splines of
+            degree 5 are laid and from which the closures tell the other joints; or arrays (t, q, v, a).
         actuators: names of joints, drivers, motors or controllers. When left out: the drive of the curve, the
             mechanism's drivers, or its joints with motors and controllers.
         speed: constant speed of the drive in rad/s or m/s.

@@ -1,4 +1,4 @@
-"""Prescribed motions: runs, tables of joint coordinates, curves of poses at constant speed, or q, v and v' themselves."""
+"""Prescribed motions: runs, tables of joint coordinates, curves of poses at constant speed, or q, v and v'."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -182,7 +182,9 @@ def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array
                 break
         if i == 0 and _freedoms(G, at):
             names = ", ".join(free.coordinate_joint(k) for k in at)
-            raise InputError(f"{_freedoms(G, at)} freedoms are left when {names} move as in the table: name more joints")
+            raise InputError(
+                f"{_freedoms(G, at)} freedoms are left when {names} move as in the table: name more joints"
+            )
         missed = float(np.abs(miss).max())
         if not (missed < CONTRADICTS and np.abs(g).max(initial=0.0) < CONTRADICTS):
             raise InputError(f"the closures do not let the joints follow the table at point {i + 1}: they miss it by "

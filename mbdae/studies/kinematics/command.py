@@ -61,7 +61,9 @@ def kinematics(
     if (first is None) != (last is None):
         raise InputError("give both --from and --to, or --turns")
     span = None if first is None or last is None else (first, last)
-    found = follow(mech, drive, span=span, turns=turns, hold=held(hold), points=points, output=output, branches=branches)
+    found = follow(
+        mech, drive, span=span, turns=turns, hold=held(hold), points=points, output=output, branches=branches
+    )
     if path:
         found.save(path)
     if html:

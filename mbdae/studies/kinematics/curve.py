@@ -108,18 +108,20 @@ class Curve:
                 continue
             self.nodes.append(new)
             h = min(LARGEST, h * float(np.clip((BENT * h / max(missed, 1e-12)) ** (1 / 3), 0.4, 2.0)))
-            if len(self.nodes) > 2 and (again := self.passing(len(self.nodes) - 2, start)) is not None:
-                if abs(again.u - start.u) < NEAR:
-                    self.nodes[-1], self.ended = again, "closed"
-                    return self
-            if not low <= new.u <= high:
-                end = low if new.u < low else high
-                sigma = self.zero(len(self.nodes) - 2, lambda p, end=end: p.u - end)
-                at = self.at(len(self.nodes) - 2, sigma)
-                self.nodes[-1] = self.landed(at, end) or at
-                self.ended = "range"
+            again = self.passing(len(self.nodes) - 2, start) if len(self.nodes) > 2 else None
+            if again is not None and abs(again.u - start.u) < NEAR:
+                self.nodes[-1], self.ended = again, "closed"
                 return self
+            if not low <= new.u <= high:
+                return self._end(low if new.u < low else high)
         self.ended = "long"
+        return self
+
+    def _end(self, u: float) -> "Curve":
+        """Put the last node where the input leaves its range at u."""
+        i = len(self.nodes) - 2
+        at = self.at(i, self.zero(i, lambda p: p.u - u))
+        self.nodes[-1], self.ended = self.landed(at, u) or at, "range"
         return self
 
     def passing(self, i: int, pose: Point) -> Point | None:

@@ -35,7 +35,7 @@ def curves(found: Kinematics) -> "Figure":
         for i, name in enumerate(names):
             _curve(ax, found, signals.get(part + name[2:], np.full(len(found.u), np.nan)), plain(name[2:]), i)
         per = {"q.": kind, "v.": f"{kind}/{found.unit}", "a.": f"{kind}/{found.unit}$^2$"}[part]
-        ax.set_ylabel(f"{ {'q.': NAMES[kind], 'v.': 'rates', 'a.': 'accelerations'}[part]} ({per})")
+        ax.set_ylabel(f"{ {'q.': NAMES[kind], 'v.': 'rates', 'a.': 'accelerations'}[part] } ({per})")
         if part == "q.":
             beside(ax, labelspacing=0.3)
     if extra:

@@ -93,7 +93,9 @@ def _first(moved: Mechanism, q: Array, span: tuple[float, float] | None) -> tupl
     if not (len(span) == 2 and np.isfinite(span).all() and span[0] != span[1]):
         raise InputError(f"span is two different numbers, from and to, got {span!r}")
     first = float(span[0])
-    for u in np.linspace(here, first, int(abs(first - here) / NEXT) + 2)[1:]:  # there in small steps, as the drive would
+    for u in np.linspace(here, first, int(abs(first - here) / NEXT) + 2)[
+        1:
+    ]:  # there in small steps, as the drive would
         try:
             q = close_position(system, q, nothing, float(u))
         except AssemblyError as e:

@@ -20,7 +20,9 @@ STANDING = 1e-9  # of the tangent: a smaller share of the input is a dead point
 
 def default_output(mech: Mechanism, drive: str, held: list[str]) -> str | None:
     """The only joint of one coordinate at the ground that is neither driven nor held; None where there are others."""
-    found = [n for n in mech.joint_names if mech.model.parents[mech.model.getJointId(n)] == 0 and n not in (drive, *held)]
+    found = [
+        n for n in mech.joint_names if mech.model.parents[mech.model.getJointId(n)] == 0 and n not in (drive, *held)
+    ]
     return found[0] if len(found) == 1 and find_joint(mech.model, found[0]).nv == 1 else None
 
 
@@ -46,8 +48,8 @@ def transmission(
         raise InputError(f"the output {output!r} has {joint.nv} coordinates: a transmission angle needs one")
     body, load, still = joint.id, np.zeros(mech.nv), np.zeros(mech.nv)
     load[joint.idx_v] = 1.0
-    ends = [(name, p.pair, 1.0 if p.pair.b.joint == body else -1.0) for name, p in system.constraints.frame_parts.items()
-            if body in (p.pair.a.joint, p.pair.b.joint)]  # fmt: skip
+    pairs = {name: part.pair for name, part in system.constraints.frame_parts.items()}
+    ends = [(n, p, 1.0 if p.b.joint == body else -1.0) for n, p in pairs.items() if body in (p.a.joint, p.b.joint)]
     behind = [j for j in range(1, mech.model.njoints) if mech.model.parents[j] == body]
     out, moving = np.full(len(q), np.nan), support(mech.model, body)
     if len(ends) + len(behind) != 1:
@@ -73,4 +75,3 @@ def transmission(
         if sizes > 1e-12:
             out[i] = np.arcsin(min(1.0, abs(force @ moves) / sizes))
     return out
-
