@@ -15,6 +15,7 @@ from ...mechanism.closures.closure_error import largest_error
 from ...mechanism.frames import find_joint
 from ...solution.solution import Solution
 from ...system import Array
+from ..kinematics.driven import start_pose
 from ..kinematics.result import Kinematics
 
 DEGREE = 5  # of the spline through a table: accelerations are splines of degree 3
@@ -168,7 +169,7 @@ def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array
     system, n = free.system(), targets.shape[1]
     at, iq = [j.idx_v for j in joints], [(j.idx_q, j.nq) for j in joints]
     out = np.empty((n, mech.nq)), np.empty((n, mech.nv)), np.empty((n, mech.nv))
-    q = close_position(system, mech.start[0], np.array([], int), 0.0)
+    q = close_position(system, start_pose(mech), np.array([], int), 0.0)
     for i in range(n):
         for _ in range(ITERATIONS):
             g, G = system.closures(q, 0.0)

@@ -12,7 +12,7 @@ from scipy.linalg import null_space
 
 from ...errors import StepError
 from ...system import Array
-from .curve import NEAR, TURN, Curve, Point
+from .curve import NEAR, TURN, PoseCurve, Point
 
 STEP = 0.02  # from a branch point onto a branch, rad and m
 POLISH = 6  # Newton steps onto a branch point
@@ -38,7 +38,7 @@ class BranchPoint:
         return {"u": self.u, "q": self.q.tolist(), "directions": self.directions.tolist()}
 
 
-def branch_point(curve: Curve, i: int) -> BranchPoint | None:
+def branch_point(curve: PoseCurve, i: int) -> BranchPoint | None:
     """The branch point behind node i, where sigma changes its sign; None where it is not a simple one.
 
     The sign tells where; then Newton's method on 0 = g, 0 = N^T G^T u, with the rank that G has there.
@@ -70,7 +70,7 @@ def branch_point(curve: Curve, i: int) -> BranchPoint | None:
     return BranchPoint(u, q, ways / np.linalg.norm(ways, axis=1)[:, None])
 
 
-def _nearest(curve: Curve, i: int, h: float) -> Point:
+def _nearest(curve: PoseCurve, i: int, h: float) -> Point:
     """The point of a step where sigma is about zero: regula falsi while loops can be closed, then in between."""
     low, high, at = 0.0, h, curve.nodes[i]
     a, b = curve.nodes[i].sigma, curve.nodes[i + 1].sigma
@@ -91,9 +91,9 @@ def _new_null(null: Array, before: Array) -> Array:
     return null @ null_space(before.T @ null, rcond=0.5)[:, 0] if before.shape[1] else null[:, 0]
 
 
-def leave(curve: Curve, point: BranchPoint, direction: Array) -> Curve | None:
+def leave(curve: PoseCurve, point: BranchPoint, direction: Array) -> PoseCurve | None:
     """A curve from a branch point along a tangent (nv,); None where no closed configuration is found there."""
-    other, step = Curve(curve.system, curve.turning), STEP
+    other, step = PoseCurve(curve.system, curve.turning), STEP
     other.r = curve.r
     for _ in range(6):
         q = curve.manifold.integrate(point.q, step * direction)
@@ -109,10 +109,10 @@ def leave(curve: Curve, point: BranchPoint, direction: Array) -> Curve | None:
     return None
 
 
-def _input_row(curve: Curve, point: BranchPoint) -> Array:
+def _input_row(curve: PoseCurve, point: BranchPoint) -> Array:
     return curve.system.closures(point.q, point.u)[1][-1]
 
 
-def same(curve: Curve, a: BranchPoint, b: BranchPoint) -> bool:
+def same(curve: PoseCurve, a: BranchPoint, b: BranchPoint) -> bool:
     """Whether two branch points are one pose at one value of the input."""
     return abs(a.u - b.u) < 100 * NEAR and bool(np.abs(curve.wrapped(a.q, b.q)).max() < 100 * NEAR)

@@ -60,7 +60,7 @@ class Point(NamedTuple):
     turn: float
 
 
-class Curve:
+class PoseCurve:
     """Closed configurations near each other.
 
     Args:
@@ -94,7 +94,7 @@ class Curve:
         self.nodes = [self._point(found, first, 0.0)]
         return self.nodes[0]
 
-    def follow(self, low: float, high: float) -> "Curve":
+    def follow(self, low: float, high: float) -> "PoseCurve":
         """Follow the curve until the input leaves a range, or the pose of the start comes again."""
         h, start = FIRST, self.nodes[0]
         while len(self.nodes) < MOST:
@@ -117,7 +117,7 @@ class Curve:
         self.ended = "long"
         return self
 
-    def _end(self, u: float) -> "Curve":
+    def _end(self, u: float) -> "PoseCurve":
         """Put the last node where the input leaves its range at u."""
         i = len(self.nodes) - 2
         at = self.at(i, self.zero(i, lambda p: p.u - u))

@@ -11,6 +11,7 @@ from scipy.linalg import qr
 
 from ...errors import InputError, UnknownNameError, several
 from ...mechanism import Driver, Mechanism
+from ...mechanism.assembly import close_position
 from ...mechanism.frames import find_joint
 from ...mechanism.reactions import span
 from ...system import Array
@@ -55,6 +56,20 @@ def driven(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
         rows.append(Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}"))
     rows.append(Driver.model_validate({**target, "motion": clock, "name": f"drive {drive}"}))
     return Mechanism(mech.model, mech.closures, mech.forces, drivers=rows, start=mech.start_values, title=mech.title)
+
+
+def start_pose(mech: Mechanism) -> Array:
+    """The configuration (nq,) of the model's start; velocities there do not matter.
+
+    Raises:
+        AssemblyError: if its loops cannot be closed.
+    """
+    values, driven_joints = mech.start_values, {d.joint for d in mech.drivers}
+    if not values.assemble:
+        return mech.given[0]
+    held = {name: x for name, x in values.q.items() if name not in driven_joints}
+    q = mech.coordinates({**values.guess, **values.q})[0]
+    return close_position(mech.system(), q, mech.coordinates(held)[1], 0.0)
 
 
 def single(mech: Mechanism) -> list[str]:

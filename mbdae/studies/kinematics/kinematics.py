@@ -10,8 +10,8 @@ from ...mechanism.assembly import close_position
 from ...mechanism.joints import turning
 from ...system import Array
 from .branching import BranchPoint, leave, same
-from .curve import NEAR, Curve, Point
-from .driven import Hold, check_freedom, driven
+from .curve import NEAR, PoseCurve, Point
+from .driven import Hold, check_freedom, driven, start_pose
 from .result import Kinematics, Stretch
 from .sampling import Events, at_crossing, events, sample
 from .transmission import default_output, transmission
@@ -66,14 +66,14 @@ def kinematics(
     require(mech, Mechanism, "kinematics takes a Mechanism (see mbdae.load)")
     if not (isinstance(points, int) and points >= 2):
         raise InputError(f"points is a number of poses, at least 2, got {points!r}")
-    begin = mech.start[0] if q is None else mech.vector("q", q, mech.nq)
+    begin = start_pose(mech) if q is None else mech.vector("q", q, mech.nq)
     moved = driven(mech, drive, hold, begin)
     system = moved.system()
     first, u = _first(moved, begin, span)
     held = [d.joint or d.name for d in moved.drivers[:-1]]
     check_freedom(moved, system, first, drive, held)
     low, high = _range(u, span, turns, unit=str(moved.row_units[-1]), drive=drive)
-    curve = Curve(system, turning(mech.model))
+    curve = PoseCurve(system, turning(mech.model))
     curve.begin(first, u, None if span is None or span[1] > span[0] else _falling(curve, first, u))
     found = [Followed(curve.follow(low, high), events(curve))]
     if branches:
@@ -104,7 +104,7 @@ def _first(moved: Mechanism, q: Array, span: tuple[float, float] | None) -> tupl
     return q, first
 
 
-def _falling(curve: Curve, q: Array, u: float) -> Array:
+def _falling(curve: PoseCurve, q: Array, u: float) -> Array:
     first = curve.begin(q, u)
     return -first.tau
 
@@ -118,7 +118,7 @@ def _range(u: float, span: tuple[float, float] | None, turns: float, unit: str, 
     return u - reach, u + reach
 
 
-def _unfinished(curve: Curve, drive: str) -> str:
+def _unfinished(curve: PoseCurve, drive: str) -> str:
     at = curve.nodes[-1].u
     if curve.ended == "stuck":
         return f"the curve over {drive!r} cannot be followed beyond {at:.9g}: several branches meet there, or a corner"
@@ -128,7 +128,7 @@ def _unfinished(curve: Curve, drive: str) -> str:
 class Followed(NamedTuple):
     """A curve with its events, and the branch points where it begins and ends."""
 
-    curve: Curve
+    curve: PoseCurve
     events: Events
     begins: BranchPoint | None = None
     ends: BranchPoint | None = None
@@ -141,14 +141,14 @@ def _others(first: Followed, low: float, high: float) -> list[Followed]:
     out: list[Followed] = []
     start = first.curve.nodes[0]
 
-    def number(curve: Curve, point: BranchPoint) -> int:
+    def number(curve: PoseCurve, point: BranchPoint) -> int:
         k = next((k for k, other in enumerate(met) if same(curve, point, other)), len(met))
         if k == len(met):
             met.append(point)
             used.append(set())
         return k
 
-    def passed(curve: Curve, found: Events) -> tuple[Events, BranchPoint | None]:
+    def passed(curve: PoseCurve, found: Events) -> tuple[Events, BranchPoint | None]:
         """Note the ways gone; cut the curve where it has come upon one gone before."""
         for i in range(len(curve.nodes) - 1):
             if curve is not first.curve and any(
@@ -186,7 +186,7 @@ def _others(first: Followed, low: float, high: float) -> list[Followed]:
     return out
 
 
-def _cut(curve: Curve, i: int, last: Point) -> None:
+def _cut(curve: PoseCurve, i: int, last: Point) -> None:
     curve.nodes[i + 1 :] = [last]
     curve.ended = "branch"
 

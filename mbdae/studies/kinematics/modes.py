@@ -18,8 +18,8 @@ from ...mechanism.frames import find_joints
 from ...mechanism.joints import lengths, turning
 from ...solution.columns import PARTS
 from ...system import Array
-from .curve import NEAR, Curve
-from .driven import Hold, check_freedom, driven
+from .curve import NEAR, PoseCurve
+from .driven import Hold, check_freedom, driven, start_pose
 
 __all__ = ["assembly_modes"]
 
@@ -105,7 +105,7 @@ def assembly_modes(
         InputError: as `mbdae.kinematics`, or where no pose is found.
     """
     require(mech, Mechanism, "assembly_modes takes a Mechanism (see mbdae.load)")
-    q0 = mech.start[0]
+    q0 = start_pose(mech)
     moved = driven(mech, drive, hold, q0)
     system = moved.system()
     check_freedom(moved, system, q0, drive, [d.joint or d.name for d in moved.drivers[:-1]])
@@ -113,7 +113,7 @@ def assembly_modes(
     if at is not None and not np.isfinite(at):
         raise InputError(f"the input must be a number, got {at!r}")
     u = here if at is None else float(at)
-    curve = Curve(system, turning(mech.model))
+    curve = PoseCurve(system, turning(mech.model))
     names = several(apart, "apart is a list of joints") or mech.joint_names
     counts = np.zeros(mech.nv, bool)
     for joint in find_joints(mech.model, names):
@@ -124,7 +124,7 @@ def assembly_modes(
     return AssemblyModes(mech, drive, u, _labelled(curve, poses, u), starts)
 
 
-def _search(curve: Curve, q0: Array, u: float, counts: Array, most: int) -> tuple[list[Array], int]:
+def _search(curve: PoseCurve, q0: Array, u: float, counts: Array, most: int) -> tuple[list[Array], int]:
     """Closed poses from the given one and from random ones, each once."""
     system, rng = curve.system, np.random.default_rng(0)
     model = system.model
@@ -143,12 +143,12 @@ def _search(curve: Curve, q0: Array, u: float, counts: Array, most: int) -> tupl
     return poses, most
 
 
-def _unwound(curve: Curve, q0: Array, q: Array) -> Array:
+def _unwound(curve: PoseCurve, q0: Array, q: Array) -> Array:
     """The same pose with its angles within half a turn of the start's."""
     return curve.manifold.integrate(q0, curve.wrapped(q0, q))
 
 
-def _labelled(curve: Curve, poses: list[Array], u: float) -> tuple[Mode, ...]:
+def _labelled(curve: PoseCurve, poses: list[Array], u: float) -> tuple[Mode, ...]:
     left, modes, circuit = dict(enumerate(poses)), [], 0
     while left:
         first = next(iter(left))
@@ -161,10 +161,10 @@ def _labelled(curve: Curve, poses: list[Array], u: float) -> tuple[Mode, ...]:
     return tuple(modes)
 
 
-def _reached(curve: Curve, poses: dict[int, Array], first: int, u: float) -> dict[int, bool]:
+def _reached(curve: PoseCurve, poses: dict[int, Array], first: int, u: float) -> dict[int, bool]:
     """Which poses the circuit of one passes, and whether the input rises there."""
     out: dict[int, bool] = {}
-    way = Curve(curve.system, curve.turning)
+    way = PoseCurve(curve.system, curve.turning)
     try:
         way.begin(poses[first], u)
         way.follow(u - LONGEST, u + LONGEST)

@@ -147,7 +147,7 @@ class Kinematics:
                 q, v, a, t = q[::-1], v[::-1], a[::-1], t[::-1]
         mech, n = self.mechanism, len(t)
         rest = np.zeros((n, len(mech.states) + 1))
-        settings = {"method": "kinematics", "dense_order": 5, "formulation": "index2", "project": False}
+        settings = {"method": "kinematics", "dense_order": 3, "formulation": "index2", "project": False}
         counts = dict.fromkeys(("f", "M", "G", "solves", "factorizations"), 0)
         stats = {"steps": n - 1, "rejected": 0, **counts, "seconds": 0.0, "backend": "python"}
         sol = Solution(mech, t, np.hstack([q, v, rest]), np.full((n, mech.ng), np.nan), "finished",

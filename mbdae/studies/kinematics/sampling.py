@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from ...errors import StepError
 from .branching import BranchPoint, branch_point
-from .curve import Curve, Point
+from .curve import PoseCurve, Point
 
 CLOSE = 1e-5  # rad and m of the input: a value so near a branch point is the branch point
 
@@ -29,7 +29,7 @@ class Events(NamedTuple):
     hidden: int  # crossings of sigma that are no simple branch points
 
 
-def events(curve: Curve) -> Events:
+def events(curve: PoseCurve) -> Events:
     """Locate the dead points and branch points of a curve."""
     dead: list[Place] = []
     branches: dict[int, BranchPoint] = {}
@@ -47,7 +47,7 @@ def events(curve: Curve) -> Events:
     return Events(dead, branches, hidden)
 
 
-def sample(curve: Curve, found: Events, n: int) -> list[Point]:
+def sample(curve: PoseCurve, found: Events, n: int) -> list[Point]:
     """About n points of a curve: even in the input between the start, dead points and the end, which are among them."""
     nodes = curve.nodes
     ends = [Place(0, 0.0, nodes[0]), *found.dead, Place(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])]
@@ -64,7 +64,7 @@ def sample(curve: Curve, found: Events, n: int) -> list[Point]:
     return [*out, ends[-1].point]
 
 
-def _sampled(curve: Curve, found: Events, start: Place, end: Place, i: int, u: float) -> Point:
+def _sampled(curve: PoseCurve, found: Events, start: Place, end: Place, i: int, u: float) -> Point:
     """The point behind node i with the input u, between two places."""
     a, b = curve.nodes[i : i + 2]
     crossing = found.branches.get(i)
@@ -80,14 +80,14 @@ def _sampled(curve: Curve, found: Events, start: Place, end: Place, i: int, u: f
     return curve.landed(near, u) or _by_arclength(curve, i, low, high, u)
 
 
-def _by_arclength(curve: Curve, i: int, low: float, high: float, u: float) -> Point:
+def _by_arclength(curve: PoseCurve, i: int, low: float, high: float, u: float) -> Point:
     try:
         return curve.at(i, brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=1e-15))
     except ValueError:
         raise StepError("newton", f"the loops cannot be closed at {u:.9g}") from None
 
 
-def at_crossing(curve: Curve, crossing: BranchPoint, beside: Point, *, behind: bool = False) -> Point:
+def at_crossing(curve: PoseCurve, crossing: BranchPoint, beside: Point, *, behind: bool = False) -> Point:
     """A branch point on the branch of a node beside it; kappa, which takes third derivatives, is not known."""
     along = crossing.directions @ beside.tau
     k = int(np.abs(along).argmax())

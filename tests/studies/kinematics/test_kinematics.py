@@ -1,0 +1,220 @@
+"""Curves of poses: against closed forms, at dead points and branch points, and what is refused."""
+
+import json
+import time
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from linkages import bar, parallelogram, point
+
+import mbdae
+from mbdae import Closure, Driver, Mechanism, kinematics
+from mbdae.errors import AssemblyError, InputError
+from mbdae.mechanism.frames import paths
+
+COMMANDS = ("kinematics four_bar --drive rocker --points 20", "kinematics four_bar --drive crank --modes")
+CRANK, COUPLER, ROCKER, GROUND = 1.0, 2.0, 1.5, 2.0
+LEGS = [f"piston_{i}" for i in range(2, 7)]
+
+
+def unit(angle):
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def normal(angle):
+    return np.array([-np.sin(angle), np.cos(angle)])
+
+
+def closed_form(theta):
+    """Angles of coupler and rocker, their rates and accelerations per unit of the crank, and the angle between them."""
+    tip, pivot = CRANK * unit(theta), np.array([GROUND, 0.0])
+    span = pivot - tip
+    length = np.linalg.norm(span)
+    phi = np.arctan2(span[1], span[0]) + np.arccos((COUPLER**2 + length**2 - ROCKER**2) / (2 * COUPLER * length))
+    top = tip + COUPLER * unit(phi) - pivot
+    psi = np.arctan2(top[1], top[0])
+    matrix = np.column_stack([COUPLER * normal(phi), -ROCKER * normal(psi)])
+    p, s = np.linalg.solve(matrix, -CRANK * normal(theta))
+    bend = CRANK * unit(theta) + COUPLER * unit(phi) * p**2 - ROCKER * unit(psi) * s**2
+    return phi, psi, p, s, *np.linalg.solve(matrix, bend), abs(np.sin(phi - psi))
+
+
+def test_four_bar_over_two_turns():
+    found = kinematics(mbdae.load("four_bar"), "crank", turns=2, points=92)
+    assert len(found.u) == 92
+    np.testing.assert_allclose(np.diff(found.u), 4 * np.pi / 91, atol=1e-13)
+    phi, psi, p, s, dp, ds, mu = np.array([closed_form(u) for u in found.u]).T
+    angles = np.unwrap([phi, psi])
+    np.testing.assert_allclose(found.q, np.array([found.u, angles[0] - found.u, angles[1]]).T, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(found.rates, np.array([p**0, p - 1, s]).T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.accelerations, np.array([0 * p, dp, ds]).T, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.sin(found.transmission), mu, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.ratio("rocker"), s, rtol=0, atol=1e-12)
+    assert found.stretches[0].ended == "range"
+    assert not found.dead_points
+
+
+def test_frames_move_as_difference_quotients_say():
+    mech, h = mbdae.load("four_bar"), 1e-4
+    found = kinematics(mech, "crank", span=(1.0, 1.0 + 8 * h), points=9)
+    position, velocity, acceleration = found.frames(["coupler_tip"])
+    np.testing.assert_allclose(position, paths(mech.model, ["coupler_tip"], found.q), atol=1e-15)
+    np.testing.assert_allclose(velocity[0, 4], (position[0, 5] - position[0, 3]) / (2 * h), atol=1e-7)
+    np.testing.assert_allclose(acceleration[0, 4], (velocity[0, 5] - velocity[0, 3]) / (2 * h), atol=1e-7)
+
+
+def test_rocker_driven_turns_back_at_dead_points():
+    found = kinematics(mbdae.load("four_bar"), "rocker")
+    dead = sorted(u for u, _ in found.dead_points)
+    np.testing.assert_allclose(dead, [np.arccos(2.75 / 6), np.arccos(-0.875)], rtol=0, atol=1e-12)
+    x = found.stretches[0]
+    assert (x.ended, x.low, x.high) == ("closed", pytest.approx(dead[0]), pytest.approx(dead[1]))
+    assert not np.isfinite(found.rates).all()
+    assert np.isfinite(found.tangent).all()
+    at = [np.abs(found.u - u).argmin() for u in dead]
+    np.testing.assert_allclose(np.sin(found.transmission[at]), 0, atol=1e-9)  # crank and coupler in line
+    assert np.ptp(found.q[:, 0]) == pytest.approx(2 * np.pi)
+
+
+def test_slider_driven():
+    found = kinematics(mbdae.load("slider_crank"), "slider")
+    assert found.unit == "m"
+    np.testing.assert_allclose([u for u, _ in found.dead_points], [0.45, 0.25], rtol=0, atol=1e-14)
+    cranks = [q[0] for _, q in found.dead_points]
+    np.testing.assert_allclose(cranks, [0, -np.pi], rtol=0, atol=1e-12)
+
+
+def test_parallelogram_has_two_branches_through_pi():
+    mech = parallelogram()
+    found = kinematics(mech, "crank", span=(0.5, 5.5), branches=True, points=51)
+    (crossing,) = found.branch_points
+    np.testing.assert_allclose([crossing.u, *crossing.q], [np.pi, np.pi, -np.pi, np.pi], rtol=0, atol=1e-12)
+    first, *others = (slice(x.first, x.last) for x in found.stretches)
+    np.testing.assert_allclose(found.q[first, 2], found.u[first], atol=1e-12)  # rocker and crank stay parallel
+    assert len(others) == 2
+    for part in others:  # tan(rocker/2) = -(ground + crank)/(ground - crank) tan(crank/2)
+        inside = np.abs(found.u[part] - np.pi) > 1e-3
+        u, rocker = found.u[part][inside], found.q[part, 2][inside]
+        assert np.abs(rocker - u).max() > 1
+        np.testing.assert_allclose(np.tan(rocker / 2), -3.0 * np.tan(u / 2), rtol=1e-8)
+    low, high = sorted((x.low, x.high) for x in found.stretches[1:])
+    np.testing.assert_allclose([low, high], [[0.5, np.pi], [np.pi, 5.5]], atol=1e-12)
+    for q in found.q:
+        assert np.abs(mech.residual(q, np.zeros(3))[0]).max() < 1e-12
+
+
+def test_a_pose_of_lost_rank_on_the_grid_is_the_branch_point():
+    found = kinematics(parallelogram(), "crank", span=(np.pi - 1, np.pi + 1), points=3)
+    np.testing.assert_allclose(found.q[1], [np.pi, -np.pi, np.pi], atol=1e-12)
+    np.testing.assert_allclose(found.rates[1], [1, -1, 1], atol=1e-12)
+    assert np.isnan(found.accelerations[1]).all()
+    assert np.isnan(found.transmission[1])
+
+
+def test_stewart_platform_by_one_leg():
+    mech = mbdae.load("stewart_platform")
+    found = kinematics(mech, "piston_1", hold=LEGS)
+    assert found.stretches[0].ended == "closed"
+    assert max(np.abs(mech.residual(q, np.zeros(mech.nv))[0]).max() for q in found.q) <= 1e-14
+    for name in LEGS:
+        np.testing.assert_allclose(np.ptp(found.signals()[f"q.{name}"]), 0, atol=1e-14)
+    assert len(found.dead_points) == 4
+    ahead = mech.manifold.difference(found.q[10], found.q[11])
+    along = (found.u[11] - found.u[10]) * (found.rates[10] + found.rates[11]) / 2
+    np.testing.assert_allclose(ahead, along, atol=1e-4)
+
+
+def test_a_driver_of_a_length_is_a_drive():
+    plain = mbdae.load("four_bar")
+    (tip,) = paths(plain.model, ["coupler_tip"], plain.start[0][None])
+    length = Driver.speed(("world", "coupler_tip"), 0.1, start=float(np.linalg.norm(tip)), name="cylinder")
+    mech = mbdae.load("four_bar", drivers=[length])
+    found = kinematics(mech, "cylinder", span=(2.4, 2.6), points=21)
+    tip = found.frames(["coupler_tip"])[0][0]
+    np.testing.assert_allclose(np.linalg.norm(tip, axis=1), found.u, atol=1e-13)
+    step = found.u[1] - found.u[0]
+    rate = (found.q[2:] - found.q[:-2]) / (2 * step)
+    np.testing.assert_allclose(found.rates[1:-1], rate, atol=5e-3)
+    np.testing.assert_allclose(
+        found.accelerations[1:-1], (found.rates[2:] - found.rates[:-2]) / (2 * step), rtol=0.05, atol=0.05
+    )
+
+
+def test_the_curve_is_the_same_backwards_and_from_another_start():
+    mech = mbdae.load("four_bar")
+    up, down = kinematics(mech, "crank", span=(0.5, 2.5)), kinematics(mech, "crank", span=(2.5, 0.5))
+    np.testing.assert_allclose(up.q, down.q[::-1], atol=1e-13)
+    np.testing.assert_allclose(up.accelerations, down.accelerations[::-1], atol=1e-11)
+
+
+def test_a_run_follows_the_curve(tmp_path):
+    found = kinematics(mbdae.load("four_bar"), "crank", points=61)
+    run = found.run(speed=2.0)
+    t = 0.5 * (run.t[3] + run.t[4])
+    phi, psi, *_ = closed_form(found.u[0] + 2.0 * t)
+    np.testing.assert_allclose(run(t).q, [found.u[0] + 2 * t, phi - found.u[0] - 2 * t, psi], atol=1e-6)
+    mbdae.animate(kinematics(mbdae.load("four_bar"), "rocker").run(), tmp_path / "curve.html")
+    assert (tmp_path / "curve.html").stat().st_size > 1e5
+    with pytest.raises(InputError, match="turns back at dead points"):
+        kinematics(mbdae.load("four_bar"), "rocker").run(speed=1.0)
+
+
+def test_a_table_is_written(tmp_path):
+    found = kinematics(mbdae.load("slider_crank"), "crank", points=11)
+    found.save(tmp_path / "poses.csv")
+    names = (tmp_path / "poses.csv").read_text().splitlines()[0].split(",")
+    assert {"u", "q.slider", "v.slider", "a.slider", "position.rod_tip.x", "transmission"} <= set(names)
+    found.save(tmp_path / "poses.json")
+    assert len(json.loads((tmp_path / "poses.json").read_text())["table"]["u"]) == 11
+    with pytest.raises(InputError, match=r"\.csv or \.json"):
+        found.save(tmp_path / "poses.txt")
+
+
+@pytest.mark.parametrize(
+    ("model", "arguments", "words"),
+    [
+        ("four_bar", {"drive": "crank", "hold": "rocker"}, "no freedom is left for 'crank'"),
+        ("stewart_platform", {"drive": "piston_1"}, "hold 5 of them besides 'piston_1', for instance piston_2"),
+        ("stewart_platform", {"drive": "platform"}, "'platform' has 6 coordinates"),
+        ("four_bar", {"drive": "crank", "hold": "crank"}, "'crank' is driven: it cannot be held too"),
+        ("four_bar", {"drive": "crank", "span": (1, 1)}, "two different numbers"),
+        ("four_bar", {"drive": "crank", "turns": 0}, "turns must be"),
+        ("four_bar", {"drive": "crank", "points": 1}, "at least 2"),
+        ("four_bar", {"drive": "crank", "output": "nosuch"}, "unknown joint 'nosuch'"),
+        ("andrews_squeezer", {"drive": "nosuch"}, "unknown drive 'nosuch'"),
+    ],
+)
+def test_wrong_input_is_one_line(model, arguments, words):
+    with pytest.raises(InputError, match=words):
+        kinematics(mbdae.load(model), **arguments)
+
+
+def test_a_drive_that_cannot_move():
+    mech = mbdae.load("four_bar")
+    q = mech.start[0]
+    both = mbdae.load("four_bar", closures=[Closure.coupling("crank", "rocker", (q[0] - q[2], 1.0))])
+    with pytest.raises(InputError, match="no freedom is left"):
+        kinematics(both, "crank")
+    model = pin.Model()
+    bar(model, 0, (0, 0), 1.0, "pinned")
+    bar(model, 0, (2, 0), 1.0, "free")
+    point(model, 0, (1.0, 0.0), "peg")
+    with pytest.raises(InputError, match="'pinned' cannot move"):
+        kinematics(Mechanism(model, [Closure.point("peg", "pinned_tip")]), "pinned")
+
+
+def test_a_singular_start_and_a_start_out_of_reach_are_refused():
+    with pytest.raises(InputError, match="lose rank in this pose"):
+        kinematics(parallelogram(), "crank", q=np.zeros(3))
+    with pytest.raises(AssemblyError, match="cannot begin at 3"):
+        kinematics(mbdae.load("four_bar"), "rocker", span=(3.0, 4.0))
+
+
+def test_a_hundred_poses_take_little_time():
+    mech, best = mbdae.load("four_bar"), np.inf
+    for _ in range(8):
+        start = time.process_time()
+        kinematics(mech, "crank", points=100)
+        best = min(best, time.process_time() - start)
+    assert best < 0.05
