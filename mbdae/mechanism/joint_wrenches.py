@@ -36,7 +36,7 @@ def joint_wrenches(
         laws: with the forces between frames, weight and inertia; else those of the multipliers alone.
     """
     model, data = system.model, system.data
-    system.closures(q, t)
+    system.jacobian(q)
     outer = np.zeros((model.njoints, 6))
     for name, part in system.constraints.frame_parts.items():
         rows = system.constraints.spans[name]

@@ -12,7 +12,7 @@ from scipy.linalg import null_space
 
 from ...errors import StepError
 from ...system import Array
-from .curve import NEAR, TURN, PoseCurve, Point
+from .curve import NEAR, TURN, Point, PoseCurve
 
 STEP = 0.02  # from a branch point onto a branch, rad and m
 POLISH = 6  # Newton steps onto a branch point

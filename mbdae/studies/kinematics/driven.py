@@ -13,7 +13,6 @@ from ...errors import InputError, UnknownNameError, several
 from ...mechanism import Driver, Mechanism
 from ...mechanism.assembly import close_position
 from ...mechanism.frames import find_joint
-from ...mechanism.reactions import span
 from ...system import Array
 
 if TYPE_CHECKING:
@@ -72,6 +71,12 @@ def start_pose(mech: Mechanism) -> Array:
     return close_position(mech.system(), q, mech.coordinates(held)[1], 0.0)
 
 
+def input_at(moved: Mechanism, system: "Index2System", q: Array) -> float:
+    """The input of a driven mechanism at a configuration."""
+    any_value = 1.0 if moved.drivers[-1].frames else 0.0  # lengths are positive
+    return any_value + float(system.closures(q, any_value)[0][-1])
+
+
 def single(mech: Mechanism) -> list[str]:
     """Names of the joints of one coordinate."""
     return [name for name in mech.joint_names if find_joint(mech.model, name).nv == 1]
@@ -92,7 +97,8 @@ def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str,
         InputError: no freedom is left; too many are, with the joints to hold; q is a singular pose; the drive does not
             move.
     """
-    _, G = system.closures(q, 0.0)
+    u = input_at(mech, system, q)
+    G = system.jacobian(q)
     rows, e = G[:-1], G[-1]
     left, sizes, right = np.linalg.svd(rows) if len(rows) else (np.eye(0), np.zeros(0), np.eye(system.nv))
     r = int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)))
@@ -109,7 +115,7 @@ def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str,
         raise InputError(f"{n + 1} freedoms are left: {which}")
     tau = Z[:, 0]
     if abs(e @ tau) < RANK:
-        gamma = system.gamma(q, tau, 0.0)
+        gamma = system.gamma(q, tau, u)
         kappa = -np.linalg.lstsq(rows, gamma[:-1], rcond=RANK)[0]
         if abs(gamma[-1] + e @ kappa) < RANK * (1 + np.abs(kappa).max()):
             raise InputError(f"{drive!r} cannot move: the closures and what is held keep it where it is")
@@ -138,8 +144,3 @@ def to_hold(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
     if len(names) < n or abs(diagonal[n - 1, n - 1]) < 1e-6:
         return []
     return sorted((names[i] for i in order[:n]), key=names.index)
-
-
-def row_of(mech: Mechanism, name: str) -> int:
-    """The row of a driver of one."""
-    return span(mech, name).start

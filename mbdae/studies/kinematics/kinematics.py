@@ -10,8 +10,8 @@ from ...mechanism.assembly import close_position
 from ...mechanism.joints import turning
 from ...system import Array
 from .branching import BranchPoint, leave, same
-from .curve import NEAR, PoseCurve, Point
-from .driven import Hold, check_freedom, driven, start_pose
+from .curve import NEAR, Point, PoseCurve
+from .driven import Hold, check_freedom, driven, input_at, start_pose
 from .result import Kinematics, Stretch
 from .sampling import Events, at_crossing, events, sample
 from .transmission import default_output, transmission
@@ -87,7 +87,7 @@ def kinematics(
 def _first(moved: Mechanism, q: Array, span: tuple[float, float] | None) -> tuple[Array, float]:
     """The closed configuration where the curve begins, and the input there."""
     system, nothing = moved.system(), np.array([], int)
-    here = float(system.closures(q, 0.0)[0][-1])
+    here = input_at(moved, system, q)
     if span is None:
         return close_position(system, q, nothing, here), here
     if not (len(span) == 2 and np.isfinite(span).all() and span[0] != span[1]):

@@ -19,7 +19,7 @@ from ...mechanism.joints import lengths, turning
 from ...solution.columns import PARTS
 from ...system import Array
 from .curve import NEAR, PoseCurve
-from .driven import Hold, check_freedom, driven, start_pose
+from .driven import Hold, check_freedom, driven, input_at, start_pose
 
 __all__ = ["assembly_modes"]
 
@@ -109,7 +109,7 @@ def assembly_modes(
     moved = driven(mech, drive, hold, q0)
     system = moved.system()
     check_freedom(moved, system, q0, drive, [d.joint or d.name for d in moved.drivers[:-1]])
-    here = float(system.closures(q0, 0.0)[0][-1])
+    here = input_at(moved, system, q0)
     if at is not None and not np.isfinite(at):
         raise InputError(f"the input must be a number, got {at!r}")
     u = here if at is None else float(at)

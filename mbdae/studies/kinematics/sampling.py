@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from ...errors import StepError
 from .branching import BranchPoint, branch_point
-from .curve import PoseCurve, Point
+from .curve import Point, PoseCurve
 
 CLOSE = 1e-5  # rad and m of the input: a value so near a branch point is the branch point
 

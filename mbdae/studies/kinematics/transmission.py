@@ -55,7 +55,7 @@ def transmission(
     if len(ends) + len(behind) != 1:
         return out
     for i, (pose, tau) in enumerate(zip(q, tangent, strict=True)):
-        G = system.closures(pose, 0.0)[1]
+        G = system.jacobian(pose)
         if crossing[i]:
             continue
         if abs(G[-1] @ tau) < STANDING:  # a dead point: the load on the output is nothing beside that of the input
