@@ -12,7 +12,7 @@ from scipy.linalg import null_space
 
 from ...errors import StepError
 from ...system import Array
-from .curve import NEAR, TURN, Point, PoseCurve
+from .curve import NEAR, TURN, CurvePoint, PoseCurve
 
 STEP = 0.02  # from a branch point onto a branch, rad and m
 POLISH = 6  # Newton steps onto a branch point
@@ -70,7 +70,7 @@ def branch_point(curve: PoseCurve, i: int) -> BranchPoint | None:
     return BranchPoint(u, q, ways / np.linalg.norm(ways, axis=1)[:, None])
 
 
-def _nearest(curve: PoseCurve, i: int, h: float) -> Point:
+def _nearest(curve: PoseCurve, i: int, h: float) -> CurvePoint:
     """The point of a step where sigma is about zero: regula falsi while loops can be closed, then in between."""
     low, high, at = 0.0, h, curve.nodes[i]
     a, b = curve.nodes[i].sigma, curve.nodes[i + 1].sigma

@@ -32,7 +32,7 @@ NEAR = 1e-6  # poses so near are one
 MOST = 5000  # nodes of a curve
 
 
-class Point(NamedTuple):
+class CurvePoint(NamedTuple):
     """A point of the curve.
 
     Attributes:
@@ -74,10 +74,10 @@ class PoseCurve:
     def __init__(self, system: "Index2System", turning: Array) -> None:
         self.system, self.manifold, self.turning = system, system.manifold, turning
         self.r = system.nv - 1
-        self.nodes: list[Point] = []
+        self.nodes: list[CurvePoint] = []
         self.ended = ""
 
-    def begin(self, q: Array, u: float, along: Array | None = None) -> Point:
+    def begin(self, q: Array, u: float, along: Array | None = None) -> CurvePoint:
         """Make the first point of a closed configuration; along a tangent, or with a rising input.
 
         Raises:
@@ -90,7 +90,7 @@ class PoseCurve:
         tau = right[self.r]
         forward = tau @ along if along is not None else e @ tau if abs(e @ tau) > 1e-12 else 1.0
         tau = tau if forward > 0 else -tau
-        first = Point(0.0, q, u, tau, tau, 0.0, 0.0, 1.0, left[:, self.r :], 1.0)
+        first = CurvePoint(0.0, q, u, tau, tau, 0.0, 0.0, 1.0, left[:, self.r :], 1.0)
         self.nodes = [self._point(found, first, 0.0)]
         return self.nodes[0]
 
@@ -124,7 +124,7 @@ class PoseCurve:
         self.nodes[-1], self.ended = self.landed(at, u) or at, "range"
         return self
 
-    def passing(self, i: int, pose: Point) -> Point | None:
+    def passing(self, i: int, pose: CurvePoint) -> CurvePoint | None:
         """The point behind node i, before node i + 1, where the curve comes to another one's pose in its direction."""
         a, b = self.nodes[i : i + 2]
         ahead = self.wrapped(a.q, pose.q)
@@ -145,7 +145,7 @@ class PoseCurve:
         turns = 2 * np.pi * np.round(x / (2 * np.pi))
         return np.where(self.turning, x - turns, x)
 
-    def at(self, i: int, sigma: float, *, roughly: bool = False) -> Point:
+    def at(self, i: int, sigma: float, *, roughly: bool = False) -> CurvePoint:
         """The point at the arclength sigma behind node i, before node i + 1; roughly, loops are not closed exactly.
 
         Its predictor blends those of both ends; with weights of third order their errors cancel to fourth.
@@ -168,17 +168,17 @@ class PoseCurve:
             raise StepError("newton", f"the loops cannot be closed between {a.u:.9g} and {b.u:.9g}")
         return self._point(found, near, s)
 
-    def zero(self, i: int, value: Callable[[Point], float]) -> float:
+    def zero(self, i: int, value: Callable[[CurvePoint], float]) -> float:
         """The arclength behind node i where a value is zero that has another sign at node i + 1."""
         h = self.nodes[i + 1].s - self.nodes[i].s
         return float(brentq(lambda sigma: value(self.at(i, sigma)), 0.0, h, xtol=1e-15, rtol=1e-14))
 
-    def landed(self, near: Point, u: float) -> Point | None:
+    def landed(self, near: CurvePoint, u: float) -> CurvePoint | None:
         """The point with the input u near another one; None where it is not found: [G; e_in] x = -[g; c - u]."""
         found = self._correct(near.q, u, land=True)
         return None if found is None else self._point(found, near, near.s + (u - near.u) / (near.speed or 1.0))
 
-    def _step(self, p: Point, h: float) -> tuple[Point | None, float]:
+    def _step(self, p: CurvePoint, h: float) -> tuple[CurvePoint | None, float]:
         predicted = self._predict(p, h)
         found = self._correct(predicted, p.u + h * p.speed)
         if found is None:
@@ -190,7 +190,7 @@ class PoseCurve:
             return None, missed
         return self._point(found, p, p.s + h), missed
 
-    def _predict(self, p: Point, h: float) -> Array:
+    def _predict(self, p: CurvePoint, h: float) -> Array:
         return self.manifold.integrate(p.q, h * (p.tau + 0.5 * h * p.kappa))
 
     def _correct(self, q: Array, u: float, *, land: bool = False) -> "Corrected | None":
@@ -216,7 +216,7 @@ class PoseCurve:
             q, last = self.manifold.integrate(q, x), size
         return None
 
-    def _point(self, found: "Corrected", near: Point, s: float) -> Point:
+    def _point(self, found: "Corrected", near: CurvePoint, s: float) -> CurvePoint:
         q, u, (left, sizes, right), e = found
         r = self.r
         sign = 1.0 if right[r] @ near.tau > 0 else -1.0
@@ -226,7 +226,7 @@ class PoseCurve:
         turn = near.turn * (np.sign(np.linalg.det(null.T @ near.left)) if null.shape[1] else 1.0)
         orientation = sign * turn * np.sign(np.linalg.det(right) * np.linalg.det(left))
         sigma = float(sizes[r - 1] * orientation) if r else 1.0
-        return Point(s, q, u, tau, kappa, float(e @ tau), float(e @ kappa + gamma[-1]), sigma, null, turn)
+        return CurvePoint(s, q, u, tau, kappa, float(e @ tau), float(e @ kappa + gamma[-1]), sigma, null, turn)
 
 
 Corrected = tuple[Array, float, tuple[Array, Array, Array], Array]

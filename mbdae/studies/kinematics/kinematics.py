@@ -10,7 +10,7 @@ from ...mechanism.assembly import close_position
 from ...mechanism.joints import turning
 from ...system import Array
 from .branching import BranchPoint, leave, same
-from .curve import NEAR, Point, PoseCurve
+from .curve import NEAR, CurvePoint, PoseCurve
 from .driven import Hold, check_freedom, driven, input_at, start_pose
 from .result import Kinematics, Stretch
 from .sampling import Events, at_crossing, events, sample
@@ -186,7 +186,7 @@ def _others(first: Followed, low: float, high: float) -> list[Followed]:
     return out
 
 
-def _cut(curve: PoseCurve, i: int, last: Point) -> None:
+def _cut(curve: PoseCurve, i: int, last: CurvePoint) -> None:
     curve.nodes[i + 1 :] = [last]
     curve.ended = "branch"
 
@@ -206,7 +206,7 @@ def _result(
     found: list[Followed],
     n: int,
 ) -> Kinematics:
-    points: list[Point] = []
+    points: list[CurvePoint] = []
     stretches: list[Stretch] = []
     for curve, seen, begins, ends in found:
         sampled = sample(curve, seen, n)

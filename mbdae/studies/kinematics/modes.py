@@ -29,7 +29,7 @@ LONGEST = 100.0  # rad and m: how far a circuit is followed
 
 
 @dataclass(frozen=True)
-class Mode:
+class AssemblyMode:
     """One way to put a mechanism together.
 
     Attributes:
@@ -62,7 +62,7 @@ class AssemblyModes:
     mechanism: Mechanism
     drive: str
     u: float
-    modes: tuple[Mode, ...]
+    modes: tuple[AssemblyMode, ...]
     starts: int
 
     def to_dict(self) -> dict[str, Any]:
@@ -148,7 +148,7 @@ def _unwound(curve: PoseCurve, q0: Array, q: Array) -> Array:
     return curve.manifold.integrate(q0, curve.wrapped(q0, q))
 
 
-def _labelled(curve: PoseCurve, poses: list[Array], u: float) -> tuple[Mode, ...]:
+def _labelled(curve: PoseCurve, poses: list[Array], u: float) -> tuple[AssemblyMode, ...]:
     left, modes, circuit = dict(enumerate(poses)), [], 0
     while left:
         first = next(iter(left))
@@ -157,7 +157,7 @@ def _labelled(curve: PoseCurve, poses: list[Array], u: float) -> tuple[Mode, ...
         for letter, (k, rising) in zip(_letters(), {first: True, **others}.items(), strict=False):
             sizes = np.linalg.svd(curve.system.closures(left[k], u)[1], compute_uv=False)[: curve.system.nv]
             label = f"{circuit}{letter}"
-            modes.append(Mode(label, circuit, left.pop(k), rising, float(sizes[-1] / sizes[0])))
+            modes.append(AssemblyMode(label, circuit, left.pop(k), rising, float(sizes[-1] / sizes[0])))
     return tuple(modes)
 
 

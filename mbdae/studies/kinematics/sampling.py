@@ -8,30 +8,30 @@ from scipy.optimize import brentq
 
 from ...errors import StepError
 from .branching import BranchPoint, branch_point
-from .curve import Point, PoseCurve
+from .curve import CurvePoint, PoseCurve
 
 CLOSE = 1e-5  # rad and m of the input: a value so near a branch point is the branch point
 
 
-class Place(NamedTuple):
+class OnCurve(NamedTuple):
     """A point of a curve: behind which node it lies, how far, and what it is."""
 
     node: int
     sigma: float
-    point: Point
+    point: CurvePoint
 
 
 class Events(NamedTuple):
     """What is special on a curve: dead points of the drive, and branch points by the node before them."""
 
-    dead: list[Place]
+    dead: list[OnCurve]
     branches: dict[int, BranchPoint]
     hidden: int  # crossings of sigma that are no simple branch points
 
 
 def events(curve: PoseCurve) -> Events:
     """Locate the dead points and branch points of a curve."""
-    dead: list[Place] = []
+    dead: list[OnCurve] = []
     branches: dict[int, BranchPoint] = {}
     hidden = 0
     for i, (a, b) in enumerate(pairwise(curve.nodes)):
@@ -43,16 +43,16 @@ def events(curve: PoseCurve) -> Events:
                 hidden += 1
         if a.speed * b.speed < 0 and i not in branches:
             sigma = curve.zero(i, lambda p: p.speed)
-            dead.append(Place(i, sigma, curve.at(i, sigma)))
+            dead.append(OnCurve(i, sigma, curve.at(i, sigma)))
     return Events(dead, branches, hidden)
 
 
-def sample(curve: PoseCurve, found: Events, n: int) -> list[Point]:
+def sample(curve: PoseCurve, found: Events, n: int) -> list[CurvePoint]:
     """About n points of a curve: even in the input between the start, dead points and the end, which are among them."""
     nodes = curve.nodes
-    ends = [Place(0, 0.0, nodes[0]), *found.dead, Place(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])]
+    ends = [OnCurve(0, 0.0, nodes[0]), *found.dead, OnCurve(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])]
     travel = sum(abs(b.point.u - a.point.u) for a, b in pairwise(ends))
-    out: list[Point] = []
+    out: list[CurvePoint] = []
     for a, b in pairwise(ends):
         m = max(1, round((n - 1) * abs(b.point.u - a.point.u) / travel)) if travel else 1
         values = np.linspace(a.point.u, b.point.u, m + 1)[1:-1]
@@ -64,7 +64,7 @@ def sample(curve: PoseCurve, found: Events, n: int) -> list[Point]:
     return [*out, ends[-1].point]
 
 
-def _sampled(curve: PoseCurve, found: Events, start: Place, end: Place, i: int, u: float) -> Point:
+def _sampled(curve: PoseCurve, found: Events, start: OnCurve, end: OnCurve, i: int, u: float) -> CurvePoint:
     """The point behind node i with the input u, between two places."""
     a, b = curve.nodes[i : i + 2]
     crossing = found.branches.get(i)
@@ -80,14 +80,14 @@ def _sampled(curve: PoseCurve, found: Events, start: Place, end: Place, i: int, 
     return curve.landed(near, u) or _by_arclength(curve, i, low, high, u)
 
 
-def _by_arclength(curve: PoseCurve, i: int, low: float, high: float, u: float) -> Point:
+def _by_arclength(curve: PoseCurve, i: int, low: float, high: float, u: float) -> CurvePoint:
     try:
         return curve.at(i, brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=1e-15))
     except ValueError:
         raise StepError("newton", f"the loops cannot be closed at {u:.9g}") from None
 
 
-def at_crossing(curve: PoseCurve, crossing: BranchPoint, beside: Point, *, behind: bool = False) -> Point:
+def at_crossing(curve: PoseCurve, crossing: BranchPoint, beside: CurvePoint, *, behind: bool = False) -> CurvePoint:
     """A branch point on the branch of a node beside it; kappa, which takes third derivatives, is not known."""
     along = crossing.directions @ beside.tau
     k = int(np.abs(along).argmax())
@@ -100,7 +100,7 @@ def at_crossing(curve: PoseCurve, crossing: BranchPoint, beside: Point, *, behin
     )
 
 
-def _inverse(a: Point, b: Point, u: float) -> float:
+def _inverse(a: CurvePoint, b: CurvePoint, u: float) -> float:
     """The arclength behind a where the input, a cubic between a and b, has the value u."""
     h, low, high = b.s - a.s, 0.0, 1.0
     d, x = b.u - a.u, (u - a.u) / (b.u - a.u)
