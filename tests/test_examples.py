@@ -71,6 +71,23 @@ def test_driven_crank(capsys):
     assert "torque of the motor" in capsys.readouterr().out
 
 
+def test_press(tmp_path, capsys):
+    result = example("press").main(plot=tmp_path / "press.png")
+    assert (result["motor"], result["gear"]) == ("A", 20)
+    # what the press does in its stroke: 800 N over 20 mm, of which the first fifth rises evenly
+    assert abs(result["energy"] - 800 * 0.02 * 0.9) < 0.5
+    assert (tmp_path / "press.png").stat().st_size > 10_000
+    assert "motor A with a gear of 20" in capsys.readouterr().out
+
+
+def test_stewart_workspace(capsys):
+    result = example("stewart_workspace").main(n=3)
+    assert abs(result["angle"] - np.pi / 2) < 1e-9
+    assert result["dead_points"] == 4
+    assert result["reached"] > 3
+    assert "places are reached" in capsys.readouterr().out
+
+
 def test_arm_controller(capsys):
     module = example("arm_controller")
     sol = module.main(end=1.0)

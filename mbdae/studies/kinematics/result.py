@@ -223,7 +223,7 @@ class Kinematics:
         if self.hidden:
             lines.append(f"  {self.hidden} times rank was lost in another way: the curve went on straight")
         if self.output and np.isfinite(self.transmission).any():
-            low, high = (np.degrees(f(self.transmission)) for f in (np.nanmin, np.nanmax))
+            low, high = (np.degrees(f(self.transmission)).round(6) for f in (np.nanmin, np.nanmax))
             lines.append(f"  transmission angle at {self.output}: {low:.4g} to {high:.4g} degrees")
         return "\n".join(lines)
 
