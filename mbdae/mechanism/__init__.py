@@ -10,6 +10,7 @@ from .formats.load import describe, load, restore
 from .formats.mjcf.states import from_mujoco, to_mujoco
 from .formats.tree import depth_first
 from .formulations.compiled import Compiled
+from .joint_wrenches import joint_reaction, loaded, loads
 from .mechanism import Mechanism
 from .reactions import Effort, Reaction, effort, reaction, redundant
 from .signals import Function
@@ -33,7 +34,10 @@ __all__ = [
     "describe",
     "effort",
     "from_mujoco",
+    "joint_reaction",
     "load",
+    "loaded",
+    "loads",
     "model_names",
     "reaction",
     "redundant",

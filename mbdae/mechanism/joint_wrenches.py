@@ -16,9 +16,12 @@ import pinocchio as pin
 
 from ..system import Array
 from .forces.force import PairElement
+from .frames import joint_names, skew
+from .reactions import NONE, Reaction, null_rows, sampled
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
+    from .mechanism import Mechanism
 
 
 def joint_wrenches(
@@ -69,3 +72,65 @@ def _add(outer: Array, pair: "object", wrench: Array) -> None:
 
 def _read(data: pin.Data) -> Array:
     return np.array([f.vector for f in data.f[1:]])
+
+
+def joint_reaction(mech: "Mechanism", name: str, *motion: Array) -> Reaction:
+    """Return force and torque in a joint of the tree on the body behind it, at its origin, as a closure's.
+
+    Args:
+        mech: the mechanism.
+        name: of the joint; its axes are those of the body behind it.
+        motion: t, q, v, v' and lam as `loads` takes them.
+    """
+    world, own = (x[:, loaded(mech).index(name)] for x in loads(mech, *motion))
+    t, q, v, vdot, _ = motion
+    system, j, known = mech.system(), joint_names(mech.model).index(name), np.ones(6, bool)
+    for i in sampled(len(t)) if mech.ng else ():
+        for combination in null_rows(system, t[i], q[i]).T:
+            wrench = joint_wrenches(system, t[i], q[i], v[i], vdot[i], combination, laws=False)[j]
+            known &= np.abs(wrench) < NONE
+    return Reaction(name, np.asarray(t), own[:, :3], own[:, 3:], world[:, :3], world[:, 3:], tuple(known.tolist()))
+
+
+def loaded(mech: "Mechanism") -> list[str]:
+    """Names of what passes on forces: the joints of the tree, and closures and drivers between frames.
+
+    A closure counts where a joint has the same name.
+    """
+    between = [c.name for c in mech.constraints if c.frames]
+    return [name for name in joint_names(mech.model) if name not in between] + between
+
+
+def loads(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array]:
+    """Force and torque in all that `loaded` names, (n, k, 6), along the world's axes and along their own.
+
+    A joint's acts on the body behind it, at the joint's origin, its own axes are those of that body; a closure's acts
+    on the body of its second frame, at that frame's origin, its own axes are those of the first frame.
+
+    Args:
+        mech: the mechanism.
+        t: times, (n,).
+        q: configurations, (n, nq).
+        v: velocities, (n, nv).
+        vdot: accelerations, (n, nv).
+        lam: multipliers of all rows, (n, ng).
+    """
+    names, system = loaded(mech), mech.system()
+    parts, joints = system.constraints.frame_parts, joint_names(mech.model)
+    world, own = np.full((2, len(t), len(names), 6), np.nan)
+    for i in range(len(t)):
+        if not np.isfinite(lam[i]).all() or not np.isfinite(vdot[i]).all():
+            continue
+        wrenches = joint_wrenches(system, t[i], q[i], v[i], vdot[i], lam[i])
+        for k, name in enumerate(names):
+            if name in parts:
+                pair, rows = parts[name].pair, system.constraints.spans[name]
+                W = system.constraints.W[:, rows].copy()
+                W[3:] -= skew(pair.pb) @ W[:3]
+                w = W @ lam[i, rows]
+                world[i, k], own[i, k] = w, (w.reshape(2, 3) @ pair.Ra).ravel()
+            else:
+                j = joints.index(name)
+                own[i, k] = wrenches[j]
+                world[i, k] = (wrenches[j].reshape(2, 3) @ system.data.oMi[j + 1].rotation.T).ravel()
+    return world, own

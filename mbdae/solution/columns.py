@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import InputError
+from ..mechanism import Reaction, joint_reaction, loaded, loads, reaction
 from ..mechanism.contacts import contact, path, rolling
 from ..mechanism.frames import find_joint
 from ..system import Array
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 TURN = 2 * np.pi
 CONTACT = ("normal", "longitudinal", "lateral", "friction")
+LOADS, WORLD_AXES, OWN_AXES = ("force", "torque"), "xyz", "123"
 RESTING = 1e-10  # rad/s or m/s: of what does not move, energies are rounding
 PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # joint: names of the coordinates in q and in v
     "Translation": (("x", "y", "z"), ("x", "y", "z")),
@@ -78,12 +80,15 @@ def signals(sol: "Solution", *, lam: bool = True) -> dict[str, Array]:
     ``contact.<closure>.x``, ``.y``, ``.z`` in m where bodies roll; ``s.<state>`` of forces that have states of their
     own; ``lam.<closure>.<row>`` with rows counted from 1 (N, N m; from the hidden constraint); of rolling bodies
     ``normal.<closure>``, ``longitudinal.<closure>`` and ``lateral.<closure>`` in N, and ``friction.<closure>``, the
-    coefficient that it takes not to slip; ``kinetic``, ``potential``, ``energy`` = kinetic + potential, and ``work`` of
-    the non-conservative forces and drivers in J; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
+    coefficient that it takes not to slip; ``a.<joint>``, accelerations, named as velocities; ``force.<name>`` and
+    ``torque.<name>`` (N, N m) of joints, and of closures and driven distances between frames: the magnitude, and with
+    ``.x .y .z`` behind it the components along the world's axes, with ``.1 .2 .3`` along its own, see
+    `mbdae.mechanism.joint_wrenches.loads`; ``kinetic``, ``potential``, ``energy`` = kinetic + potential, and ``work``
+    of the non-conservative forces and drivers in J; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
 
     Args:
         sol: the solution.
-        lam: whether multipliers are among them; they cost more than all others.
+        lam: whether multipliers, accelerations, forces and torques are among them; they cost more than all others.
 
     Raises:
         InputError: for a solution of a textbook problem.
@@ -99,6 +104,8 @@ def signals(sol: "Solution", *, lam: bool = True) -> dict[str, Array]:
         out |= {name: sol.lam[:, i] for i, name in enumerate(row_names(mech))}
         for closure in rolling(mech):
             out |= contact_forces(sol, closure.name)
+        out |= {name: sol.vdot[:, i] for i, name in enumerate(acceleration_names(mech))}
+        out |= load_columns(mech, loads(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
     energy = r.kinetic + r.potential
     out |= {"kinetic": r.kinetic, "potential": r.potential, "energy": energy, "work": sol.work}
     for name, rows in (("g", r.g), ("Gv", r.Gv)):
@@ -164,6 +171,33 @@ def row_names(mech: "Mechanism") -> list[str]:
         counts[closure] = counts.get(closure, 0) + 1
         names.append(f"lam.{closure}.{counts[closure]}")
     return names
+
+
+def reaction_of(sol: "Solution", name: str) -> Reaction:
+    """Return the reaction of a closure, or of a joint that has its name alone, see `Solution.reaction`."""
+    mech = sol.mechanism
+    if name in mech.joint_names and name not in mech.row_names:
+        return joint_reaction(mech, name, sol.t, sol.q, sol.v, sol.vdot, sol.lam)
+    return reaction(mech, name, sol.t, sol.q, sol.lam)
+
+
+def acceleration_names(mech: "Mechanism") -> list[str]:
+    """Names ``a.<joint>`` of the components of v'."""
+    return [f"a.{name[2:]}" for name in units(mech) if name.startswith("v.")]
+
+
+def load_names(mech: "Mechanism") -> list[str]:
+    """Names of the columns of forces and torques."""
+    words = [f"{word}.{name}" for name in loaded(mech) for word in LOADS]
+    return [word + part for word in words for part in ("", *(f".{axis}" for axis in (*WORLD_AXES, *OWN_AXES)))]
+
+
+def load_columns(mech: "Mechanism", found: tuple[Array, Array]) -> dict[str, Array]:
+    """Columns of forces and torques along the world's axes and along their own, (n, k, 6) each, see `loads`."""
+    n = len(found[0])
+    world, own = (x.reshape(n, -1, 3) for x in found)
+    all_of = np.concatenate([np.linalg.norm(world, axis=2)[:, :, None], world, own], axis=2)
+    return dict(zip(load_names(mech), all_of.reshape(n, -1).T, strict=True))
 
 
 def unwrapped(sol: "Solution", iq: int, iv: int) -> Array:

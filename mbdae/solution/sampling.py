@@ -13,6 +13,16 @@ if TYPE_CHECKING:
 
 
 
+def at_times(sol: "Solution") -> tuple[Array, Array]:
+    """Return y' (n, ny) and multipliers (n, nz) at the times of a solution, see `Solution.derivatives`."""
+    F, z = (np.full((len(sol.t), width), np.nan) for width in (sol.system.ny, sol.system.nz))
+    nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
+    for part in sol.parts(nodes):
+        at = sol.at(int(nodes[part[0]]))
+        F[part], z[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])
+    return F, z
+
+
 def at_once(sol: "Solution", times: Array) -> Array | None:
     """Return y at all times, (n, ...), as `Solution.point` does; None where they must be computed one by one.
 

@@ -11,23 +11,12 @@ import numpy as np
 
 from .. import backend
 from ..errors import InputError, StepError
-from ..mechanism import (
-    Contact,
-    Effort,
-    Mechanism,
-    NotCompiled,
-    Reaction,
-    Singular,
-    contact,
-    effort,
-    reaction,
-    redundant,
-)
+from ..mechanism import Contact, Effort, Mechanism, NotCompiled, Reaction, Singular, contact, effort, redundant
 from ..system import Array
 from ..textbook.hessenberg import Hessenberg
 from .archive import read, write
-from .columns import signals
-from .sampling import at_once
+from .columns import reaction_of, signals
+from .sampling import at_once, at_times
 
 
 class Sample(NamedTuple):
@@ -158,17 +147,22 @@ class Solution:
         return self.z_own[:, : self.mechanism.ng]
 
     @cached_property
-    def z(self) -> Array:
-        """Multipliers from the hidden constraint at each t, (n, nz): of the order of y; computed when asked for.
+    def derivatives(self) -> tuple[Array, Array]:
+        """Rates y' (n, ny) and multipliers (n, nz) from the hidden constraint at each t, of the order of y.
 
         NaN where they cannot be found, for instance in the singular configuration that ended a run.
         """
-        out = np.full((len(self.t), self.system.nz), np.nan)
-        nodes = np.arange(len(self.t)) if self.steps is None else self.before(self.t)
-        for part in self.parts(nodes):
-            at = self.at(int(nodes[part[0]]))
-            out[part] = at.derivatives(self.t[part], self.y[part], self.z_own[part])[1]
-        return out
+        return at_times(self)
+
+    @property
+    def z(self) -> Array:
+        """Multipliers from the hidden constraint at each t, (n, nz)."""
+        return self.derivatives[1]
+
+    @property
+    def vdot(self) -> Array:
+        """Accelerations v', (n, nv)."""
+        return self.derivatives[0][:, self.mechanism.nv : 2 * self.mechanism.nv]
 
     @property
     def lam(self) -> Array:
@@ -179,13 +173,13 @@ class Solution:
         return self.z[:, : self.mechanism.ng]
 
     def reaction(self, name: str) -> Reaction:
-        """Return force (N) and torque (N m) of a closure, or of a driven distance, from `lam`.
+        """Return force (N) and torque (N m) of a joint, a closure, or a driven distance, from `lam`.
 
         Raises:
             UnknownNameError: for a name that does not exist.
             InputError: for a coupling or a driver of joints: see `effort`.
         """
-        return reaction(self.mechanism, name, self.t, self.q, self.lam)
+        return reaction_of(self, name)
 
     def contact(self, name: str) -> Contact:
         """Return the forces (N) on a rolling body and where they act, and the friction that they take, from `lam`.
@@ -265,9 +259,7 @@ class Solution:
         return self.at(i).derivative(t, y, self.nodes[2][i])[1]
 
     def __call__(self, t: float | Array) -> Sample:
-        """Return q and v at a time, (nq,) and (nv,), or at several, (n, nq) and (n, nv).
-
-        They are continuous between steps, and of one order below the method's.
+        """Return q and v at a time, (nq,) and (nv,), or at several, (n, nq) and (n, nv); one order below the method's.
 
         Raises:
             InputError: for a time outside, or a textbook problem, which has `point`.

@@ -132,3 +132,30 @@ def test_another_cut_of_the_loop():
         )
     for name, force in found[first].items():
         np.testing.assert_allclose(found[second][name], force, atol=1e-6, err_msg=name)  # two runs at rtol 1e-8
+
+
+def test_signals_and_reactions_say_the_same():
+    """Columns of forces by name: those of `joint_wrenches`, which balance, and of closures; magnitudes and both axes."""
+    mech = mbdae.load("panda_handle")
+    sol = mbdae.solve(mech, (0, 0.2), rtol=1e-8)
+    system, _, wrenches = at_end(mech)
+    signals = sol.signals()
+    for j, name in enumerate(mech.joint_names):
+        for word, own in (("force", wrenches[j, :3]), ("torque", wrenches[j, 3:])):
+            columns = np.array([signals[f"{word}.{name}.{k}"][-1] for k in "123"])
+            np.testing.assert_allclose(columns, own, rtol=0, atol=1e-9)
+            world = np.array([signals[f"{word}.{name}.{k}"][-1] for k in "xyz"])
+            np.testing.assert_allclose(world, system.data.oMi[j + 1].rotation @ own, rtol=0, atol=1e-9)
+            assert signals[f"{word}.{name}"][-1] == pytest.approx(np.linalg.norm(own))
+    hand, joint = sol.reaction("hand on handle"), sol.reaction("panda_joint4")
+    np.testing.assert_allclose(signals["force.hand on handle.1"], hand.force[:, 0], atol=1e-10)
+    np.testing.assert_allclose(signals["torque.hand on handle.z"], hand.torque_world[:, 2], atol=1e-10)
+    np.testing.assert_allclose(signals["torque.panda_joint4.2"], joint.torque[:, 1], atol=1e-12)
+    assert all(joint.unique)
+    at = mech.coordinates({"handle": 0.0}, of_v=True)[1][0]
+    np.testing.assert_allclose(signals["a.handle"], sol.vdot[:, at], atol=0)
+
+
+def test_what_a_planar_loop_does_not_determine_is_told():
+    sol = mbdae.solve(mbdae.load("slider_crank"), (0, 0.2), rtol=1e-6)
+    assert sol.reaction("crank").unique == (True, False, True, False, True, False)  # along y, and torques about x and z

@@ -184,4 +184,4 @@ class Statics:
 def null(A: Array) -> Array:
     """Return an orthonormal basis of the vectors that A (n, n) takes to zero, (n, m)."""
     S, Vt = np.linalg.svd(A)[1:]
-    return Vt[S <= SINGULAR * max(1.0, S.max(initial=0.0))].T
+    return Vt[SINGULAR * max(1.0, S.max(initial=0.0)) >= S].T

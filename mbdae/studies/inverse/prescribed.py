@@ -85,17 +85,12 @@ def _of_curve(mech: Mechanism, found: Kinematics, speed: float | None) -> Prescr
 
 def _of_run(mech: Mechanism, sol: Solution) -> Prescribed:
     _same(mech, sol.mechanism)
-    nv, nodes = mech.nv, np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
-    F = np.full((len(sol.t), sol.system.ny), np.nan)
-    for part in sol.parts(nodes):
-        at = sol.at(int(nodes[part[0]]))
-        F[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])[0]
-    kept = np.isfinite(F).all(axis=1)
+    kept = np.isfinite(sol.vdot).all(axis=1)
     states = {name: sol.s[kept, i] for i, name in enumerate(sol.mechanism.states)}
     t = np.asarray(sol.t)[kept]
     if not len(t):
         raise InputError("the run has no times with finite accelerations")
-    return Prescribed(t, sol.q[kept], sol.v[kept], F[kept, nv : 2 * nv], states, (t, "t (s)"))
+    return Prescribed(t, sol.q[kept], sol.v[kept], sol.vdot[kept], states, (t, "t (s)"))
 
 
 def _same(mech: Mechanism, other: Mechanism) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...errors import UnknownNameError, several
 from ...mechanism import Mechanism
+from ...mechanism.forces.linear import LinearElement
 from ...mechanism.formulations.balance import Statics
 from ...mechanism.formulations.linearization import LinearMotion
-from ...mechanism.forces.linear import LinearElement
 from ...mechanism.frames import WORLD, Pair, anchor, frame_names
 from ...system import Array
 from ..statics.equilibrium import labels

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError, UnknownNameError, several
-from ...solution.columns import row_names, signals, units
+from ...solution.columns import LOADS, acceleration_names, load_names, row_names, signals, units
 from ...system import Array
 from ..figures import NAMES
 
@@ -20,8 +20,10 @@ Plot = str | Sequence[str]
 POINTS = 1500  # more than a curve has pixels
 MOST = 7  # curves of one pane that can be told apart
 STEPPED = ("kinetic", "potential", "energy", "work", "g", "Gv")  # shown at the steps: between them is interpolation
+COSTLY = ("lam", "a", *LOADS)
 UNITS = {"g": "m, rad", "Gv": "m/s, rad/s", **dict.fromkeys(("kinetic", "potential", "energy", "work"), "J")}
-WORDS = {**NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|", "J": "energies", "N, N m": "multipliers"}
+WORDS = {**NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|", "J": "energies", "N, N m": "multipliers", "N": "forces",
+         "N m": "torques", "rad/s^2": "angular accelerations", "m/s^2": "accelerations"}  # fmt: skip
 
 
 class Curve(NamedTuple):
@@ -67,7 +69,7 @@ def panes(
     if plots is not None and not plots and not own:
         return []
     mech, entries = sol.mechanism, _entries(plots)
-    lam = any(name.split(".")[0] == "lam" for entry in entries for name in entry)
+    lam = any(name.split(".")[0] in COSTLY for entry in entries for name in entry)
     table = _table(sol, own, lam)
     groups = _defaults(table, mech) if plots is None else [_group(entry, table, mech) for entry in entries]
     asked = {name for group in groups for name in group.names}
@@ -95,7 +97,7 @@ def _defaults(table: Mapping[str, Curve], mech: "Mechanism") -> list[_Group]:
 
 def _group(entry: Sequence[str], table: Mapping[str, Curve], mech: "Mechanism") -> _Group:
     """The curves that names and beginnings of names stand for."""
-    names = list(dict.fromkeys([*table, *row_names(mech)]))
+    names = list(dict.fromkeys([*table, *row_names(mech), *acceleration_names(mech), *load_names(mech)]))
     heads = {n[:i]: None for n in names for i in range(len(n)) if n[i] == "."}
     found: list[str] = []
     for name in entry:
@@ -130,7 +132,9 @@ def _unit(name: str, mech: "Mechanism") -> str:
     known, (head, *rest) = {**units(mech), **UNITS}, name.split(".")
     if name in known or not rest:
         return known.get(name, name)  # an own signal has a pane of its own
-    return "N, N m" if head == "lam" else ""
+    if head == "a":
+        return f"{known[f'v.{name[2:]}']}^2" if f"v.{name[2:]}" in known else ""
+    return {"lam": "N, N m", "force": "N", "torque": "N m"}.get(head, "")
 
 
 def _table(sol: "Solution", own: Mapping[str, Signal], lam: bool) -> dict[str, Curve]:

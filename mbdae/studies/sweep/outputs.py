@@ -2,7 +2,7 @@
 
 "q.slider"                     a signal, kept at the times of the sweep
 "final q.slider"               its value at the end; max, min, mean over time, and peak, the largest magnitude
-"peak force.wrist pin"         of a reaction: force.(closure) in N and torque.(closure) in N m are magnitudes
+"peak force.wrist pin"         of a joint or closure: force in N and torque in N m, magnitudes or components
 "max effort.motor"             of a coupling or a driver
 "min normal.front"             of a rolling body; also longitudinal, lateral and friction, the coefficient that it takes
 a function of the Solution     returns a table of numbers: {"period": 1.2}
@@ -16,9 +16,19 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError, MbdaeError, UnknownNameError
-from ...mechanism import Mechanism
+from ...mechanism import Mechanism, loads
 from ...mechanism.callbacks import function_name
-from ...solution.columns import CONTACT, contact_forces, contact_names, coordinates, row_names, signals
+from ...solution.columns import (
+    CONTACT,
+    acceleration_names,
+    contact_forces,
+    contact_names,
+    coordinates,
+    load_columns,
+    load_names,
+    row_names,
+    signals,
+)  # fmt: skip
 from ...solution.signal_value import EFFORT, REACTION, signal_values
 from ...solution.solution import Solution
 from ...system import Array
@@ -55,7 +65,9 @@ def check(mech: Mechanism, outputs: Sequence[Output], timed: bool) -> None:
         UnknownNameError: for a signal or a reduction that does not exist.
         InputError: for a signal to be kept at times when there are none, or what is neither text nor function.
     """
-    known = [*signal_values(mech), *contact_names(mech)] if any(isinstance(x, str) for x in outputs) else []
+    texts = any(isinstance(x, str) for x in outputs)
+    more = [*contact_names(mech), *acceleration_names(mech), *load_names(mech)] if texts else []
+    known = dict.fromkeys([*signal_values(mech), *more]) if texts else {}
     for output in outputs:
         if not isinstance(output, str):
             if not callable(output):
@@ -114,15 +126,19 @@ def columns(sol: Solution, wanted: set[str]) -> dict[str, Array]:
         out |= {name: sol.lam[:, i] for i, name in enumerate(row_names(mech))}
     for name in sorted(wanted - out.keys()):
         kind, _, which = name.partition(".")
-        if kind == "force":
+        if kind == "force" and which in mech.row_names:
             out[name] = np.linalg.norm(sol.lam[:, force_rows(sol, which)], axis=1)
+        elif name in out:
+            continue
         elif kind in REACTION:
-            out[name] = np.linalg.norm(getattr(sol.reaction(which), kind), axis=1)
+            out |= load_columns(mech, loads(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
         elif kind in CONTACT:
             out |= contact_forces(sol, which)
+        elif kind == "a":
+            out |= {name: sol.vdot[:, i] for i, name in enumerate(acceleration_names(mech))}
         elif kind == EFFORT:
             out[name] = sol.effort(which).effort
-        elif name not in out:
+        else:
             out |= signals(sol, lam=False)
     return out
 
