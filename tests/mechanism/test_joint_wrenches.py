@@ -135,7 +135,7 @@ def test_another_cut_of_the_loop():
 
 
 def test_signals_and_reactions_say_the_same():
-    """Columns of forces by name: those of `joint_wrenches`, which balance, and of closures; magnitudes and both axes."""
+    """Columns of forces by name: those of `joint_wrenches`, which balance, and of closures; sizes and both axes."""
     mech = mbdae.load("panda_handle")
     sol = mbdae.solve(mech, (0, 0.2), rtol=1e-8)
     system, _, wrenches = at_end(mech)

@@ -13,11 +13,10 @@ from ...errors import InputError, UnknownNameError
 from ...files import write_whole
 from ...mechanism import Mechanism, Reaction, reaction
 from ...solution.archive import write_csv
-from ...solution.columns import row_names
+from ...solution.columns import OWN_AXES, row_names
 from ...system import Array
 
 SUFFIXES = (".csv", ".json")
-AXES = "xyz"
 
 
 class Demand(NamedTuple):
@@ -148,7 +147,7 @@ class InverseDynamics:
         """Named columns of equal length: ``pandas.DataFrame(found.signals())`` is a table.
 
         ``t``; the abscissa under its name; ``effort``, ``speed`` and ``power.<actuator>``; ``lam.<closure>.<row>``;
-        ``force`` and ``torque.<joint>.x`` and so on, in the joint's axes, on the body behind it.
+        ``force`` and ``torque.<joint>`` on the body behind it, magnitude and ``.1 .2 .3`` along the joint's axes.
         """
         out: dict[str, Array] = {"t": self.t}
         if not self.over_name.startswith("t "):
@@ -158,7 +157,8 @@ class InverseDynamics:
         out |= dict(zip(row_names(self._closed), self.lam.T, strict=True))
         for name in self.mechanism.joint_names:
             for word, values in zip(("force", "torque"), self.joint(name), strict=True):
-                out |= {f"{word}.{name}.{axis}": x for axis, x in zip(AXES, values.T, strict=True)}
+                out[f"{word}.{name}"] = np.linalg.norm(values, axis=1)
+                out |= {f"{word}.{name}.{axis}": x for axis, x in zip(OWN_AXES, values.T, strict=True)}
         return out
 
     def to_dict(self) -> dict[str, Any]:

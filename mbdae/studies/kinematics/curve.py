@@ -161,9 +161,10 @@ class PoseCurve:
         weight = sigma**3 / (sigma**3 + (h - sigma) ** 3)
         near, s = (a if sigma < h / 2 else b), a.s + sigma
         q = self.manifold.integrate(q0, weight * self.manifold.difference(q0, q1))
+        u = near.u + near.speed * (s - near.s)
         if roughly:
-            return near._replace(s=s, q=q)
-        found = self._correct(q, near.u + near.speed * (s - near.s))
+            return near._replace(s=s, q=q, u=u)
+        found = self._correct(q, u)
         if found is None:
             raise StepError("newton", f"the loops cannot be closed between {a.u:.9g} and {b.u:.9g}")
         return self._point(found, near, s)

@@ -107,7 +107,7 @@ def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str,
         raise InputError("the closures lose rank in this pose, from which several branches lead: start beside it")
     held = ", ".join(hold)
     if not Z.shape[1]:
-        raise InputError(f"no freedom is left for {drive!r} to move{f': {held} are held' if held else ''}")
+        raise InputError(f"no freedom is left for {drive!r} to move{f' (held: {held})' if held else ''}")
     if Z.shape[1] > 1:
         n = Z.shape[1] - 1
         names = to_hold(mech, Z, e, n)

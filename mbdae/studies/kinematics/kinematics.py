@@ -243,5 +243,5 @@ def _result(
         dead_points=tuple((p.u, p.q) for p in dead),
         branch_points=tuple(crossings),
         stretches=tuple(stretches),
-        hidden=sum(f.events.hidden for f in found),
+        hidden=tuple(u for f in found for u in f.events.hidden),
     )

@@ -59,7 +59,7 @@ class Kinematics:
         dead_points: input and configuration where the drive turns back.
         branch_points: poses from which several branches lead.
         stretches: the curves one after another; without ``branches`` there is one.
-        hidden: poses that lose rank more than once, through which the curve went straight.
+        hidden: inputs near which more than two branches cross, and the curve went on straight.
     """
 
     mechanism: Mechanism
@@ -78,7 +78,7 @@ class Kinematics:
     dead_points: tuple[tuple[float, Array], ...]
     branch_points: tuple[BranchPoint, ...]
     stretches: tuple[Stretch, ...]
-    hidden: int = 0
+    hidden: tuple[float, ...] = ()
 
     @cached_property
     def moving(self) -> Array:
@@ -188,6 +188,7 @@ class Kinematics:
             "curves": [x._asdict() for x in self.stretches],
             "dead_points": [{"u": u, "q": q.tolist()} for u, q in self.dead_points],
             "branch_points": [b.to_dict() for b in self.branch_points],
+            "crossings_not_followed": list(self.hidden),
             "table": {name: column.tolist() for name, column in self.signals().items()},
         }
 
@@ -220,8 +221,8 @@ class Kinematics:
             lines.append(f"  dead points at {', '.join(f'{u:.12g}' for u, _ in self.dead_points)}")
         for b in self.branch_points:
             lines.append(f"  branch point at {round(b.u, 12) + 0.0:.12g}: {2 * len(b.directions)} ways to go on")
-        if self.hidden:
-            lines.append(f"  {self.hidden} times rank was lost in another way: the curve went on straight")
+        for u in self.hidden:
+            lines.append(f"  several branches cross at once near {round(u, 6) + 0.0:.6g}: the curve goes on straight")
         if self.output and np.isfinite(self.transmission).any():
             low, high = (np.degrees(f(self.transmission)).round(6) for f in (np.nanmin, np.nanmax))
             lines.append(f"  transmission angle at {self.output}: {low:.4g} to {high:.4g} degrees")

@@ -4,12 +4,13 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from ...errors import StepError
 from .branching import BranchPoint, branch_point
 from .curve import CurvePoint, PoseCurve
 
+SMALL, TOUCH = 0.5, 1.5  # of the largest sigma, and of its change over a step: smaller ones are looked at
 CLOSE = 1e-5  # rad and m of the input: a value so near a branch point is the branch point
 
 
@@ -26,25 +27,55 @@ class Events(NamedTuple):
 
     dead: list[OnCurve]
     branches: dict[int, BranchPoint]
-    hidden: int  # crossings of sigma that are no simple branch points
+    hidden: list[float]  # inputs where G loses rank in another way
 
 
 def events(curve: PoseCurve) -> Events:
     """Locate the dead points and branch points of a curve."""
     dead: list[OnCurve] = []
     branches: dict[int, BranchPoint] = {}
-    hidden = 0
+    hidden = _touching(curve)
     for i, (a, b) in enumerate(pairwise(curve.nodes)):
         if a.sigma * b.sigma < 0:
             found = branch_point(curve, i)
             if found:
                 branches[i] = found
             else:
-                hidden += 1
+                hidden.append(curve.at(i, (b.s - a.s) * a.sigma / (a.sigma - b.sigma), roughly=True).u)
         if a.speed * b.speed < 0 and i not in branches:
             sigma = curve.zero(i, lambda p: p.speed)
             dead.append(OnCurve(i, sigma, curve.at(i, sigma)))
     return Events(dead, branches, hidden)
+
+
+def _touching(curve: PoseCurve) -> list[float]:
+    """Inputs where sigma comes to zero without a change of its sign: several branches cross at once."""
+    out = []
+    size = max(abs(p.sigma) for p in curve.nodes)
+    for i, (a, b, c) in enumerate(zip(curve.nodes, curve.nodes[1:], curve.nodes[2:], strict=False)):
+        if not (a.sigma * b.sigma > 0 < b.sigma * c.sigma and abs(b.sigma) < SMALL * size):
+            continue
+        if abs(b.sigma) > min(abs(a.sigma), abs(c.sigma)):
+            continue
+        before, behind = (abs(x.sigma - b.sigma) / abs(x.s - b.s) for x in (a, c))
+        if abs(b.sigma) < TOUCH * max(before * (b.s - a.s), behind * (c.s - b.s)):
+            side = i if abs(a.sigma) < abs(c.sigma) else i + 1
+            out.append(_lowest(curve, side, size))
+    return [u for u in out if np.isfinite(u)]
+
+
+def _lowest(curve: PoseCurve, i: int, size: float) -> float:
+    """The input where |sigma| is least behind node i; nan where it is not zero."""
+    h = curve.nodes[i + 1].s - curve.nodes[i].s
+
+    def value(sigma: float) -> float:
+        try:
+            return abs(curve.at(i, sigma).sigma)
+        except (StepError, ValueError, np.linalg.LinAlgError):
+            return 0.0
+
+    found = minimize_scalar(value, bounds=(0.0, h), method="bounded", options={"xatol": 1e-7 * h})
+    return curve.at(i, float(found.x), roughly=True).u if found.fun < 1e-4 * size else np.nan
 
 
 def sample(curve: PoseCurve, found: Events, n: int) -> list[CurvePoint]:

@@ -104,6 +104,14 @@ def test_parallelogram_has_two_branches_through_pi():
         assert np.abs(mech.residual(q, np.zeros(3))[0]).max() < 1e-12
 
 
+def test_several_branches_at_once_are_told():
+    found = kinematics(mbdae.load("n_four_bar?N=2"), "crank_0", points=31)
+    np.testing.assert_allclose(found.hidden, [np.pi, 2 * np.pi], atol=1e-4)
+    assert not found.branch_points
+    assert "several branches cross at once near 3.1415" in str(found)
+    np.testing.assert_allclose(np.cos(found.q[:, 2] - found.u), 1, atol=1e-9)
+
+
 def test_a_pose_of_lost_rank_on_the_grid_is_the_branch_point():
     found = kinematics(parallelogram(), "crank", span=(np.pi - 1, np.pi + 1), points=3)
     np.testing.assert_allclose(found.q[1], [np.pi, -np.pi, np.pi], atol=1e-12)
