@@ -13,11 +13,19 @@ if TYPE_CHECKING:
 
 
 
+def parts(sol: "Solution", nodes: Array) -> list[Array]:
+    """Split the places of nodes (k,) of a solution by the rows that were solved for there."""
+    if not len(nodes):
+        return []
+    which = np.searchsorted([first for first, _ in sol.in_use], nodes, side="right")
+    return [np.flatnonzero(which == w) for w in np.unique(which)]
+
+
 def at_times(sol: "Solution") -> tuple[Array, Array]:
     """Return y' (n, ny) and multipliers (n, nz) at the times of a solution, see `Solution.derivatives`."""
     F, z = (np.full((len(sol.t), width), np.nan) for width in (sol.system.ny, sol.system.nz))
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
-    for part in sol.parts(nodes):
+    for part in parts(sol, nodes):
         at = sol.at(int(nodes[part[0]]))
         F[part], z[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])
     return F, z
@@ -39,7 +47,7 @@ def at_once(sol: "Solution", times: Array) -> Array | None:
         return None  # the first one outside is refused
     step = np.minimum(sol.before(times), len(ts) - 2)
     used, which = np.unique(step, return_inverse=True)
-    if len(sol.parts(np.union1d(used, used + 1))) > 1:
+    if len(parts(sol, np.union1d(used, used + 1))) > 1:
         return None
     sol.at(int(used[0]))
     nodes = np.setdiff1d(np.union1d(used, used + 1), list(sol.rates))

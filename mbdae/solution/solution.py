@@ -93,13 +93,6 @@ class Solution:
         sign = 1.0 if len(ts) < 2 or ts[-1] > ts[0] else -1.0
         return np.clip(np.searchsorted(sign * ts, sign * np.asarray(t), side="right") - 1, 0, max(0, len(ts) - 1))
 
-    def parts(self, nodes: Array) -> list[Array]:
-        """Split the places of nodes (k,) by the rows that were solved for there."""
-        if not len(nodes):
-            return []
-        which = np.searchsorted([first for first, _ in self.in_use], nodes, side="right")
-        return [np.flatnonzero(which == w) for w in np.unique(which)]
-
     @property
     def success(self) -> bool:
         """True when the run came to its end, and nothing speaks against it."""
