@@ -33,6 +33,7 @@ def call(*arguments, cwd=None):
         (["run", "four_bar", "--step", "-1"], 2, ["step must be a positive number, got -1.0"]),
         (["run", "four_bar", "--rtol", "0"], 2, ["rtol = 0.0 cannot be met"]),
         (["run", "four_bar", "--rtol", "nan"], 2, ["rtol = nan"]),
+        (["run", "four_bar", "--until", "q.crunk = 1"], 2, ["unknown signal 'q.crunk' (did you mean 'q.crank'?)"]),
         (["run", "four_bar", "-t", "-1"], 2, ["end time must be positive"]),
         (["run", "four_bar", "-o", "run.txt"], 2, ["run.txt", ".npz"]),
         (["run", "four_bar", "-o", "nowhere/run.npz"], 2, ["nowhere", "no such folder"]),
@@ -138,6 +139,17 @@ def test_no_option_of_drift_is_passed_over(arguments, words, monkeypatch, capsys
         command_line.main()
     assert stop.value.code == 2
     assert words in capsys.readouterr().err
+
+
+def test_events_of_a_run(tmp_path):
+    arguments = ("run", "slider_crank", "-t", "2", "--event", "v.slider", "--until", "q.crank > 4")
+    code, out, err = call(*arguments, cwd=tmp_path)
+    assert (code, err) == (0, "")
+    data = json.loads(call(*arguments, "--json", cwd=tmp_path)[1])
+    assert data["status"] == "event"
+    assert data["events"]["q.crank > 4"] == [data["t"]]
+    assert f"  q.crank > 4: t = {data['t']:.9g} s (1)" in out
+    assert f"  v.slider: t = {data['events']['v.slider'][0]:.9g}" in out
 
 
 def test_drift_limit(tmp_path):
