@@ -54,7 +54,7 @@ def test_forward_again(model, moved, actuators):
     ("model", "driver"),
     [
         ("slider_crank", Driver.harmonic("crank", 0.5, 5.0, offset=0.3, name="motor")),
-        ("four_bar", Driver.speed(("world", "coupler_tip"), -0.2, start=2.5263, name="cylinder")),
+        ("four_bar", Driver.at_speed(("world", "coupler_tip"), -0.2, start=2.5263, name="cylinder")),
     ],
 )
 def test_multipliers_of_drivers_are_the_efforts(model, driver):

@@ -136,7 +136,7 @@ def test_stewart_platform_by_one_leg():
 def test_a_driver_of_a_length_is_a_drive():
     plain = mbdae.load("four_bar")
     (tip,) = paths(plain.model, ["coupler_tip"], plain.start[0][None])
-    length = Driver.speed(("world", "coupler_tip"), 0.1, start=float(np.linalg.norm(tip)), name="cylinder")
+    length = Driver.at_speed(("world", "coupler_tip"), 0.1, start=float(np.linalg.norm(tip)), name="cylinder")
     mech = mbdae.load("four_bar", drivers=[length])
     found = kinematics(mech, "cylinder", span=(2.4, 2.6), points=21)
     tip = found.frames(["coupler_tip"])[0][0]
