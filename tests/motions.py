@@ -5,6 +5,7 @@ from chains import random_q, tree
 
 import mbdae
 from mbdae import Closure, Mechanism
+from mbdae.mechanism.signals import Constant
 
 ALL = [{}, {"project": True}, {"formulation": "ggl"}, {"formulation": "index1", "method": "DOP853"}]
 
@@ -30,6 +31,12 @@ def run(mech, T, **options):
     sol = mbdae.solve(mech, (0.0, T), *start_of(mech), **options)
     assert sol.ended, sol.message
     return sol
+
+
+def frozen(mech, t=0.0):
+    """The same mechanism with functions of time in its forces held at their values at a time."""
+    forces = [f.model_copy(update={k: Constant(value=x.at(t)) for k, x in f if hasattr(x, "at")}) for f in mech.forces]
+    return Mechanism(mech.model, mech.closures, forces, drivers=mech.drivers, start=mech.start_values, title=mech.title)
 
 
 def levels(sol):

@@ -74,9 +74,7 @@ class Statics:
         InputError: for a sampled controller, which has no balance.
     """
 
-    def __init__(
-        self, mech: "Mechanism", t: float, v: Array, held: Array, loads: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, mech: "Mechanism", t: float, v: Array, held: Array, loads: Sequence[str] = ()) -> None:
         self.mech, self.t, self.v, self.held = mech, t, v, held
         self.system = s = mech.system()
         for law, _ in s.laws.bound:
@@ -100,7 +98,7 @@ class Statics:
         G = system.jacobian()
         f, load = system.force(self.t, q, v, s)[0], self.load(q)
         f = f + (self.factor - 1.0) * load
-        row, R = self.asked(q, s)
+        R = self.asked(q, s)[1]
         free = freedom(U, np.vstack([G, self.rows, R]))
         lam = free.multipliers(f)
         K, S, hq, hs = self.slopes(q, s, lam[: system.ng])
@@ -184,4 +182,4 @@ class Statics:
 def null(A: Array) -> Array:
     """Return an orthonormal basis of the vectors that A (n, n) takes to zero, (n, m)."""
     S, Vt = np.linalg.svd(A)[1:]
-    return Vt[SINGULAR * max(1.0, S.max(initial=0.0)) >= S].T
+    return Vt[max(1.0, S.max(initial=0.0)) * SINGULAR >= S].T

@@ -68,7 +68,7 @@ def freedom(U: Array, G: Array) -> Freedom:
     if not len(G):
         return Freedom(U, np.empty((0, 0)), np.empty(0), np.empty((nv, 0)), dgesv(U, np.eye(nv))[2])
     P, S, Vt = np.linalg.svd(dgesv(U.T, G.T)[2].T)
-    r = int(np.count_nonzero(RANK * S[0] < S))
+    r = int((S[0] * RANK < S).sum())
     if r < min(G.shape):  # light bodies beside heavy ones
         r = max(r, independent_rows.geometric_rank(G))
     return Freedom(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2])

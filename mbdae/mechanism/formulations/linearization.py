@@ -136,7 +136,7 @@ def spectrum(A: Array, motion: int = 0) -> Array:
     size = np.linalg.norm(A, 2) if A.size else 0.0
     while len(rest):
         S, Vt = np.linalg.svd(rest)[1:]
-        n = int(np.count_nonzero(ZERO * size >= S))
+        n = int((size * ZERO >= S).sum())
         if not n:
             break
         Q = Vt[::-1].T  # null vectors first

@@ -47,7 +47,7 @@ def locus(found: RootLocus, campbell: bool) -> "Figure":
         plane.plot(root.real, root.imag, ".", markersize=2.5, **colour)
     real.axhline(0, color="black", linewidth=0.7)
     plane.axvline(0, color="black", linewidth=0.7)
-    for x in found.crossings:
+    for x in found.changes:
         real.axvline(x, color="0.5", linestyle=":", linewidth=0.9)
     if campbell:
         top = hertz.get_ylim()[1]

@@ -55,7 +55,7 @@ class LinearSystem:
         return self.A, self.B, self.C, self.D
 
     def response(self, omega: Sequence[float] | Array) -> Array:
-        """The frequency response C (i omega - A)^-1 B + D at angular frequencies (k,) in rad/s, (k, outputs, inputs)."""
+        """The response C (i omega - A)^-1 B + D at angular frequencies (k,) in rad/s, (k, outputs, inputs)."""
         one = np.eye(len(self.A))
         return np.array([self.C @ np.linalg.solve(1j * w * one - self.A, self.B) + self.D for w in omega])
 

@@ -134,7 +134,8 @@ class Modes:
 
     def _run(self, q: Array) -> Solution:
         mech, t = self.mechanism, np.linspace(0.0, SECONDS, FRAMES)
-        y = np.hstack([q, np.zeros((FRAMES, mech.nv)), np.repeat(self.motion.s[None], FRAMES, 0), np.zeros((FRAMES, 1))])
+        rest = np.concatenate([np.zeros(mech.nv), self.motion.s, [0.0]])
+        y = np.hstack([q, np.repeat(rest[None], FRAMES, 0)])
         return Solution(mech, t, y, np.zeros((FRAMES, mech.ng)), "finished", "", {}, {})
 
     def describe(self, i: int) -> str:
@@ -149,6 +150,7 @@ class Modes:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; eigenvalues as pairs [re, im]."""
         names = labels(self.mechanism, np.arange(self.mechanism.nv))
+        rows = zip(self.roots.tolist(), self.frequencies, self.damping, self.shapes, strict=True)
         return {
             "title": self.mechanism.title,
             "around": self.around,
@@ -163,7 +165,7 @@ class Modes:
                     "damping": float(d),
                     "shape": {n: [x.real, x.imag] for n, x in zip(names, shape.tolist(), strict=True)},
                 }
-                for root, f, d, shape in zip(self.roots.tolist(), self.frequencies, self.damping, self.shapes, strict=True)
+                for root, f, d, shape in rows
             ],
         }
 
@@ -174,12 +176,16 @@ class Modes:
         for i, root in enumerate(self.roots):
             size = np.abs(self.shapes[i])
             order = [j for j in np.argsort(-size, kind="stable")[:PARTS] if size[j] > 0.01 * size.max()]
-            moves = ", ".join(f"{names[j]} {size[j] / size.max():.2g}" for j in order) or ("states" if root else "its speed")
+            moves = ", ".join(f"{names[j]} {size[j] / size.max():.2g}" for j in order) or (
+                "states" if root else "its speed"
+            )
             pair = f"+- {root.imag:.10g} i" if root.imag else ""
             ratio = f"{self.damping[i]:.4g}" if root else "-"
-            body.append([str(i + 1), f"{root.real:.10g}", pair, f"{self.frequencies[i]:.6g}", ratio, moves])
+            hertz = f"{self.frequencies[i]:.6g}"
+            body.append([str(i + 1), f"{root.real:.10g}", pair, hertz, ratio, moves])
         words = "stable" if self.stable else "unstable"
-        return "\n".join([f"modes of {self.mechanism.title} around its {self.around}: {words}", "", *columns([heads, *body])])
+        title = f"modes of {self.mechanism.title} around its {self.around}: {words}"
+        return "\n".join([title, "", *columns([heads, *body])])
 
 
 def modes(

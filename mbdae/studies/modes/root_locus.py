@@ -12,11 +12,12 @@ from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
 from ...system import Array
 from ..sweep.run import Job
-from .modes import modes
+from .modes import ALIKE, modes
 
 __all__ = ["root_locus"]
 
 SPEED = "v."
+EXACT = 1e-11  # of a value: how closely a change is found
 Model = str | Path | Callable[..., Mechanism]
 
 
@@ -30,6 +31,7 @@ class RootLocus:
         values: of it, (n,).
         eigenvalues: followed from value to value, (n, m); nan where they were not found.
         messages: why not, by the number of the value.
+        changes: values at which the number of growing motions changes.
     """
 
     model: str
@@ -37,19 +39,7 @@ class RootLocus:
     values: Array
     eigenvalues: Array
     messages: dict[int, str]
-
-    @property
-    def crossings(self) -> list[float]:
-        """Values at which an eigenvalue crosses the imaginary axis, by linear interpolation."""
-        out = []
-        for root in self.eigenvalues.T:
-            re = root.real
-            for i in np.flatnonzero((re[1:] > 0) != (re[:-1] > 0)):
-                a, b = re[i : i + 2]
-                moves = np.abs(root[i : i + 2]).max()
-                if np.isfinite([a, b]).all() and min(abs(a), abs(b)) >= 0 and abs(b - a) > 1e-7 * moves:
-                    out.append(float(self.values[i] + (self.values[i + 1] - self.values[i]) * a / (a - b)))
-        return sorted(set(out))
+    changes: tuple[float, ...]
 
     def plot(self, path: str | Path, *, campbell: bool | None = None) -> None:
         """Draw real parts and frequencies over the parameter, and the roots in the plane, as .png, .svg or .pdf.
@@ -75,7 +65,7 @@ class RootLocus:
             "parameter": self.name,
             "values": self.values.tolist(),
             "eigenvalues": pairs,
-            "crossings": self.crossings,
+            "changes": list(self.changes),
             "messages": self.messages,
         }
 
@@ -85,7 +75,7 @@ class RootLocus:
         lines = [f"root locus of {self.model} over {self.name}, {span}: {n} values, {m} eigenvalues"]
         growth = np.nanmax(self.eigenvalues.real, axis=1) if m else np.zeros(n)
         lines.append(f"  largest real part {growth.min():.6g} to {growth.max():.6g} 1/s")
-        lines += [f"  an eigenvalue crosses the imaginary axis near {self.name} = {x:.6g}" for x in self.crossings]
+        lines += [f"  the number of growing motions changes at {self.name} = {x:.9g}" for x in self.changes]
         lines += [f"  {self.name} = {self.values[i]:g}: {text}" for i, text in self.messages.items()]
         return "\n".join(lines)
 
@@ -120,14 +110,17 @@ def root_locus(
     maker = Job(str(model) if isinstance(model, Path) else model).maker()
     speed = name.removeprefix(SPEED) if name.startswith(SPEED) else None
     if speed is None:
-        maker.check({name: float(numbers[0])})
+        maker.check({name: float(numbers[0])} if name not in maker.parameters else {})
+
+    def roots(value: float) -> Array:
+        speeds = {**(v or {}), **({speed: value} if speed else {})}
+        return modes(maker.make({} if speed else {name: value}), v=speeds or None, **options).eigenvalues
+
     rows: list[Array | None] = []
     messages: dict[int, str] = {}
     for i, value in enumerate(numbers.tolist()):
-        speeds = {**(v or {}), **({speed: value} if speed else {})}
         try:
-            mech = maker.make({} if speed else {name: value})
-            rows.append(modes(mech, v=speeds or None, **options).eigenvalues)
+            rows.append(roots(value))
         except MbdaeError as e:
             rows.append(None)
             messages[i] = str(e)
@@ -142,7 +135,30 @@ def root_locus(
             out[i] = row if last is None else _followed(last, row)
             last = out[i]
     title = model if isinstance(model, str) else getattr(model, "__name__", str(model))
-    return RootLocus(title, name, numbers, out, messages)
+    changes = [
+        _change(roots, *numbers[i : i + 2].tolist())
+        for i in range(len(rows) - 1)
+        if not np.isnan(out[i : i + 2]).any() and growing(out[i]) != growing(out[i + 1])
+    ]
+    return RootLocus(title, name, numbers, out, messages, tuple(changes))
+
+
+def growing(roots: Array) -> int:
+    """The number of eigenvalues with a positive real part that counts."""
+    return int((roots.real > ALIKE * np.abs(roots).max(initial=0.0)).sum())
+
+
+def _change(roots: Callable[[float], Array], low: float, high: float) -> float:
+    """Where between two values the number of growing eigenvalues changes, by bisection."""
+    before = growing(roots(low))
+    while abs(high - low) > EXACT * max(abs(low), abs(high)):
+        middle = (low + high) / 2
+        try:
+            same = growing(roots(middle)) == before
+        except MbdaeError:
+            break
+        low, high = (middle, high) if same else (low, middle)
+    return (low + high) / 2
 
 
 def _followed(before: Array, after: Array) -> Array:

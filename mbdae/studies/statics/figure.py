@@ -1,6 +1,6 @@
 """The figure of a path of equilibria: the load over a coordinate."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,7 +33,7 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
     for part in np.split(np.arange(len(x)), changes):
         wrong = bool(loose[part[0]])
         run = np.append(part, part[-1] + 1)[: len(x) - part[0]]
-        style = {"color": COLOURS[1], "linestyle": "--"} if wrong else {"color": COLOURS[0], "linestyle": "-"}
+        style: Any = {"color": COLOURS[1], "linestyle": "--"} if wrong else {"color": COLOURS[0], "linestyle": "-"}
         label = None if wrong in seen else "unstable" if wrong else "stable"
         ax.plot(x[run], path.factor[run], label=label, **style)
         seen.add(wrong)

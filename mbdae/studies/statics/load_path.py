@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["load_path"]
 
-LARGEST, LEAST = 0.05, 1e-7  # of a step: rad or m of every coordinate, and of the range of the factor
+LARGEST, LEAST = 0.03, 1e-7  # of a step: rad or m of every coordinate, and of the range of the factor
 ROUNDED = 1e-11  # of the largest force: balanced
 CORRECTIONS, POINTS, LOCATED = 8, 5000, 40
 TURNED = 0.95  # cosine of the largest angle between tangents of neighbours
@@ -209,11 +209,11 @@ class _Follow:
                 end = self.located(here, h, lambda p: p.u - 1.0)
                 return [*points, end], events, True
             if there.du * here.du < 0:
-                found = self.located(here, h, lambda p: p.du)
-                events.append(self.event("limit", found))
+                points.append(self.located(here, h, lambda p: p.du))
+                events.append(self.event("limit", points[-1]))
             elif there.sign * here.sign < 0:
-                at = self.located(here, h, lambda p: p.sign)
-                events.append(self.event("branch", at))
+                points.append(self.located(here, h, lambda p: p.sign))
+                events.append(self.event("branch", points[-1]))
             here, h = there, min(LARGEST, 1.5 * h)
             points.append(here)
             if here.u < BACK:
@@ -221,7 +221,7 @@ class _Follow:
         return points, events, False
 
     def event(self, kind: str, at: _At) -> Event:
-        return Event(kind, self.first + self.range * at.u, at.here.q)
+        return Event(kind, float(self.first + self.range * at.u), at.here.q)
 
     def balance(self, q: Array, s: Array, u: float) -> Balance:
         self.statics.factor = self.first + self.range * u

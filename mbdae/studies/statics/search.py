@@ -23,6 +23,7 @@ NEARLY = 1e-5  # of the largest force met: from there on Newton steps go on to r
 ROUNDED = 1e-11  # of the largest force met: what stands for none
 BALANCED = 1e-8  # of the largest force met: what is left of it where rounding lets no step make it less
 FLAT = 1e-9  # of the largest eigenvalue of H: a neutral direction
+SYMMETRIC = 1e-7  # of the largest entry of H: what differs from its transpose by less has a potential
 RELAXED, SHORT = 3, 0.5  # steps that let stiff springs rest, and their length as a share of the step before
 HALVED = 0.5  # of rho: what a step to rounding must leave at most
 HALVINGS, ENOUGH = 4, 0.9  # of a step to an equilibrium of any kind, and what it may leave of rho
@@ -69,9 +70,13 @@ class Search:
         return self.residual <= BALANCED
 
     def lowest(self) -> Array | None:
-        """The unit direction y (k,) in which forces push away the most; None where they do not."""
-        w, Q = symmetric(self.here.H)
-        return Q[:, 0] if len(w) and w[0] < -FLAT * np.abs(w).max() else None
+        """The unit direction y (k,) in which forces push straight away the most; None where they do not."""
+        H = self.here.H
+        if not len(H):
+            return None
+        w, Q = np.linalg.eig(H) if np.abs(H - H.T).max() > SYMMETRIC * np.abs(H).max() else symmetric(H)
+        w = np.where(np.abs(w.imag) <= FLAT * np.abs(w).max(), w.real, np.inf)  # pairs turn: they flutter, and stay
+        return Q[:, w.argmin()].real if w.min() < -FLAT * np.abs(H).max() else None
 
     def polish(self) -> None:
         """Newton's steps as long as they halve rho."""

@@ -10,10 +10,8 @@ from ...mechanism.formulations.balance import Balance, Statics
 from ...mechanism.formulations.freedom import freedom
 from ...mechanism.formulations.linearization import linearize_at, spectrum
 from ...system import Array
-from .search import symmetric
+from .search import FLAT, SYMMETRIC, symmetric
 
-FLAT = 1e-9  # of the largest: an eigenvalue that counts as zero
-SYMMETRIC = 1e-7  # of the largest: what a stiffness that has a potential may differ from its transpose by
 GROWTH = 1e-8  # of the largest eigenvalue: growth rates below are rounding
 ASIDE, LOST = 1e-2, 1e-4  # a neighbour, and what the smallest singular value falls to from there where rank is lost
 

@@ -1,0 +1,71 @@
+"""Linear systems with inputs and outputs, against runs and closed forms."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+import mbdae
+from mbdae import DCMotor, JointDamping, JointPID, JointTorque, Mechanism
+from mbdae.errors import UnknownNameError
+from mbdae.mechanism.formats.template import Template
+from mbdae.mechanism.signals import Harmonic
+
+
+def test_a_mass_on_a_spring_is_scipys():
+    """H = 1/(m s^2 + c s + k) of the toggle about its rest."""
+    mech = Template("snap_toggle").make({"force.press.force": [0.0, 0.0, 0.0]})
+    system = mbdae.linearize(mech, inputs="pin", outputs=["q.pin", "v.pin", "pin.z"])
+    slope = 0.5 / np.sqrt(1.25)
+    k, c = 2 * 1000 * slope**2, 2 * 5 * slope**2
+    omega = np.array([1.0, 5.0, 20.0, 100.0])
+    expected = 1 / (-(omega**2) + 1j * c * omega + k)
+    H = system.response(omega)[:, :, 0]
+    np.testing.assert_allclose(H, np.array([expected, 1j * omega * expected, expected]).T, rtol=1e-12)
+    assert {name: X.shape for name, X in zip("ABCD", system.matrices, strict=True)}["C"] == (3, 2)
+
+
+def shaken(forces, name):
+    """The double pendulum at rest under these forces, and one of its joints driven by a small signal."""
+    mech = mbdae.load("double_pendulum")
+    damped = [JointDamping(joint=mech.joint_names[0], damping=0.5), *forces]
+    return Mechanism(mech.model, mech.closures, damped, start=mech.start_values)
+
+
+@pytest.mark.parametrize("kind", ["torque", "reference", "voltage"])
+def test_a_run_answers_as_the_linear_system(kind):
+    first, second = mbdae.load("double_pendulum").joint_names[:2]
+    made = {
+        "torque": lambda u: JointTorque(joint=second, torque=u, name="input"),
+        "reference": lambda u: JointPID(joint=second, reference=u, kp=30.0, kd=4.0, ki=3.0, name="input"),
+        "voltage": lambda u: DCMotor(
+            joint=second, voltage=u, resistance=2.0, inductance=0.3, constant=0.7, name="input"
+        ),
+    }[kind]
+    a, omega, T = 1e-4, 3.0, 1.0
+    still = shaken([made(0.0)], first)
+    rest = mbdae.equilibrium(still)
+    system = mbdae.linearize(still, rest.q, inputs="input", outputs=[f"q.{first}", f"q.{second}", f"v.{second}"])
+    ends = []
+    for sign in (1, -1):
+        u = Harmonic(amplitude=sign * a, omega=omega, phase=0.0)
+        sol = mbdae.solve(shaken([made(u)], first), (0, T), rest.q, rest.v, s=rest.s, rtol=1e-12, atol=1e-14)
+        ends.append(np.array([*(sol.q[-1] - rest.q), sol.v[-1][1]]))
+    found = (ends[0] - ends[1]) / (2 * a)
+    t = np.linspace(0, T, 40001)
+    y = signal.lsim(signal.StateSpace(*system.matrices), np.sin(omega * t), t)[1][-1]
+    np.testing.assert_allclose(found, y, atol=2e-6 * np.abs(y).max())
+
+
+def test_names_that_do_not_exist_are_refused():
+    mech = mbdae.load("snap_toggle")
+    with pytest.raises(UnknownNameError, match=r"unknown input 'knee'.*valid: pin, pin\.x"):
+        mbdae.linearize(mech, inputs="knee")
+    with pytest.raises(UnknownNameError, match="unknown output"):
+        mbdae.linearize(mech, outputs="q.knee")
+
+
+def test_the_response_is_drawn(tmp_path):
+    system = mbdae.linearize(mbdae.load("panda_handle"), inputs="handle", outputs="v.handle")
+    system.plot(tmp_path / "response.svg", np.geomspace(0.01, 10, 50))
+    assert "v.handle / handle" in str(system.to_dict()["outputs"]) or (tmp_path / "response.svg").stat().st_size > 1000
+    assert str(system).endswith("inputs handle, outputs v.handle")

@@ -1,0 +1,176 @@
+"""Modes: published and closed numbers, the flow of runs, and refusals by name."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from motions import frozen
+from scipy.linalg import expm
+
+import mbdae
+from mbdae import Closure, Mechanism
+from mbdae.__main__ import cli
+from mbdae.errors import InputError
+from mbdae.mechanism.formats.template import Template
+
+COMMANDS = (
+    "modes double_pendulum --html modes.html --plot modes.png",
+    "modes double_pendulum --over gravity.2=-20:-5:4 --plot locus.png",
+)
+SPEED = 2 * np.pi
+
+
+def pairs(values):
+    """Eigenvalues above the real axis, by their imaginary part."""
+    return sorted((z for z in values if z.imag > 0), key=lambda z: z.imag)
+
+
+def test_four_bar_with_a_diagonal_spring():
+    """IFToMM's benchmark: the closed form in one freedom, and the published damped root."""
+    found = mbdae.modes(mbdae.load("spring_four_bar"))
+    assert abs(pairs(found.eigenvalues)[0] - 2.14767663850228j) < 1e-12
+    damped = Template("spring_four_bar").make({"force.diagonal.damping": 1.0})
+    assert abs(pairs(mbdae.modes(damped).eigenvalues)[0] - (-0.2423858093 + 2.1339550282j)) < 1e-9
+    assert found.frequencies[0] == pytest.approx(2.14767663850228 / (2 * np.pi))
+
+
+def test_a_governor_with_a_free_shaft():
+    """The reduced closed form; the free shaft leaves two zeros, which rounding does not spread."""
+    found = mbdae.modes(mbdae.load("flyball_governor"), v={"shaft": SPEED})
+    slow = min(pairs(found.eigenvalues), key=abs)
+    assert abs(slow.real - -9.117964e-6) < 1e-11
+    assert abs(slow.imag - 6.45591416) < 1e-8
+    assert np.count_nonzero(found.eigenvalues == 0) == 2
+    held = mbdae.modes(mbdae.load("flyball_governor"), v={"shaft": SPEED}, hold="shaft")
+    assert np.count_nonzero(held.eigenvalues == 0) == 0
+    assert len(held.eigenvalues) == 6
+
+
+@pytest.mark.parametrize("spin", [150.0, 250.0])
+def test_a_sleeping_top(spin):
+    """lambda = i (spin - a) +- sqrt(m g l/I_1 - a^2), a = I_3 spin/(2 I_1), in the axes of the body."""
+    I1, I3, couple = 15.0 + 0.234375, 0.46875, 15 * 9.81
+    a = I3 * spin / (2 * I1)
+    root = np.sqrt(complex(couple / I1 - a * a))
+    expected = [1j * (spin - a) + s * root for s in (1, -1)]
+    found = mbdae.modes(mbdae.load("sleeping_top", spin=spin))
+    assert found.around == "start"
+    for z in expected:
+        assert np.abs(found.eigenvalues - z).min() < 1e-9
+    assert np.count_nonzero(found.eigenvalues == 0) == 2
+    assert found.stable == (spin > 2 * np.sqrt(couple * I1) / I3)
+
+
+FLOWS = {"four_bar": 0.6, "bricard": 0.6, "panda_handle": 0.2, "stewart_platform": 0.06, "delta_robot": 0.06}
+
+
+@pytest.mark.parametrize("name", FLOWS)
+def test_runs_flow_as_the_linear_system_says(name):
+    """exp(A T) is the derivative of where runs end with respect to where they start: differences of four runs."""
+    mech, T, a = frozen(mbdae.load(name)), FLOWS[name], 2e-4
+    rest = mbdae.equilibrium(mech)
+    motion = mbdae.modes(mech, rest.q).motion
+    system, nv = mech.system(), mech.nv
+    columns = []
+    for change in motion.back.T:
+        ends = {}
+        for k in (-2, -1, 1, 2):
+            q = mech.manifold.integrate(rest.q, k * a * change[:nv])
+            y = system.restore(0.0, np.concatenate([q, k * a * change[nv : 2 * nv], rest.s, [0.0]]), tight=True)
+            s = rest.s + k * a * change[2 * nv :]
+            sol = mbdae.solve(mech, (0, T), *system.split(y), s=s, method="pherk6", step=T / 200)
+            ends[k] = motion.state(mech.manifold.difference(rest.q, sol.q[-1]), sol.v[-1], sol.s[-1] - rest.s)
+        columns.append((8 * (ends[1] - ends[-1]) - (ends[2] - ends[-2])) / (12 * a))
+    expected = expm(motion.A * T)
+    assert np.abs(np.array(columns).T - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def test_shapes_move_along_the_closures_with_unit_mass():
+    mech = mbdae.load("panda_handle")
+    found = mbdae.modes(mech)
+    system = mech.system()
+    U, G = system.inertia(0.0, found.motion.q), system.closures(found.motion.q)[1]
+    for root, shape in zip(found.roots, found.shapes, strict=True):
+        assert np.linalg.norm(U @ shape) == pytest.approx(1.0)
+        assert np.abs(G @ shape).max() < 1e-12
+        z = np.concatenate([shape, root * shape])
+        y = motion_state(found.motion, z, mech.nv)
+        np.testing.assert_allclose(found.motion.A @ y, root * y, atol=1e-9 * np.abs(y).max() * (1 + abs(root)))
+
+
+def motion_state(motion, z, nv):
+    real, imag = (motion.state(part[:nv], part[nv:], np.empty(0)) for part in (z.real, z.imag))
+    return real + 1j * imag
+
+
+def test_many_loops_at_once():
+    found = mbdae.modes(mbdae.load("n_four_bar", N=10))
+    hanging = (11 / 2 + 10) * 9.81 / (11 / 3 + 10)  # bars of 1 m and 1 kg: cranks swing, couplers only shift
+    assert abs(pairs(found.eigenvalues)[0].imag - np.sqrt(hanging)) < 1e-10
+
+
+# -- the command, and refusals --------------------------------------------------------------------------------------
+
+
+def test_the_command_writes_eigenvalues_as_pairs():
+    said = CliRunner().invoke(cli, ["modes", "sleeping_top", "--json"])
+    data = json.loads(said.stdout)
+    assert said.exit_code == 1  # it grows
+    roots = [complex(*pair) for pair in data["eigenvalues"]]
+    assert max(z.real for z in roots) == pytest.approx(2.0817380085, abs=1e-9)
+    assert {"frequency", "damping", "shape", "eigenvalue"} == set(data["modes"][0])
+
+
+def test_the_page_offers_all_modes(tmp_path):
+    found = mbdae.modes(mbdae.load("panda_handle"))
+    page = found.animate(tmp_path / "modes.html").read_text()
+    assert 'id="choice"' in page
+    q = found.configurations(1, 0.05)
+    moved = np.array([found.mechanism.manifold.difference(found.motion.q, x) for x in q])
+    assert 0.045 < np.abs(moved).max() < 0.055
+    assert max(np.abs(found.mechanism.residual(x, np.zeros(8))[0]).max() for x in q) < 1e-12
+    np.testing.assert_allclose(q[0], q[-1], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "named", "text"),
+    [
+        ("four_bar", {"hold": "crank"}, "has no freedom left with crank held"),
+        ("four_bar", {"q": None, "v": {"crank": 1.0}}, "do not fit the closures|are not steady"),
+        ("double_pendulum", {"v": {"joint1": 1.0}}, "not steady"),
+    ],
+)
+def test_what_has_no_modes_says_why(name, named, text):
+    with pytest.raises(mbdae.MbdaeError, match=text):
+        mbdae.modes(mbdae.load(name), **named)
+
+
+def test_a_pose_that_is_no_equilibrium_is_refused():
+    mech = mbdae.load("four_bar")
+    with pytest.raises(InputError, match=r"no equilibrium and no steady motion: joint 'coupler' accelerates"):
+        mbdae.modes(mech, mech.start[0])
+
+
+def test_passing_an_equilibrium_is_no_steady_motion():
+    """Upright and moving, nothing accelerates for a moment; the modes are those of the pose found, at rest."""
+    found = mbdae.modes(mbdae.load("n_four_bar"))
+    assert found.around == "equilibrium"
+    assert not found.motion.v.any()
+
+
+def test_a_pose_in_which_closures_lose_rank_is_refused():
+    mech = Template("n_four_bar?N=1").make({"gravity": [0.0, 0.0, 0.0]})
+    with pytest.raises(InputError, match="lose rank"):
+        mbdae.modes(mech, np.zeros(3))
+
+
+def test_what_nothing_holds_drifts():
+    """A body in space: six freedoms, twelve zeros and no mode that vibrates."""
+    model = mbdae.load("heavy_top").model
+    model = type(model)(model)
+    model.gravity.linear = np.zeros(3)
+    found = mbdae.modes(Mechanism(model))
+    assert np.count_nonzero(found.eigenvalues == 0) == 12
+    ball = Mechanism(model, [Closure.point("world", "tip")])
+    assert np.count_nonzero(mbdae.modes(ball, ball.assemble(mbdae.load("heavy_top").start[0])[0]).eigenvalues == 0) == 6

@@ -1,0 +1,44 @@
+"""Eigenvalues over a parameter: they are followed, and stability is lost where closed forms say."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError, UnknownNameError
+from mbdae.studies.modes.root_locus import read_range
+
+
+def test_a_top_falls_asleep_above_its_critical_spin(tmp_path):
+    found = mbdae.root_locus("sleeping_top", "spin", np.linspace(100, 300, 21))
+    I1, I3 = 15.0 + 0.234375, 0.46875
+    assert found.changes == pytest.approx([2 * np.sqrt(15 * 9.81 * I1) / I3], rel=1e-8)
+    assert found.eigenvalues.shape == (21, 6)
+    steps = np.abs(np.diff(found.eigenvalues, axis=0))
+    assert steps.max() < 13  # 10 rad/s of spin: none jumps to another one's place
+    found.plot(tmp_path / "locus.png")
+    assert (tmp_path / "locus.png").stat().st_size > 10_000
+
+
+def test_a_speed_is_a_parameter(tmp_path):
+    found = mbdae.root_locus("flyball_governor", "v.shaft", [5.0, 2 * np.pi, 7.0])
+    assert np.abs(found.eigenvalues[1].imag - 6.45591416).min() < 1e-8
+    found.plot(tmp_path / "campbell.svg")
+    assert "root locus of flyball_governor over v.shaft" in str(found)
+
+
+def test_values_without_modes_are_told():
+    found = mbdae.root_locus("sleeping_top", "spin", [100.0, 2000.0, 250.0])
+    assert np.isnan(found.eigenvalues[1]).all()
+    assert "less than or equal to 1000" in found.messages[1]
+    assert not np.isnan(found.eigenvalues[[0, 2]]).any()
+    with pytest.raises(UnknownNameError, match="spine"):
+        mbdae.root_locus("sleeping_top", "spine", [1.0])
+    with pytest.raises(InputError, match=r"no value of v\.crank has modes"):
+        mbdae.root_locus("four_bar", "v.crank", [1.0])
+
+
+def test_ranges_are_read():
+    name, values = read_range("spin=100:300:5")
+    assert (name, values.tolist()) == ("spin", [100, 150, 200, 250, 300])
+    with pytest.raises(InputError, match="name=first:last:number"):
+        read_range("spin=100")

@@ -1,0 +1,234 @@
+"""Equilibria: published and closed numbers, starts from anywhere, verdicts, what holds, and refusals by name."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from motions import frozen
+
+import mbdae
+from mbdae import JointSpring, JointTorque, Sampled
+from mbdae.__main__ import cli
+from mbdae.errors import EquilibriumError, InputError, UnknownNameError
+from mbdae.mechanism.formats.template import Template
+
+COMMANDS = (
+    "statics double_pendulum",
+    "statics snap_toggle --at pin=-0.5",
+    "statics snap_toggle --load press --to 2 --plot snap.png",
+)
+NAMES = mbdae.model_names()
+CRANK = -1.82338478542147607  # rad, four_bar: root of the potential's slope in 30 digits
+
+
+def disturbed(mech, rng, width=0.6):
+    """A closed configuration far from the start."""
+    for _ in range(20):
+        try:
+            return mech.assemble(mech.manifold.integrate(mech.start[0], rng.uniform(-width, width, mech.nv)))[0]
+        except mbdae.MbdaeError:
+            continue
+    return mech.start[0]
+
+
+def test_four_bar_rests_where_its_potential_is_least():
+    found = mbdae.equilibrium(mbdae.load("four_bar"))
+    assert abs(found.q[0] - CRANK) < 1e-14
+    np.testing.assert_allclose(found.eigenvalues, [19.0474902392289699], rtol=1e-13)
+    assert (found.stability, found.verdict.unstable, found.verdict.neutral) == ("stable", 0, 0)
+
+
+def test_a_governor_turns_steadily():
+    """The slider's height at one turn per second, from the reduced equations in one unknown."""
+    found = mbdae.equilibrium(mbdae.load("flyball_governor"), v={"shaft": 2 * np.pi})
+    names = found.mechanism.joint_names
+    assert abs(found.q[names.index("slider")] - 0.69216470264792956) < 1e-13
+    np.testing.assert_allclose(found.q[[names.index("rod_1"), names.index("rod_2")]], 0.31271309431474218, atol=1e-13)
+    assert found.stability == "stable"
+    assert abs(found.holding["shaft"]) < 1e-12  # it turns by itself
+
+
+def test_the_benchmark_with_a_diagonal_spring():
+    found = mbdae.equilibrium(mbdae.load("spring_four_bar"))
+    np.testing.assert_allclose(found.q[[0, 2]], 2.23433101901759, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_disturbed_starts_all_come_to_rest(name):
+    mech, rng = mbdae.load(name), np.random.default_rng(1)
+    for _ in range(20 if mech.nv < 20 else 5):
+        found = mbdae.equilibrium(mech, disturbed(mech, rng))
+        assert found.iterations <= 25
+        assert found.residual < 1e-11
+        assert found.stability in ("stable", "neutral", "rigid")
+
+
+@pytest.mark.parametrize("name", ["four_bar", "panda_handle", "stewart_platform"])
+def test_a_run_that_starts_there_stays(name):
+    mech = frozen(mbdae.load(name))
+    found = mbdae.equilibrium(mech)
+    sol = mbdae.solve(mech, (0, 10), found.q, found.v, s=found.s, rtol=1e-10)
+    assert np.abs(sol.q - found.q).max() < 1e-9
+    np.testing.assert_allclose(sol.lam[0], found.lam, atol=1e-9 * (1 + np.abs(found.lam).max()))
+
+
+def test_unstable_poses_are_left_or_told():
+    mech = mbdae.load("four_bar")
+    found = mbdae.equilibrium(mech, {"crank": 1.5}, find="any")
+    assert (found.stability, found.verdict.unstable) == ("unstable", 1)
+    assert abs(found.q[0] - 1.5432) < 1e-4
+    assert mbdae.equilibrium(mech, found.q).stability == "stable"
+    assert CliRunner().invoke(cli, ["statics", "four_bar", "--at", "crank=1.5", "--find", "any"]).exit_code == 1
+    hanging = mbdae.equilibrium(mbdae.load("heavy_top"))
+    assert (hanging.stability, hanging.verdict.neutral) == ("neutral", 1)
+    assert CliRunner().invoke(cli, ["statics", "heavy_top"]).exit_code == 3
+
+
+ZIEGLER = """
+gravity = [0.0, 0.0, 0.0]
+[[body]]
+name = "lower"
+parent = "world"
+joint = "revolute"
+axis = [0.0, -1.0, 0.0]
+mass = 2.0
+com = [1.0, 0.0, 0.0]
+[[body]]
+name = "upper"
+parent = "lower"
+joint = "revolute"
+axis = [0.0, -1.0, 0.0]
+xyz = [1.0, 0.0, 0.0]
+mass = 1.0
+com = [1.0, 0.0, 0.0]
+[[frame]]
+name = "tip"
+parent = "upper"
+xyz = [1.0, 0.0, 0.0]
+[[force]]
+name = "springs"
+kind = "joint_spring"
+joint = ["lower", "upper"]
+stiffness = 1.0
+[[force]]
+name = "follower"
+kind = "wrench"
+frame = "tip"
+axes = "frame"
+force = [-1.0, 0.0, 0.0]
+"""
+
+
+def test_a_follower_force_flutters(tmp_path):
+    """Ziegler's column: masses 2 and 1, springs 1, bars 1: flutter above 7/2 - sqrt(2), where stiffness is positive.
+
+    H. Ziegler, Ing.-Arch. 20 (1952).
+    """
+    (tmp_path / "column.toml").write_text(ZIEGLER)
+    model, critical = tmp_path / "column.toml", 3.5 - np.sqrt(2)
+    for share, word in ((0.999, "stable"), (1.001, "unstable")):
+        mech = Template(model).make({"force.follower.force": [-share * critical, 0.0, 0.0]})
+        found = mbdae.equilibrium(mech, {"lower": 0.0})
+        assert found.stability == word
+        assert found.verdict.by == "eigenvalues"
+        assert np.linalg.det(found.mechanism.system().inertia(0.0, found.q)) > 0
+    path = mbdae.load_path(mbdae.load(model), "follower", (0, 3))
+    assert not [e for e in path.events if e.kind == "limit"]
+
+
+def test_what_holds_a_joint_is_its_share_of_the_weight():
+    mech = mbdae.load("double_pendulum")
+    free = mbdae.equilibrium(mech)
+    first = mech.joint_names[0]
+    held = mbdae.equilibrium(mech, {first: 1.0}, hold=first)
+    q, h = held.q, 1e-5
+    up, down = (mech.energy(mech.manifold.integrate(q, s * h * np.eye(2)[0]), np.zeros(2))[1] for s in (1, -1))
+    assert held.holding[first] == pytest.approx((up - down) / (2 * h), rel=1e-8)
+    assert free.holding == {}
+    both = mbdae.equilibrium(mech, {first: 1.0}, hold=mech.joint_names)
+    assert both.stability == "rigid"
+    assert set(both.holding) == set(mech.joint_names)
+
+
+def test_reactions_carry_the_weight():
+    """Nothing accelerates, and the multipliers are those of the run's own solve: of least norm."""
+    mech = mbdae.load("four_bar")
+    found = mbdae.equilibrium(mech)
+    rates, lam = mech.system().derivative(0.0, np.concatenate([found.q, found.v, found.s, [0.0]]))
+    assert np.abs(rates).max() < 1e-12
+    np.testing.assert_allclose(found.lam, lam, atol=1e-12)
+    assert np.linalg.norm(found.reaction("pin").force) == pytest.approx(np.linalg.norm(lam))
+
+
+def test_integrators_find_their_reference():
+    mech = mbdae.load("delta_robot")
+    found = mbdae.equilibrium(mech)
+    rates = mech.system().derivative(0.0, np.concatenate([found.q, found.v, found.s, [0.0]]))[0][mech.nv : -1]
+    assert np.abs(rates).max() < 1e-9
+    assert found.stability == "stable"
+    assert found.verdict.by == "eigenvalues"
+
+
+def random_load(mech, rng):
+    """The mechanism with torques on some joints and springs on others."""
+    plain = [n for n in mech.joint_names if mech.joint_kind(n)[0] in "RP" and "U" not in mech.joint_kind(n)]
+    forces = list(mech.forces)
+    for i, name in enumerate(rng.permutation(plain)[:3].tolist()):
+        size = 10 ** rng.uniform(-1, 2)
+        made = JointTorque(joint=name, torque=size * rng.standard_normal(), name=f"push {i}")
+        spring = JointSpring(joint=name, stiffness=size, rest=float(rng.standard_normal()), name=f"spring {i}")
+        forces.append(made if rng.random() < 0.5 else spring)
+    return mbdae.Mechanism(mech.model, mech.closures, forces, drivers=mech.drivers, start=mech.start_values)
+
+
+def test_random_loads_end_in_an_equilibrium_or_a_reason():
+    rng, reasons, found = np.random.default_rng(7), [], 0
+    names = [n for n in NAMES if n not in ("jansen_walker", "humanoid_stance")]
+    for i in range(100):
+        mech = random_load(mbdae.load(names[i % len(names)]), rng)
+        try:
+            rest = mbdae.equilibrium(mech)
+            assert rest.residual < 1e-7
+            found += 1
+        except EquilibriumError as e:
+            reasons.append(str(e))
+    assert found >= 70
+    assert all("no equilibrium" in text and "\n" not in text for text in reasons)
+
+
+# -- refusals --------------------------------------------------------------------------------------------------------
+
+
+def test_what_falls_has_no_equilibrium():
+    mech = mbdae.Mechanism(mbdae.load("heavy_top").model, title="falling")
+    with pytest.raises(EquilibriumError, match=r"no equilibrium found.*of the largest force.*joint 'top'") as e:
+        mbdae.equilibrium(mech)
+    assert e.value.residual > 0.1
+    assert e.value.joint == "top"
+
+
+def test_a_pose_in_which_closures_lose_rank_gets_no_verdict():
+    mech = Template("n_four_bar?N=1").make({"gravity": [0.0, 0.0, 0.0]})
+    found = mbdae.equilibrium(mech, np.zeros(3))
+    assert found.stability == "singular"
+    assert "lose rank" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("named", "error", "text"),
+    [
+        ({"find": "best"}, UnknownNameError, "valid: stable, any"),
+        ({"hold": "knee"}, UnknownNameError, "unknown joint 'knee'"),
+        ({"v": {"crank": 1.0}}, InputError, "do not fit the closures"),
+        ({"q": {"crank": "up"}}, InputError, "crank"),
+    ],
+)
+def test_wrong_arguments_are_named(named, error, text):
+    with pytest.raises(error, match=text):
+        mbdae.equilibrium(mbdae.load("four_bar"), **named)
+
+
+def test_sampled_controllers_are_refused():
+    mech = mbdae.load("double_pendulum")
+    force = Sampled(lambda t, q, v: -q, rate=10, name="computer")
+    with pytest.raises(InputError, match="'computer' is a sampled controller"):
+        mbdae.equilibrium(mbdae.Mechanism(mech.model, (), [force]))

@@ -1,0 +1,88 @@
+"""Paths of equilibria under a load that grows: closed forms of a truss and of a buckling column."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mbdae
+from mbdae.__main__ import cli
+from mbdae.errors import InputError, UnknownNameError
+
+L0 = np.sqrt(1.25)
+COLUMN = """
+gravity = [0.0, 0.0, 0.0]
+[[body]]
+name = "bar"
+parent = "world"
+joint = "revolute"
+axis = [0.0, -1.0, 0.0]
+mass = 1.0
+com = [1.0, 0.0, 0.0]
+[[frame]]
+name = "tip"
+parent = "bar"
+xyz = [2.0, 0.0, 0.0]
+[[force]]
+name = "spring"
+kind = "joint_spring"
+joint = "bar"
+stiffness = 6.0
+[[force]]
+name = "load"
+kind = "wrench"
+frame = "tip"
+force = [-1.0, 0.0, 0.0]
+"""
+
+
+def press(z):
+    """Force in units of 100 N that holds the toggle's pin at height z."""
+    return 20 * z * (L0 / np.sqrt(1 + z * z) - 1)
+
+
+def test_the_toggle_snaps_through_where_its_force_is_largest():
+    path = mbdae.load_path(mbdae.load("snap_toggle"), "press", (0, 2))
+    z = np.sqrt(L0 ** (2 / 3) - 1)
+    assert [e.kind for e in path.events] == ["limit", "limit"]
+    np.testing.assert_allclose([e.factor for e in path.events], [press(z), -press(z)], rtol=1e-12)
+    np.testing.assert_allclose([e.q[0] for e in path.events], [z, -z], rtol=1e-6)
+    np.testing.assert_allclose(path.factor, press(path.q[:, 0]), atol=1e-11)
+    inside = np.abs(path.q[:, 0]) < z * (1 - 1e-5)
+    outside = np.abs(path.q[:, 0]) > z * (1 + 1e-5)
+    assert path.unstable[inside].all()
+    assert not path.unstable[outside].any()
+    assert path.complete
+    assert path.factor[-1] == pytest.approx(2)
+
+
+def test_a_column_buckles(tmp_path):
+    """A bar of 2 m with a spring at its foot stands until P l = k."""
+    (tmp_path / "column.toml").write_text(COLUMN)
+    path = mbdae.load_path(mbdae.load(tmp_path / "column.toml"), "load", (0, 5))
+    assert [e.kind for e in path.events] == ["branch"]
+    assert path.events[0].factor == pytest.approx(3.0, rel=1e-9)
+    apart = np.abs(path.factor - 3.0) > 1e-6
+    np.testing.assert_array_equal(path.unstable[apart] > 0, path.factor[apart] > 3.0)
+
+
+def test_weight_is_a_load_too():
+    """Turned upwards, gravity takes the four-bar over: the same poses stand at every share of it."""
+    path = mbdae.load_path(mbdae.load("four_bar"), "gravity", (1.0, 0.1))
+    np.testing.assert_allclose(path.coordinates["q.crank"], -1.82338478542147607, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("load", "span", "error", "text"),
+    [
+        ("push", (0, 1), UnknownNameError, "valid: left spring, right spring, press, gravity"),
+        ("press", (1, 1), InputError, "from one factor to another"),
+    ],
+)
+def test_wrong_loads_are_named(load, span, error, text):
+    with pytest.raises(error, match=text):
+        mbdae.load_path(mbdae.load("snap_toggle"), load, span)
+
+
+def test_a_load_and_its_end_belong_together():
+    said = CliRunner().invoke(cli, ["statics", "snap_toggle", "--load", "press"])
+    assert "takes --load and --to" in str(said.exception)
