@@ -38,7 +38,7 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
         ax.plot(x[run], path.factor[run], label=label, **style)
         seen.add(wrong)
     for kind, (label, marker) in LOOKS.items():
-        at = [e for e in path.events if e.kind == kind]
+        at = [e for e in path.critical if e.kind == kind]
         near = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
         if at:
             ax.plot(near, [e.factor for e in at], marker, color="black", label=label)

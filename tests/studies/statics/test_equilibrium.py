@@ -132,7 +132,7 @@ def test_a_follower_force_flutters(tmp_path):
         assert found.verdict.by == "eigenvalues"
         assert np.linalg.det(found.mechanism.system().inertia(0.0, found.q)) > 0
     path = mbdae.load_path(mbdae.load(model), "follower", (0, 3))
-    assert not [e for e in path.events if e.kind == "limit"]
+    assert not [e for e in path.critical if e.kind == "limit"]
 
 
 def test_what_holds_a_joint_is_its_share_of_the_weight():

@@ -43,9 +43,9 @@ def press(z):
 def test_the_toggle_snaps_through_where_its_force_is_largest():
     path = mbdae.load_path(mbdae.load("snap_toggle"), "press", (0, 2))
     z = np.sqrt(L0 ** (2 / 3) - 1)
-    assert [e.kind for e in path.events] == ["limit", "limit"]
-    np.testing.assert_allclose([e.factor for e in path.events], [press(z), -press(z)], rtol=1e-12)
-    np.testing.assert_allclose([e.q[0] for e in path.events], [z, -z], rtol=1e-6)
+    assert [e.kind for e in path.critical] == ["limit", "limit"]
+    np.testing.assert_allclose([e.factor for e in path.critical], [press(z), -press(z)], rtol=1e-12)
+    np.testing.assert_allclose([e.q[0] for e in path.critical], [z, -z], rtol=1e-6)
     np.testing.assert_allclose(path.factor, press(path.q[:, 0]), atol=1e-11)
     inside = np.abs(path.q[:, 0]) < z * (1 - 1e-5)
     outside = np.abs(path.q[:, 0]) > z * (1 + 1e-5)
@@ -59,8 +59,8 @@ def test_a_column_buckles(tmp_path):
     """A bar of 2 m with a spring at its foot stands until P l = k."""
     (tmp_path / "column.toml").write_text(COLUMN)
     path = mbdae.load_path(mbdae.load(tmp_path / "column.toml"), "load", (0, 5))
-    assert [e.kind for e in path.events] == ["branch"]
-    assert path.events[0].factor == pytest.approx(3.0, rel=1e-9)
+    assert [e.kind for e in path.critical] == ["branch"]
+    assert path.critical[0].factor == pytest.approx(3.0, rel=1e-9)
     apart = np.abs(path.factor - 3.0) > 1e-6
     np.testing.assert_array_equal(path.unstable[apart] > 0, path.factor[apart] > 3.0)
 
