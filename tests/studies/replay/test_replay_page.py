@@ -129,7 +129,8 @@ def test_cursor_time_is_scene_time(name, chromium, tmp_path, monkeypatch):
             assert shown == pytest.approx(t, abs=1.5 * end / (right - left))
     shots = [picture_of(look["scene"]) for look in log["looks"]]
     for a, b in ((0, 1), (1, 2), (0, 2)):
-        assert 1e-4 < changed(shots[a], shots[b]) < 0.6
+        seen = name != "sleeping_top"  # which turns about its axis of symmetry
+        assert 1e-4 * seen <= changed(shots[a], shots[b]) < 0.6
 
 
 def test_it_plays_in_real_time_and_repeats(fourbar, chromium, tmp_path):
