@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .balance import Balance, Statics
 
 STEADY = 1e-6  # of the largest term: what may be left of the accelerations of a steady motion
-ZERO = 1e-10  # of the size of A: what stands for zero where symmetries are divided out
+ZERO = 1e-12  # of the size of A: what stands for zero where symmetries are divided out
 
 
 class LinearMotion(NamedTuple):

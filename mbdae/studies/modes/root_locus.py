@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+from scipy.optimize import brentq, linear_sum_assignment
 
 from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
@@ -17,6 +17,7 @@ from .modes import ALIKE, modes
 __all__ = ["root_locus"]
 
 SPEED = "v."
+ACROSS = 1e-3  # of an interval: where a root is seen to cross
 EXACT = 1e-11  # of a value: how closely a change is found
 Model = str | Path | Callable[..., Mechanism]
 
@@ -150,7 +151,7 @@ def growing(roots: Array) -> int:
 
 def _change(roots: Callable[[float], Array], low: float, high: float) -> float:
     """Where between two values the number of growing eigenvalues changes, by bisection."""
-    before = growing(roots(low))
+    before, reach = growing(roots(low)), ACROSS * (high - low)
     while abs(high - low) > EXACT * max(abs(low), abs(high)):
         middle = (low + high) / 2
         try:
@@ -158,7 +159,26 @@ def _change(roots: Callable[[float], Array], low: float, high: float) -> float:
         except MbdaeError:
             break
         low, high = (middle, high) if same else (low, middle)
-    return (low + high) / 2
+    return _crossing(roots, (low + high) / 2, reach)
+
+
+def _crossing(roots: Callable[[float], Array], value: float, reach: float) -> float:
+    """Where the real part is zero of the root that comes next to the imaginary axis; the value where it only leaves."""
+    there = roots(value)
+    moving = there[there != 0]
+    size, root = np.abs(there).max(), moving[np.abs(moving.real).argmin()]
+
+    def growth(x: float) -> float:
+        found = roots(x)
+        found = found[found != 0]
+        return float(found[np.abs(found - root).argmin()].real)
+
+    try:
+        ends = growth(value - reach), growth(value + reach)
+        clear = ends[0] * ends[1] < 0 and min(map(abs, ends)) > ALIKE * size
+        return float(brentq(growth, value - reach, value + reach, xtol=1e-14)) if clear else value
+    except MbdaeError:
+        return value
 
 
 def _followed(before: Array, after: Array) -> Array:

@@ -8,6 +8,7 @@ import click
 from ...cli.options import FAILED, PICTURES, UNJUDGED, as_json, emit, plot_option, values_by_name, writable
 from ...errors import InputError
 from ...mechanism import load
+from .equilibria import equilibria
 from .equilibrium import FIND, equilibrium
 from .load_path import load_path
 
@@ -21,6 +22,7 @@ CODES = {"stable": 0, "rigid": 0, "unstable": FAILED, "neutral": UNJUDGED, "sing
 @click.option("--speed", "speed", multiple=True, help="A constant speed, joint=value, in rad/s or m/s.")
 @click.option("-t", "--time", "t", type=float, default=0.0, show_default=True, help="Time in s, for drivers.")
 @click.option("--find", type=click.Choice(FIND), default="stable", show_default=True, help="Which equilibrium.")
+@click.option("--all", "drive", help="All equilibria of a mechanism with one freedom, over this joint.")
 @click.option("--load", "load_name", help="A force, or gravity, that is scaled along a path of equilibria.")
 @click.option("--to", "end", type=float, help="The last factor on the load.")
 @click.option("--from", "begin", type=float, default=0.0, show_default=True, help="The first factor on the load.")
@@ -31,6 +33,7 @@ def statics(
     at: tuple[str, ...],
     hold: tuple[str, ...],
     speed: tuple[str, ...],
+    drive: str | None,
     load_name: str | None,
     begin: float,
     end: float | None,
@@ -49,6 +52,13 @@ def statics(
     mech = load(model)
     start, speeds = values_by_name(at, "--at"), values_by_name(speed, "--speed")
     given: dict[str, Any] = {"q": start or None, "v": speeds or None, "hold": hold, **options}
+    if drive is not None:
+        if start or speeds or load_name:
+            raise InputError("--all takes a joint and --hold alone: it begins at the model's start")
+        every = equilibria(mech, drive, hold=hold)
+        text = "\n".join(map(str, every)) or f"no equilibrium over {drive}"
+        emit([e.to_dict() for e in every], text, as_json)
+        sys.exit(0 if every else FAILED)
     if load_name is None or end is None:
         found = equilibrium(mech, **given)
         emit(found.to_dict(), str(found), as_json)

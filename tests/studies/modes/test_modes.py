@@ -62,6 +62,25 @@ def test_a_sleeping_top(spin):
     assert found.stable == (spin > 2 * np.sqrt(couple * I1) / I3)
 
 
+WHIPPLE = {  # Meijaard, Papadopoulos, Ruina, Schwab, Proc. R. Soc. A 463 (2007), table 2: weave, capsize, castering
+    1: (3.52696170990070 + 0.80774027519930j, -3.13423125066578, -7.11008014637442),
+    4: (0.41325331521125 + 3.07910818603206j, -1.42944427361326, -12.15861426576447),
+    5: (-0.77534188219585 + 4.46486771378823j, -0.32286642900409, -14.07838969279822),
+    6: (-1.52644486584142 + 5.87673060598709j, -0.00406690076970, -16.08537123098026),
+    10: (-3.72016840437287 + 10.90681139476287j, 0.16105338653172, -24.62459635017404),
+}
+
+
+@pytest.mark.parametrize("speed", WHIPPLE)
+def test_a_bicycle_rolls(speed):
+    """Rows of velocity leave more positions than speeds; six zeros are places, wheel angles, and the speed itself."""
+    found = mbdae.modes(mbdae.load("bicycle", speed=float(speed))).eigenvalues
+    for root in WHIPPLE[speed]:
+        assert np.abs(found - root).min() < 1e-12
+    assert np.count_nonzero(found == 0) == 6
+    assert len(found) == 10
+
+
 FLOWS = {"four_bar": 0.6, "bricard": 0.6, "panda_handle": 0.2, "stewart_platform": 0.06, "delta_robot": 0.06}
 
 

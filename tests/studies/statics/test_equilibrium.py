@@ -1,5 +1,7 @@
 """Equilibria: published and closed numbers, starts from anywhere, verdicts, what holds, and refusals by name."""
 
+import json
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -116,6 +118,16 @@ frame = "tip"
 axes = "frame"
 force = [-1.0, 0.0, 0.0]
 """
+
+
+def test_all_equilibria_of_a_branch():
+    found = mbdae.equilibria(mbdae.load("four_bar"), "crank")
+    assert sorted(e.stability for e in found) == ["stable", "unstable"]
+    cranks = {e.stability: e.q[0] % (2 * np.pi) for e in found}
+    assert abs(cranks["stable"] - (CRANK + 2 * np.pi)) < 1e-13
+    assert abs(cranks["unstable"] - 1.5432) < 1e-4
+    said = CliRunner().invoke(cli, ["statics", "four_bar", "--all", "crank", "--json"])
+    assert len(json.loads(said.stdout)) == 2
 
 
 def test_a_follower_force_flutters(tmp_path):

@@ -1,0 +1,84 @@
+"""All equilibria of a mechanism with one freedom, on the curve of its poses."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ...errors import StepError, several
+from ...mechanism import Mechanism
+from ...mechanism.formulations.balance import Balance, Statics
+from ...system import Array
+from ..kinematics.kinematics import kinematics
+from .equilibrium import Equilibrium, velocities
+from .search import Search
+from .stability import verdict
+
+__all__ = ["equilibria"]
+
+POINTS = 361
+ALIKE = 1e-7  # rad or m: poses so near are one
+
+
+def equilibria(
+    mech: Mechanism, drive: str, *, span: tuple[float, float] | None = None, hold: str | Iterable[str] = ()
+) -> list[Equilibrium]:
+    """Find all equilibria on a branch of a mechanism with one freedom: the zeros of Z^T f along its curve of poses.
+
+    Args:
+        mech: the mechanism.
+        drive: the joint over which the curve is followed, see `mbdae.kinematics`.
+        span: its range in rad or m; one turn to both sides of the start when left out.
+        hold: joints that stand still.
+
+    Returns:
+        The equilibria, stable and unstable ones, along the curve; for a full turn each once.
+
+    Raises:
+        InputError, UnknownNameError, AssemblyError, StepError: as `mbdae.kinematics`.
+    """
+    held = several(hold, "hold is a list of joints")
+    curve = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
+    fixed = np.array([i for name in held for i in velocities(mech, name)], int)
+    statics = Statics(mech, 0.0, np.zeros(mech.nv), fixed)
+    s0, manifold = np.array(list(mech.states.values())), statics.system.manifold
+
+    def along(here: Balance, tangent: Array) -> float:
+        U = here.free.U
+        side = np.sign((U @ tangent) @ (U @ here.free.Z[:, 0]))
+        return float(side * here.rho[0])
+
+    def point(q: Array) -> Balance:
+        return statics.point(statics.close(q, s0), s0)
+
+    out: list[Equilibrium] = []
+    for stretch in curve.stretches:
+        at = range(stretch.first, stretch.last - 1)
+        values = [along(point(curve.q[i]), curve.tangent[i]) for i in range(stretch.first, stretch.last)]
+        for i, a, b in zip(at, values, values[1:], strict=False):
+            if a * b > 0 or b == 0:
+                continue
+            x, tau = manifold.difference(curve.q[i], curve.q[i + 1]), curve.tangent[i]
+            try:
+                share = brentq(
+                    lambda c, i=i, x=x, tau=tau: along(point(manifold.integrate(curve.q[i], c * x)), tau), 0, 1
+                )
+                search = Search(statics, point(manifold.integrate(curve.q[i], share * x)))
+                found = search.run("any")
+            except (StepError, ValueError):
+                continue
+            here = search.here
+            apart = [np.abs(_wrapped(manifold.difference(e.q, here.q))).max() for e in out]
+            if found and min(apart, default=1.0) > ALIKE:
+                still = np.zeros(mech.nv)
+                out.append(
+                    Equilibrium(
+                        mech, 0.0, here.q, still, here.s, here.lam, {}, search.residual, search.iterations,
+                        verdict(statics, here),
+                    )
+                )  # fmt: skip
+    return out
+
+
+def _wrapped(x: Array) -> Array:
+    return x - 2 * np.pi * np.round(x / (2 * np.pi))
