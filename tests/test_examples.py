@@ -139,3 +139,17 @@ def test_own_method(capsys):
         mbdae.METHODS.pop("ralston3", None)
     assert study.holds
     assert "claimed 2, found 2" in capsys.readouterr().out
+
+
+def test_snap_through(capsys):
+    result = example("snap_through").main()
+    assert abs(result["limit"] - 42.91432573122) < 1e-9
+    assert result["limit"] < result["run"] < 1.1 * result["limit"]
+    assert "it snaps" in capsys.readouterr().out
+
+
+def test_arm_modes(capsys):
+    result = example("arm_modes").main(values=5)
+    assert abs(result["shipped"] - 0.1448422723) < 1e-9
+    assert result["best"] > 3 * result["shipped"]
+    assert "dies out" in capsys.readouterr().out

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["equilibrium"]
 
+ROUNDING = 1e-15
 FIND = ("stable", "any")
 
 
@@ -107,15 +108,20 @@ class Equilibrium:
             f"equilibrium of {self.mechanism.title}: {self.verdict}",
             f"  {self.iterations} iterations, forces balance to {self.residual:.1e} of the largest met",
         ]
-        lines += [f"  {name} = {x:.10g} {named.get(name, '')}".rstrip() for name, x in self.coordinates.items()]
+        lines += [f"  {name} = {_shown(x):.10g} {named.get(name, '')}".rstrip() for name, x in self.coordinates.items()]
         lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
-        lines += [f"  {name} is held by {x:.8g} N m or N" for name, x in self.holding.items()]
+        lines += [f"  {name} is held by {_shown(x):.8g} N m or N" for name, x in self.holding.items()]
         for c in self.mechanism.constraints:
             if c.frames:
                 r = self.reaction(c.name)
                 force, torque = (float(np.linalg.norm(x)) for x in (r.force, r.torque))
                 lines.append(f"  {c.name} carries {force:.6g} N" + (f", {torque:.6g} N m" if torque > 1e-12 else ""))
         return "\n".join(lines)
+
+
+def _shown(x: float) -> float:
+    """A number as text shows it: rounding is none."""
+    return x if abs(x) > ROUNDING else 0.0
 
 
 def equilibrium(
