@@ -17,7 +17,7 @@ from .modes import ALIKE, modes
 __all__ = ["root_locus"]
 
 SPEED = "v."
-ACROSS = 1e-3  # of an interval: where a root is seen to cross
+ACROSS = 1e-2  # of an interval: where a root is seen to cross
 EXACT = 1e-11  # of a value: how closely a change is found
 Model = str | Path | Callable[..., Mechanism]
 
@@ -152,18 +152,23 @@ def growing(roots: Array) -> int:
 def _change(roots: Callable[[float], Array], low: float, high: float) -> float:
     """Where between two values the number of growing eigenvalues changes, by bisection."""
     before, reach = growing(roots(low)), ACROSS * (high - low)
+    crossed = None
     while abs(high - low) > EXACT * max(abs(low), abs(high)):
+        if crossed is None and abs(high - low) < abs(reach):
+            crossed = _crossing(roots, (low + high) / 2, reach)
+            if not np.isnan(crossed):
+                return crossed
         middle = (low + high) / 2
         try:
             same = growing(roots(middle)) == before
         except MbdaeError:
             break
         low, high = (middle, high) if same else (low, middle)
-    return _crossing(roots, (low + high) / 2, reach)
+    return (low + high) / 2
 
 
 def _crossing(roots: Callable[[float], Array], value: float, reach: float) -> float:
-    """Where the real part is zero of the root that comes next to the imaginary axis; the value where it only leaves."""
+    """Where the real part is zero of the root that comes next to the imaginary axis; nan where it only leaves."""
     there = roots(value)
     moving = there[there != 0]
     size, root = np.abs(there).max(), moving[np.abs(moving.real).argmin()]
@@ -176,9 +181,9 @@ def _crossing(roots: Callable[[float], Array], value: float, reach: float) -> fl
     try:
         ends = growth(value - reach), growth(value + reach)
         clear = ends[0] * ends[1] < 0 and min(map(abs, ends)) > ALIKE * size
-        return float(brentq(growth, value - reach, value + reach, xtol=1e-14)) if clear else value
+        return float(brentq(growth, value - reach, value + reach, xtol=1e-14)) if clear else np.nan
     except MbdaeError:
-        return value
+        return np.nan
 
 
 def _followed(before: Array, after: Array) -> Array:

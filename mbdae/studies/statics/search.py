@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 START, LARGEST, LEAST = 0.3, 1.5, 1e-12  # rad or m: radii of trust
 TAKEN, GOOD = 0.1, 0.7  # of the work promised
 NEARLY = 1e-5  # of the largest force met: from there on Newton steps go on to rounding
+EXACT = 1e-17  # of the largest force met: nothing
 ROUNDED = 1e-11  # of the largest force met: what stands for none
 BALANCED = 1e-8  # of the largest force met: what is left of it where rounding lets no step make it less
 FLAT = 1e-9  # of the largest eigenvalue of H: a neutral direction
@@ -27,7 +28,7 @@ SYMMETRIC = 1e-7  # of the largest entry of H: what differs from its transpose b
 RELAXED, SHORT = 3, 0.5  # steps that let stiff springs rest, and their length as a share of the step before
 HALVED = 0.5  # of rho: what a step to rounding must leave at most
 HALVINGS, ENOUGH = 4, 0.9  # of a step to an equilibrium of any kind, and what it may leave of rho
-ITERATIONS = 200
+ITERATIONS = 100
 
 
 @dataclass
@@ -80,7 +81,7 @@ class Search:
 
     def polish(self) -> None:
         """Newton's steps as long as they halve rho."""
-        while self.iterations < ITERATIONS and self.here.rho.any():
+        while self.iterations < ITERATIONS and self.residual > EXACT:
             y = np.linalg.lstsq(self.here.H, self.here.rho, rcond=FLAT)[0]
             there = self.moved(y)
             if there is None or not np.linalg.norm(there.rho) < HALVED * np.linalg.norm(self.here.rho):
