@@ -64,7 +64,7 @@ def report(run: RunState, status: str, message: str, seconds: float, times: Arra
     if run.fallback:
         stats["fallback"] = run.fallback
     if run.events.events:
-        stats["events"] = run.stepper.backend if run.events.by_signal else f"python: {run.events.functions_named}"
+        stats["events"] = run.stepper.backend if run.events.by_signal else f"python: {run.events.why_python}"
     if run.stiffness and run.stiffness.found:
         stats["stiff"] = asdict(run.stiffness.found)
         message = f"{message}; {run.stiffness.found}"

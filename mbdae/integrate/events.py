@@ -96,7 +96,7 @@ class EventWatch:
     ) -> None:
         self.events, self.evaluate, self.signals = events, evaluate, signals or {}
         self.functions = {i: e for i, e in enumerate(events) if i not in self.signals}
-        self.by_signal = not self.functions  # the core can look
+        self.by_signal = not self.functions and all(s.signal.compiled for s in self.signals.values())  # in the core
         self.looked = self.stopped = False  # it has, at the last steps; and has found where the run ends
         self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
         self._last: dict[int, float] = {}
@@ -109,9 +109,11 @@ class EventWatch:
             signal.begin(t, y)
 
     @property
-    def functions_named(self) -> str:
+    def why_python(self) -> str:
         """What keeps the core from looking, in words."""
-        return ", ".join(f"event {function_name(e.function)!r} is a function" for e in self.functions.values())
+        named = [f"event {function_name(e.function)!r} is a function" for e in self.functions.values()]
+        others = [self.events[i].function for i, s in self.signals.items() if not s.signal.compiled]
+        return ", ".join([*named, *(f"the core does not have {text!r}" for text in others)])
 
     def plain(self) -> list[Any]:
         """Return signals as the core takes them."""

@@ -63,7 +63,7 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
         events.looked = False
         leapt = run.singular is not None and run.singular.leap(run)
         if not leapt:
-            run.stepper.advance(run, 1 if events.functions else left)
+            run.stepper.advance(run, 1 if not events.by_signal else left)
         if len(run.ts) == before:
             continue
         if run.stiffness:

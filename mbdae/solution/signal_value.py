@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import UnknownNameError
 from ..mechanism import Driver, Mechanism
-from ..mechanism.contacts import rolling
+from ..mechanism.contacts import contact, path, rolling
 from ..mechanism.frames import find_joint, skew
 from ..system import Array
 from .columns import PARTS, row_names
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 REACTION, EFFORT = ("force", "torque"), "effort"
 SUMS = ("kinetic", "potential", "energy")
 RESIDUALS = ("g", "Gv")
+IN_PYTHON = ("contact", "friction")  # kinds that the core does not have
 
 
 class SignalValue(NamedTuple):
@@ -24,7 +25,7 @@ class SignalValue(NamedTuple):
 
     Attributes:
         kind: ``"t"``; ``"y"``, a number of y = (q, v, s, w); ``"angle"`` of a circle in q; ``"lam"``, ``"force"``,
-            ``"torque"``; or one of kinetic, potential, energy, g, Gv.
+            ``"torque"``, ``"contact"``, ``"friction"``; or one of kinetic, potential, energy, g, Gv.
         i: the number of y; of an angle that of its cosine in q.
         rate: the number of y' in the tangent that is its rate; -1 where none is.
         rows: of closures.
@@ -34,6 +35,11 @@ class SignalValue(NamedTuple):
     i: int = 0
     rate: int = -1
     rows: tuple[int, ...] = ()
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the core has it."""
+        return self.kind not in IN_PYTHON
 
     def plain(self) -> tuple[str, int, int, list[int]]:
         """What the core takes."""
@@ -73,6 +79,9 @@ def signal_values(mech: Mechanism) -> dict[str, SignalValue]:
             out |= {f"force.{c.name}": SignalValue("force", rows=forces)}
             out |= {f"torque.{c.name}": SignalValue("torque", rows=rows)}
     for c in rolling(mech):
+        at = mech.row_names.index(c.name)
+        out |= {f"contact.{c.name}.{x}": SignalValue("contact", k, rows=(at,)) for k, x in enumerate("xyz")}
+        out[f"friction.{c.name}"] = SignalValue("friction", rows=(at,))
         first, grip = mech.row_names.index(c.name), int(c.contact is not False)
         if c.contact is not False:
             out[f"normal.{c.name}"] = SignalValue("lam", rows=(first,))
@@ -116,7 +125,13 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
         return {"kinetic": kinetic, "potential": potential, "energy": kinetic + potential}[kind]
     if kind in RESIDUALS:
         return float(np.abs(system.residual(t, q, v)[RESIDUALS.index(kind)]).max(initial=0.0))
-    lam = system.derivative(t, y)[1][rows]
+    if kind == "contact":
+        return float(path(system.mechanism, system.mechanism.row_names[rows[0]], q[None])[0][signal.i])
+    lam = system.derivative(t, y)[1]
+    if kind == "friction":
+        name = system.mechanism.row_names[rows[0]]
+        return float(contact(system.mechanism, name, np.array([t]), q[None], lam[None]).friction[0])
+    lam = lam[rows]
     if kind == "lam":
         return float(lam[0])
     if kind == "force":
