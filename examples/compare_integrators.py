@@ -7,7 +7,7 @@ from pathlib import Path
 
 import mbdae
 
-METHODS = ("herk3", "herk5", "pherk5", "pherk6", "radau5", "ggl:pherk5", "index1:DOP853")
+METHODS = ("herk3", "herk5", "pherk5", "pherk6", "radau5", "ggl:pherk5", "index1:dop853")
 
 
 def main(folder: str | Path = ".", model: str = "four_bar", end: float = 2.0, repeats: int = 3) -> object:

@@ -14,8 +14,8 @@ RUNS = {
     "index 2": {"project": False},
     "index 2, projected": {"project": True},
     "GGLSystem": {"formulation": "ggl"},
-    "index 1": {"formulation": "index1", "method": "DOP853"},
-    "index 1, Baumgarte": {"formulation": "index1", "method": "DOP853", "baumgarte": (20.0, 20.0)},
+    "index 1": {"formulation": "index1", "method": "dop853"},
+    "index 1, Baumgarte": {"formulation": "index1", "method": "dop853", "baumgarte": (20.0, 20.0)},
 }
 
 

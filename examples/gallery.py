@@ -24,7 +24,7 @@ REPLAYS = {  # model: end (s), share of it that is shown
     "dual_arm": (1.0, 0.5),
     "humanoid_stance": (0.5, 0.5),
 }
-METHODS = ("herk3", "herk5", "pherk5", "pherk6", "radau5", "ggl:pherk5", "index1:DOP853")
+METHODS = ("herk3", "herk5", "pherk5", "pherk6", "radau5", "ggl:pherk5", "index1:dop853")
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 FOLDER = Path(__file__).parent / "pictures"
 

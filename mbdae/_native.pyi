@@ -19,6 +19,7 @@ class Limits:
         series_end: float,
         same_point: float,
         smallest_pivot: float,
+        independent: float,
         worst_conditioning: float,
         grown: float,
         many: int,
@@ -32,6 +33,10 @@ class Limits:
         open: float,
         stalled: float,
         iterations: int,
+        meeting: int,
+        met: float,
+        halted: float,
+        gaping: float,
     ) -> None: ...
 
 class Tableau:
@@ -99,6 +104,7 @@ class StepControl:
     atol: list[float]
     nothing: float
     companion: float
+    blend: float
     power: float
     exponent: float
     last_exponent: float
@@ -191,6 +197,9 @@ class Core:
         turning: list[int],
         place: list[int],
         probe: list[float],
+        formulation: str = "index2",
+        alpha: float = 0.0,
+        beta: float = 0.0,
     ) -> None: ...
     @property
     def rows(self) -> list[int]: ...
@@ -213,6 +222,7 @@ class Core:
     ) -> tuple[Array, Any, Array | None, Array, Array] | None: ...
     def advance(self, method: Any, run: Run) -> None: ...
     def derivative(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
+    def rate(self, t: float, y: Array) -> tuple[Array, Array] | None: ...
     def derivatives(self, t: Array, y: Array) -> tuple[Array, Array]: ...
     def sample(self, samplers: list[dict[str, Any]]) -> None: ...
     def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]: ...

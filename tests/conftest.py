@@ -39,15 +39,11 @@ def back_end(request, monkeypatch):
 
 
 def pytest_collection_modifyitems(items):
-    """What the core does not have runs once, on Python; what needs the core is skipped where it is missing."""
+    """What needs the core is skipped where it is missing."""
 
     def given(item):
         return getattr(getattr(item, "callspec", None), "params", {})
 
-    def twice(item):
-        return given(item).get("back_end") == "native" and any(x in str(given(item)) for x in ("radau", "ggl"))
-
-    items[:] = [item for item in items if not twice(item)]
     if backend.load() is None:
         for item in items:
             if item.get_closest_marker("native") or "native" in map(str, given(item).values()):

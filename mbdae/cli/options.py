@@ -34,7 +34,7 @@ formulation_option = click.option(
     "--formulation",
     default="index2",
     show_default=True,
-    help="index2; ggl: positions of closures kept too; index1: accelerations, -m RK45, DOP853, Radau or LSODA.",
+    help="index2; ggl: positions of closures kept too; index1: accelerations, -m dop853, or scipy's RK45, ...",
 )
 project_option = click.option(
     "--project/--no-project", default=None, help="Bring the state back to the closures after each step, or not."

@@ -7,7 +7,6 @@ from ..backend import choose, known, status
 from ..errors import InputError
 from ..mechanism import Mechanism, NotCompiled
 from ..mechanism.formulations.inertial import LARGEST
-from ..methods import Tableau
 from ..methods.radau import RadauIIA
 from ..system import System
 
@@ -24,7 +23,7 @@ def bind(
         InputError: for ``backend="native"`` where the core is missing or does not have what is asked for.
         UnknownNameError: for a back end or a formulation that does not exist.
     """
-    missing = lacking(problem, tableau, formulation)
+    missing = lacking(problem, tableau)
     native = None if missing and backend in ("auto", "native") else choose(backend)
     if native:
         try:
@@ -57,14 +56,10 @@ def common(problem: Any, runs: Iterable[tuple[Any, str, tuple[float, float] | No
     return "python" if backend == "python" or because else "native", because
 
 
-def lacking(problem: Any, tableau: Any, formulation: str) -> str:
+def lacking(problem: Any, tableau: Any) -> str:
     """Say in words what the core does not have of a run; "" where it may have it all."""
     if not isinstance(problem, Mechanism):
         return "textbook problems"
-    if formulation != "index2":
-        return f"formulation {formulation!r}"
-    if isinstance(tableau, Tableau):
-        return ""
-    if isinstance(tableau, RadauIIA):
-        return f"derivatives by more than {LARGEST} velocities" if problem.model.nv > LARGEST else ""
-    return f"method {tableau.name!r}"
+    if isinstance(tableau, RadauIIA) and problem.model.nv > LARGEST:
+        return f"derivatives by more than {LARGEST} velocities"
+    return ""

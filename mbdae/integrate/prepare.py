@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..mechanism import Mechanism
 from ..mechanism.assembly import START
 from ..mechanism.formulations.index2 import Index2System
-from ..methods import Tableau
+from ..methods import EXPLICIT, ExplicitMethod, Tableau
 from ..solution.solution import Problem
 from ..system import Array, System
 from .binding import bind
@@ -25,7 +25,7 @@ from .span import checked_span
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 from .steppers.native import NativeStepper
-from .steppers.scipy_ivp import Scipy, find
+from .steppers.scipy_ivp import Baseline, Scipy, find
 from .steppers.stepper import PythonStepper, Stepper
 from .stiffness import StiffnessWatch
 
@@ -56,12 +56,12 @@ def prepare(
         UnknownNameError: for a method that does not exist.
     """
     tableau = find(formulation, method)
-    project = _projected(problem, project, formulation, step)
+    project = _projected(problem, project, formulation, tableau, step)
     t0, t1 = checked_span(t_span, pair=True)
     system, fallback = bind(problem, tableau, formulation, baumgarte, backend)
     inner = _stepper(system, tableau, formulation, step, control, t0, t1)
     stepper: Stepper = inner
-    if system.native:
+    if system.native and not isinstance(tableau, Baseline):
         stepper = NativeStepper(inner, system, tableau, project)
     ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
     y = _start(problem, start, t0, None if step else control[0])
@@ -82,9 +82,9 @@ def prepare(
 def _stepper(
     system: System, tableau: Any, formulation: str, step: float | None, control: Control, t0: float, t1: float
 ) -> PythonStepper:
-    if formulation == "index1":
+    if isinstance(tableau, Baseline):
         return Scipy(tableau, system, step, *control)
-    return Fixed(step, t0, t1) if step else Adaptive(tableau.error_power, *control)
+    return Fixed(step, t0, t1) if step else Adaptive(tableau.error_power, *control, tableau.control)
 
 
 def _signals(problem: Problem, system: System, events: tuple[Event, ...]) -> dict[int, SignalEvent]:
@@ -139,7 +139,7 @@ def _start(problem: Problem, start: Start, t: float, rtol: Any) -> Array:
     return problem.point(q, v, t, s, max(START, drifted))
 
 
-def _projected(problem: Problem, project: bool | str, formulation: str, step: float | None) -> bool:
+def _projected(problem: Problem, project: bool | str, formulation: str, tableau: Any, step: float | None) -> bool:
     """Say whether positions are restored after each step."""
     if project not in (True, False, "auto"):
         raise InputError(f"project is True, False or 'auto', got {project!r}")
@@ -147,8 +147,9 @@ def _projected(problem: Problem, project: bool | str, formulation: str, step: fl
         return isinstance(problem, Mechanism) and formulation == "index2" and step is None and problem.ng > 0
     if project and not isinstance(problem, Mechanism):
         raise InputError("project=True belongs to mechanisms: 0 = g of a textbook problem is kept by the method")
-    if project and formulation != "index2":
-        raise InputError(f"project=True belongs to formulation 'index2', got {formulation!r}")
+    if project and formulation != "index2" and not isinstance(tableau, ExplicitMethod):
+        belongs = f"project=True belongs to formulation 'index2', and to {', '.join(EXPLICIT)} of 'index1'"
+        raise InputError(f"{belongs}; got {tableau.name!r} of {formulation!r}")
     return bool(project)
 
 

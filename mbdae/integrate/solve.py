@@ -50,13 +50,14 @@ def solve(
         q: consistent start configuration (nq,); the model's start when left out.
         v: consistent start velocity (nv,); the model's start when left out.
         s: start values (ns,) of the states of actuators and controllers; their own when left out.
-        method: a name of `mbdae.METHODS`; one of RK45, DOP853, Radau, LSODA for ``"index1"``.
+        method: a name of `mbdae.METHODS`; for ``"index1"`` dop853, or one of scipy's RK45, DOP853, Radau, LSODA.
         formulation: ``"index2"``: closures kept at velocity level, and see ``project``; ``"ggl"``: at position level
-            too, by a second multiplier; ``"index1"``: neither, accelerations stepped by scipy as a baseline.
+            too, by a second multiplier; ``"index1"``: neither, accelerations are stepped as a baseline.
             Mechanisms only.
         project: bring the state back to g = 0 and G v = 0 after each step, over all rows and in the mass metric; for
-            ``"index2"``. ``"auto"`` does so where steps are controlled, and not with fixed ones, where methods are
-            studied. Without, g and rows that depend on others drift with the errors of the method.
+            ``"index2"``, and dop853. ``"auto"`` does so for ``"index2"`` where steps are controlled, and not with fixed
+            ones, where methods are studied. Without, g and rows that depend on others drift with the errors of the
+            method.
         baumgarte: alpha and beta in 1/s, for ``"index1"``: 0 = G v' + gamma + 2 alpha G v + beta^2 g.
         step: fixed step in s; the step size is controlled when left out, and singular configurations are then leapt
             over. Where a fixed one would end in one, three shorter steps take the place of two.
@@ -71,7 +72,7 @@ def solve(
         events: signals and levels, ``"q.slider = 0.3"``, functions event(t, q, v) -> float (textbook problems:
             event(t, y)), or `mbdae.Event` of either; zeros are reported, and a terminal one ends the run.
         progress: called with the fraction done, after each step or several times a second.
-        backend: ``"native"``: the compiled core, for mechanisms in index-2 form; ``"python"``;
+        backend: ``"native"``: the compiled core, for mechanisms; ``"python"``;
             or ``"auto"``: the core where it is there and has what is asked for. ``stats["backend"]`` says which.
 
     Returns:

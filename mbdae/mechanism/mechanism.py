@@ -1,6 +1,6 @@
 """A mechanism: a Pinocchio model, closures, forces and a start state; immutable after it is made."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from types import ModuleType
 from typing import Any
@@ -18,7 +18,7 @@ from .closures.driver import Driver
 from .forces import bind_forces, named_force
 from .forces.elements import ForceElements
 from .forces.spring_damper import SpringDamper
-from .formulations.compiled import Compiled
+from .formulations.compiled import COMPILED
 from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
@@ -30,7 +30,7 @@ from .start import Motor, OrderSettings, Start, coordinates
 from .workspace import make_data
 
 Coordinates = Mapping[str, float | Sequence[float]]
-SYSTEMS: dict[str, type[Index2System]] = {"index2": Index2System, "ggl": GGLSystem, "index1": Index1System}
+SYSTEMS: dict[str, Callable[..., Index2System]] = {s.formulation: s for s in (Index2System, GGLSystem, Index1System)}
 
 
 class Mechanism:
@@ -174,20 +174,19 @@ class Mechanism:
         Args:
             formulation: ``"index2"``, ``"ggl"`` (positions of the closures kept too) or ``"index1"`` (accelerations).
             baumgarte: alpha and beta in 1/s, for ``"index1"`` only.
-            native: the compiled core, see `mbdae.backend`, for ``"index2"``.
+            native: the compiled core, see `mbdae.backend`.
 
         Raises:
             UnknownNameError: for another formulation.
-            InputError: for wrong values of baumgarte, or where it does not belong.
+            InputError: for a wrong baumgarte, or where it does not belong.
             NotCompiled: names what the core does not have.
         """
         if formulation not in SYSTEMS:
             raise UnknownNameError("formulation", formulation, SYSTEMS)
-        if baumgarte is None:
-            return Compiled(self, native) if native and formulation == "index2" else SYSTEMS[formulation](self)
-        if formulation != "index1":
+        if baumgarte is not None and formulation != "index1":
             raise InputError(f"baumgarte belongs to formulation 'index1', got it with {formulation!r}")
-        return Index1System(self, baumgarte)
+        given = {name: x for name, x in (("baumgarte", baumgarte), ("native", native)) if x is not None}
+        return (COMPILED if native else SYSTEMS)[formulation](self, **given)
 
     def coordinates(self, q: Coordinates, *, of_v: bool = False) -> tuple[Array, Array]:
         """Return values and the indices of the tangent coordinates that a table ``joint = value`` names.

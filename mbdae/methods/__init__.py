@@ -4,13 +4,15 @@ import re
 
 from .. import errors
 from ..members import members
+from .explicit import ExplicitMethod
 from .radau import Method, RadauIIA
 from .tableau import Tableau
 
-METHODS: dict[str, Method] = {
-    m.name: m for m in sorted(members(__name__, Tableau, RadauIIA), key=lambda m: m.name)
-}
+METHODS: dict[str, Method] = {m.name: m for m in sorted(members(__name__, Tableau, RadauIIA), key=lambda m: m.name)}
 """Every method by name, found in the files of this folder: a method that exists cannot be missing here."""
+
+EXPLICIT: dict[str, ExplicitMethod] = {m.name: m for m in members(__name__, ExplicitMethod)}
+"""Methods for ordinary differential equations, which step accelerations."""
 
 
 def method(name: str) -> Method:

@@ -16,6 +16,7 @@ import numpy as np
 from ..system import State, Step, System
 from . import collocation
 from .collocation import collocation_step
+from .controller import PI
 from .radau_coefficients import RadauArrays, coefficients
 from .tableau import Row, Tableau
 
@@ -76,6 +77,8 @@ class RadauIIA:
         """Power of h in the error estimate: s + 1, one more where a second vector sharpens it (s >= 3)."""
         return self.order_embedded + 1 + (self.stages >= 3)
 
+    control = PI
+    blend = 1.0
     noise = 0.0  # stages are iterated to rounding
 
     @property

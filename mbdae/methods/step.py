@@ -8,10 +8,11 @@ import numpy as np
 from ..system import State, Step, System
 
 if TYPE_CHECKING:
+    from .explicit import ExplicitMethod
     from .tableau import Tableau
 
 
-def half_explicit_step(system: System, tableau: "Tableau", t: float, h: float, state: State) -> Step:
+def half_explicit_step(system: System, tableau: "Tableau | ExplicitMethod", t: float, h: float, state: State) -> Step:
     """Advance (t, y) to t + h with a HERK, PHERK or Arnold tableau.
 
     Stage i evaluates F_i = f(t + c_i h, Y_i, Z_i), Y_i = y (+) h sum_{j<i} a_ij F_j, where Z_i puts

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..system import State, Step, System
+from .controller import PI
 from .exact import Number, exact
 from .step import doubled_step, half_explicit_step
 
@@ -58,6 +59,9 @@ class Tableau:
     order_embedded: int = 0
     project_embedded: bool = False
     rounded: bool = False
+
+    control = PI
+    blend = 1.0  # of two error estimates, see `mbdae.methods.controller.error_norm`
 
     def __post_init__(self) -> None:
         if not self.order_linear:

@@ -42,8 +42,10 @@ Limits make_limits(const nb::kwargs& given) {
   size_t known = 0;
 #define TAKE(name) out.name = get<decltype(out.name)>(given, #name), ++known
   TAKE(largest_turn), TAKE(series), TAKE(series_end), TAKE(same_point), TAKE(smallest_pivot);
-  TAKE(worst_conditioning), TAKE(grown), TAKE(many), TAKE(reason), TAKE(probed), TAKE(converged), TAKE(spare);
+  TAKE(independent), TAKE(worst_conditioning), TAKE(grown), TAKE(many), TAKE(reason), TAKE(probed);
+  TAKE(converged), TAKE(spare);
   TAKE(truncation), TAKE(rounding), TAKE(falling), TAKE(open), TAKE(stalled), TAKE(iterations);
+  TAKE(meeting), TAKE(met), TAKE(halted), TAKE(gaping);
 #undef TAKE
   if (given.size() != known) refuse("a limit that is not known");
   return out;
@@ -118,7 +120,8 @@ void bind_run(nb::module_& m) {
       FIELD(Leg, stop) FIELD(Leg, end) FIELD(Leg, t1);
   nb::class_<StepControl>(m, "StepControl", "Steps under error control.") FIELD(StepControl, h) FIELD(StepControl, cut)
       FIELD(StepControl, last) FIELD(StepControl, rejected) FIELD(StepControl, largest) FIELD(StepControl, rtol)
-          FIELD(StepControl, atol) FIELD(StepControl, nothing) FIELD(StepControl, companion) FIELD(StepControl, power)
+          FIELD(StepControl, atol) FIELD(StepControl, nothing) FIELD(StepControl, companion) FIELD(StepControl, blend)
+              FIELD(StepControl, power)
               FIELD(StepControl, exponent) FIELD(StepControl, last_exponent) FIELD(StepControl, safety)
                   FIELD(StepControl, smallest_factor) FIELD(StepControl, largest_factor)
                       FIELD(StepControl, smallest_error) FIELD(StepControl, smallest_last) FIELD(StepControl, nearly)
@@ -153,7 +156,7 @@ void bind_run(nb::module_& m) {
             return nb::make_tuple(vector(s.t), array(s.y, {n, n ? s.y.size() / n : 0}),
                                   array(s.z, {n, n ? s.z.size() / n : 0}), vector(s.least_pivot_ratio));
           },
-          "Return t (n,), y (n, ...), z (n, ng) and the smallest ratios of pivots (n,) at the nodes.");
+          "Return t (n,), y (n, ...), z (n, nz) and the smallest ratios of pivots (n,) at the nodes.");
 #undef FIELD
 }
 

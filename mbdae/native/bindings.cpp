@@ -31,7 +31,7 @@ nb::object settle(PyCore& c, double t, const Array& y, const nb::object& carry) 
   return attempt(c, [&](Index2System& s) {
     State x = state(y, carry, nb::none());
     if (static_cast<int>(x.y.size()) != s.length) refuse("y has the wrong length");
-    if (!x.carry.empty() && static_cast<int>(x.carry.size()) != s.ny - s.nv) refuse("carry has the wrong length");
+    if (!x.carry.empty() && static_cast<int>(x.carry.size()) != s.carried()) refuse("carry has the wrong length");
     const bool changed = s.settle(t, x);
     return nb::make_tuple(changed, vector(x.y), carried(x));
   });
@@ -42,8 +42,8 @@ nb::object step(PyCore& c, const Tableau& tableau, double t, double h, const Arr
   return attempt(c, [&](Index2System& s) {
     State in = state(y, carry, low), out;
     c.check(in, &tableau);
-    Numbers z(s.ng), errors;
-    c.core->step.take(tableau, t, h, in, out, z.data(), errors);
+    Numbers z(s.nz), errors;
+    c.core->step->take(tableau, t, h, in, out, z.data(), errors);
     const size_t ny = s.ny;
     return nb::make_tuple(vector(out.y), maybe(out.carry), maybe(out.low), vector(z),
                           array(errors, {errors.size() / ny, ny}));
@@ -55,8 +55,8 @@ nb::object collocate(PyCore& c, const Radau& radau, double t, double h, const Ar
   return attempt(c, [&](Index2System& s) {
     State in = state(y, carry, low), out;
     c.check(in);
-    Numbers z(s.ng), errors;
-    c.core->stages.take(radau, controlled, t, h, in, out, z.data(), errors);
+    Numbers z(s.nz), errors;
+    c.core->stages->take(radau, controlled, t, h, in, out, z.data(), errors);
     const size_t ny = s.ny;
     return nb::make_tuple(vector(out.y), carried(out), maybe(out.low), vector(z),
                           array(errors, {errors.size() / ny, ny}));
@@ -99,14 +99,14 @@ void run_loop(PyCore& c, Method& method, Run& run) {
 void advance(PyCore& c, const Tableau& tableau, Run& run) {
   const Turn turn(c);
   c.check(run.state, &tableau);
-  HalfExplicitMethod method(c.core->step, tableau);
+  HalfExplicitMethod method(*c.core->step, tableau);
   run_loop(c, method, run);
 }
 
 void advance_stages(PyCore& c, const Radau& radau, Run& run) {
   const Turn turn(c);
   c.check(run.state);
-  CollocationMethod method(c.core->stages, radau);
+  CollocationMethod method(*c.core->stages, radau);
   run_loop(c, method, run);
 }
 
@@ -115,6 +115,14 @@ nb::object derivative(PyCore& c, double t, const Array& y) {
     Numbers at = numbers(y, s.length, "y"), F(s.ny), z(s.ng);
     s.derivative(t, at.data(), F.data(), z.data());
     return nb::make_tuple(vector(F), vector(z));
+  });
+}
+
+nb::object rate(PyCore& c, double t, const Array& y) {
+  return attempt(c, [&](Index2System& s) {
+    Numbers at = numbers(y, s.length, "y"), dy(s.length), z(s.ng);
+    s.rate(t, at.data(), dy.data(), z.data());
+    return nb::make_tuple(vector(dy), vector(z));
   });
 }
 
@@ -209,10 +217,12 @@ NB_MODULE(_native, m) {
 
   nb::class_<PyCore>(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.")
       .def(nb::init<nb::handle, const Limits&, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
-                    const nb::list&, int, const nb::list&, std::vector<int>, std::vector<int>, std::vector<double>>(),
+                    const nb::list&, int, const nb::list&, std::vector<int>, std::vector<int>, std::vector<double>,
+                    const std::string&, double, double>(),
            nb::arg("model"), nb::arg("limits"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"),
            nb::arg("law_pairs"), nb::arg("laws"), nb::arg("ns"), nb::arg("blocks"), nb::arg("turning"),
-           nb::arg("place"), nb::arg("probe"))
+           nb::arg("place"), nb::arg("probe"), nb::arg("formulation") = "index2", nb::arg("alpha") = 0.0,
+           nb::arg("beta") = 0.0)
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })
       .def_prop_ro("rank", [](const PyCore& c) { return c.core->system.rows.rank; })
       .def_prop_ro("counts", [](const PyCore& c) { return c.core->system.counts; })
@@ -236,6 +246,8 @@ NB_MODULE(_native, m) {
            "Return M, K, D, G, B and g_t of the rows in use, or None; lam (ng,) stands by row.")
       .def("derivative", derivative, nb::arg("t"), nb::arg("y"),
            "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
+      .def("rate", rate, nb::arg("t"), nb::arg("y"),
+           "Return dy/dt (length,) of raw coordinates and lam (ng,) from the hidden constraint, or None.")
       .def("derivatives", derivatives, nb::arg("t"), nb::arg("y"),
            "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be found.")
       .def("sample", sample, nb::arg("samplers"), "Say which controllers look at the mechanism at instants.")

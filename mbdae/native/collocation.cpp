@@ -88,9 +88,20 @@ std::vector<std::shared_ptr<const StageSolver>> CollocationStep::factorize(
   std::vector<std::shared_ptr<const StageSolver>> out;
   for (const Mode& mode : a.modes) {
     s_.counts.factorizations += 1;
-    out.push_back(solver(slopes, nv_, h * mode.value));
+    out.push_back(stage_solver(slopes, h * mode.value));
   }
   return out;
+}
+
+std::vector<int> CollocationStep::unknowns() const { return s_.rows.in_use(); }
+
+std::shared_ptr<const StageSolver> CollocationStep::stage_solver(const std::shared_ptr<const LinearizedStages>& slopes,
+                                                                 Complex mu) const {
+  return solver(slopes, nv_, mu);
+}
+
+void CollocationStep::all_multipliers(double, const double*, double* out) {
+  s_.saddle.all_multipliers(lam_.data(), out);
 }
 
 bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory& m) {
@@ -149,11 +160,13 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     if (!s_.point.near(y)) s_.point.evaluate(y, true);
     rows.choose_with_reason(s_.point.Z.data());
   }
-  const int r = static_cast<int>(rows.in_use().size());
+  open(y);
+  auto m = std::make_shared<StageMemory>();
+  m->unknowns = unknowns();
+  const int r = static_cast<int>(m->unknowns.size()), used = static_cast<int>(rows.in_use().size());
   s_.size(y, size_.data());
   const RowsIn A(a.A.data(), s, s);
-  auto m = std::make_shared<StageMemory>();
-  m->unknowns = rows.in_use(), m->h = h, m->K.resize(static_cast<size_t>(s) * ny_), m->Z.resize(s * r);
+  m->h = h, m->K.resize(static_cast<size_t>(s) * ny_), m->Z.resize(s * r);
   RowsOut K(m->K.data(), s, ny_), Z(m->Z.data(), s, r);
   Vector<double> F(ny_), middle = Vector<double>::Zero(ny_);
   const StageMemory* before = in.memory.get();
@@ -171,7 +184,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     s_.derivative(t, y, F.data(), lam.data());
     for (int i = 0; i < s; ++i) {
       K.row(i) = F.transpose();
-      for (int j = 0; j < r; ++j) Z(i, j) = s_.multipliers()[m->unknowns[j]];
+      for (int j = 0; j < used; ++j) Z(i, j) = s_.multipliers()[m->unknowns[j]];
     }
   }
   bool found = false;
@@ -204,19 +217,19 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   }
   s_.point.evaluate(out.y.data(), true);
   Vector<double> R(ny_), C(r);
-  residual(t + h, x.data(), K3.row(s - 1).data(), Z3.row(s - 1).data(), R.data(), C.data());
+  CollocationStep::residual(t + h, x.data(), K3.row(s - 1).data(), Z3.row(s - 1).data(), R.data(), C.data());
   std::fill(lam_.begin(), lam_.end(), 0.0);
-  for (int i = 0; i < r; ++i) lam_[m->unknowns[i]] = Z3(s - 1, i);
-  if (r) {
+  for (int i = 0; i < used; ++i) lam_[m->unknowns[i]] = Z3(s - 1, i);
+  if (used) {
     s_.saddle.symmetric();
     s_.saddle.balance(R.data() + nv_, lam_.data());
   }
-  s_.saddle.all_multipliers(lam_.data(), z);
+  all_multipliers(t + h, Z3.row(s - 1).data(), z);
   errors.clear();
   if (controlled) {
     std::shared_ptr<const StageSolver> filtered;
     if (a.real < 0)
-      s_.counts.factorizations += 1, filtered = solver(m->slopes, nv_, h * a.gamma);
+      s_.counts.factorizations += 1, filtered = stage_solver(m->slopes, h * a.gamma);
     else
       filtered = m->solvers[a.real];
     const RowsIn M(m->slopes->slopes.M.data(), nv_, nv_), start(a.start.data(), a.errors, s);
@@ -229,7 +242,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
       for (int k = 0; k < ny_; ++k) errors.push_back(e[k].real());
     }
   }
-  if (!finite(out.y.data(), s_.length) || !finite(z, s_.ng)) throw Trouble();
+  if (!finite(out.y.data(), s_.length) || !finite(z, s_.nz)) throw Trouble();
 }
 
 }  // namespace mbdae

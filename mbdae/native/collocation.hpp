@@ -39,7 +39,7 @@ struct LinearizedStages {
 struct StageMemory {
   std::vector<int> unknowns;
   double h = 0, rate = 0;
-  Numbers K, Z;  // (s, ny), (s, r) by rows
+  Numbers K, Z;  // (s, ny), (s, m) by rows
   std::shared_ptr<const LinearizedStages> slopes;
   std::vector<std::shared_ptr<const StageSolver>> solvers;
 };
@@ -47,16 +47,23 @@ struct StageMemory {
 class CollocationStep {
  public:
   explicit CollocationStep(Index2System& system);
-  ~CollocationStep();
+  virtual ~CollocationStep();
 
   // From t to t + h: the state, lam of the method (ng,), and under control error estimates (errors, ny).
   void take(const Radau& a, bool controlled, double t, double h, const State& in, State& out, double* z,
             Numbers& errors);
 
- private:
-  // R (ny,) and C (r,) of a stage at x (ny,) with x' and z (r,).
-  void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C);
-  std::shared_ptr<const LinearizedStages> linearize(double t, const double* x, const double* dx, const double* z);
+ protected:
+  // R (ny,) and C (m,) of a stage at x (ny,) with x' and z (m,): lam of the rows in use, and what a formulation adds.
+  virtual void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C);
+  virtual std::shared_ptr<const StageSolver> stage_solver(const std::shared_ptr<const LinearizedStages>& slopes,
+                                                          std::complex<double> mu) const;
+  virtual std::vector<int> unknowns() const;  // rows of z, (m,): those in use first
+  virtual void open(const double*) {}         // a step begins at y (length,)
+  virtual void all_multipliers(double t, const double* z, double* out);  // (nz,) where a step ends; lam_ stands
+
+  virtual std::shared_ptr<const LinearizedStages> linearize(double t, const double* x, const double* dx,
+                                                            const double* z);
   std::vector<std::shared_ptr<const StageSolver>> factorize(const Radau& a,
                                                             const std::shared_ptr<const LinearizedStages>& slopes,
                                                             double h);

@@ -7,16 +7,19 @@
 
 namespace mbdae {
 
-IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Limits& limits)
+IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Limits& limits,
+                                 bool positions)
     : limits_(limits),
       nv_(nv),
       place_(std::move(place)),
       neighbours_(constraints.rows.size()),
+      left_out_(constraints.rows.size()),
       position_(constraints.rows.size(), -1) {
   std::vector<std::vector<int>> users(nv);
   for (int k : constraints.all)
     for (int c : constraints.rows[k].columns) users[c].push_back(k);
   for (int k : constraints.all) {
+    left_out_[k] = positions && !constraints.rows[k].positional;
     std::set<int> near;
     for (int c : constraints.rows[k].columns) near.insert(users[c].begin(), users[c].end());
     neighbours_[k].assign(near.begin(), near.end());
@@ -42,7 +45,7 @@ void IndependentRows::set(std::vector<int> rows) {
       if (position_[l] >= 0) half_bandwidth_ = std::max(half_bandwidth_, std::abs(i - position_[l]));
   others_.clear();
   for (size_t k = 0; k < position_.size(); ++k)
-    if (position_[k] < 0) others_.push_back(static_cast<int>(k));
+    if (position_[k] < 0 && !left_out_[k]) others_.push_back(static_cast<int>(k));
 }
 
 bool IndependentRows::choose(const double* Z) {

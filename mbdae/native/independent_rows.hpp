@@ -11,7 +11,9 @@ namespace mbdae {
 
 class IndependentRows {
  public:
-  IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Limits& limits);
+  // Of all rows; or of those alone that have a g.
+  IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Limits& limits,
+                  bool positions = false);
 
   int rank = -1;           // -1: not known yet
   double floor = 0;        // of the ratio of pivots: below, the rank has fallen
@@ -42,6 +44,7 @@ class IndependentRows {
   const int nv_;
   const std::vector<int> place_;               // (ng,) of each row in the order of elimination
   std::vector<std::vector<int>> neighbours_;   // (ng,)
+  std::vector<bool> left_out_;                 // (ng,)
   std::vector<int> rows_, others_, position_;  // (r,), (ng - r,), (ng,)
   int half_bandwidth_ = 0;
   long version_ = 0;

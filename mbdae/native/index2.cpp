@@ -14,14 +14,18 @@ Index2System::Index2System(const void* model, const Limits& limits, Description 
       rows(constraints, std::move(d.place), mechanics.nv, mechanics.limits),
       point(mechanics, constraints, counts),
       saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),
+      formulation(d.formulation),
       nq(mechanics.nq),
       nv(mechanics.nv),
       ng(static_cast<int>(constraints.rows.size())),
       ns(d.ns),
+      nz(formulation == Formulation::ggl ? 2 * ng : ng),
       ny(2 * nv + ns + 1),
       length(nq + nv + ns + 1),
       laws_(std::move(d.laws)),
       probe_(std::move(d.probe)),
+      alpha_(d.alpha),
+      beta_(d.beta),
       conservative_(nv),
       other_(nv),
       f_(nv),
@@ -62,16 +66,9 @@ void Index2System::forces(double t, const double* q, const double* v, const doub
   if (!finite(f, nv)) throw Trouble();
 }
 
-void Index2System::derivative(double t, const double* y, double* F, double* z) {
-  const double *q = y, *v = y + nq;
-  if (point.exactly(q)) {
-    mechanics.inertia(q);  // poses and J
-    counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;
-  } else {
-    point.evaluate(q, true);
-  }
-  double* rates = F + 2 * nv;
-  forces(t, q, v, v + nv, f_.data(), rates);
+void Index2System::accelerate(double t, const double* q, const double* v, const double* s, double* vdot,
+                              double* rates) {
+  forces(t, q, v, s, vdot, rates);
   if (ng) {
     if (!rows.held) rows.choose_with_reason(point.Z.data());
     mechanics.motions(q, v);
@@ -81,11 +78,34 @@ void Index2System::derivative(double t, const double* y, double* F, double* z) {
     for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.speed(t, gt_.data());
+    if (alpha_ != 0 || beta_ != 0) {
+      gap_ = point.g;
+      constraints.gaps(t, gap_.data()), residual_rate(t, v, rate_.data());
+      for (int k : rows.in_use()) lam_[k] -= 2 * alpha_ * rate_[k] + beta_ * beta_ * gap_[k];
+    }
   }
-  saddle.solve(point.Z, lam_.data(), f_.data());
+  saddle.factorize(point.Z);
+  saddle.solve(point.Z, lam_.data(), vdot);
   for (int k : rows.in_use()) rates[ns] -= lam_[k] * gt_[k];
-  std::copy(v, v + nv, F), std::copy(f_.begin(), f_.end(), F + nv);
+}
+
+void Index2System::derivative(double t, const double* y, double* F, double* z) {
+  const double *q = y, *v = y + nq;
+  if (point.exactly(q)) {
+    mechanics.inertia(q);  // poses and J
+    counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;
+  } else {
+    point.evaluate(q, true);
+  }
+  std::copy(v, v + nv, F);
+  accelerate(t, q, v, v + nv, F + nv, F + 2 * nv);
   saddle.all_multipliers(lam_.data(), z);
+}
+
+Numbers Index2System::carry(const Numbers& F) const {
+  Numbers out(carried(), 0.0);
+  std::copy(F.begin() + nv, F.end(), out.end() - (ny - nv));
+  return out;
 }
 
 void Index2System::residual_rate(double t, const double* v, double* rate) const {
@@ -102,7 +122,7 @@ bool Index2System::settle(double t, State& s) {
   if (!point.near(q)) point.evaluate(q, true);
   const bool changed = rows.choose_with_reason(point.Z.data());
   residual_rate(t, v, rate_.data());
-  if (changed) {
+  if (changed && formulation != Formulation::index1) {
     saddle.symmetric();
     saddle.normal(rate_.data(), f_.data());
     for (int i = 0; i < nv; ++i) v[i] -= f_[i];
@@ -110,7 +130,7 @@ bool Index2System::settle(double t, State& s) {
     if (!s.carry.empty()) {
       Numbers F(ny), z(ng);
       derivative(t, s.y.data(), F.data(), z.data());
-      s.carry.assign(F.begin() + nv, F.end());
+      s.carry = carry(F);
     }
     residual_rate(t, v, rate_.data());
   }

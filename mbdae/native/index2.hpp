@@ -31,8 +31,14 @@ struct Slopes {
   Numbers g_t;            // (r,)
 };
 
+// Which equations are stepped: G v + g_t = 0 kept; g = 0 too, by a second multiplier; or neither, accelerations known
+// (mbdae/mechanism/formulations/).
+enum class Formulation { index2, ggl, index1 };
+
 // What Python says of a mechanism.
 struct Description {
+  Formulation formulation = Formulation::index2;
+  double alpha = 0, beta = 0;  // 1/s, of Baumgarte's stabilisation
   bool flat = false;
   std::vector<Row> rows;
   std::vector<std::pair<Anchor, Anchor>> pairs, law_pairs;
@@ -57,10 +63,13 @@ class Index2System {
   IndependentRows rows;
   Point point;
   SaddleSystem saddle;
-  const int nq, nv, ng, ns;
+  const Formulation formulation;
+  const int nq, nv, ng, ns, nz;    // nz: multipliers of a method, lam and mu
   const int ny, length;            // of the tangent (x, v, s, w), and of y
   double largest_g = 0, largest_rate = 0;  // |g|, and |G v + g_t| / (1 + |v|), over all rows at the ends of steps
 
+  int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // numbers, from step to step
+  Numbers carry(const Numbers& F) const;  // what a method with an explicit first stage keeps of y' (ny,) at a point
   bool driven() const { return !constraints.drivers.empty(); }
   int measured() const { return driven() ? ny : ny - 1; }  // components under error control
   // Where `saddle.symmetric` was called: do rows that are not in use still depend on the others? Else a reason to look.
@@ -73,8 +82,12 @@ class Index2System {
   void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
   // Slopes at a point with v' (nv,) and lam (ng,) by row; the tree is expanded.
   void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out);
+  // v' (nv,) and the rates from the hidden constraint, where `point` stands at q; `multipliers` are found.
+  void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates);
   // y' (ny,) and lam (ng,) from the hidden constraint.
   void derivative(double t, const double* y, double* F, double* z);
+  // The same of raw coordinates, which are normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
+  void rate(double t, const double* y, double* dy, double* z);
   // Between two steps: which rows serve, and how far all of them are kept. True where others are taken; v is brought
   // onto them then, and the carried derivative is found anew.
   bool settle(double t, State& s);
@@ -97,6 +110,7 @@ class Index2System {
   std::vector<Pair> law_pairs_;
   std::vector<Law> laws_;
   const Numbers probe_;               // (nv,)
+  const double alpha_, beta_;         // 1/s
   Numbers conservative_, other_, f_, f_bias_;  // (nv,)
   Numbers lam_, gt_, gap_, rate_;     // (ng,)
   Numbers law_slopes_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice

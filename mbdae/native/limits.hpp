@@ -16,6 +16,7 @@ struct Limits {
   double same_point;      // of 1 + |q|: points so near are one
   double smallest_pivot;  // of the largest: below, a system is singular
   // closures/independent_rows.py
+  double independent;                // of pivots: above, rows are
   double worst_conditioning, grown;  // of pivots, as the rows in use have them and others
   int many;                          // rows: beyond, all of them are looked at where there is reason to
   double reason, probed;
@@ -24,6 +25,9 @@ struct Limits {
   // formulations/projection.py
   double truncation, rounding, falling, open, stalled;
   int iterations;
+  // formulations/ggl.py
+  int meeting;             // iterations
+  double met, halted, gaping;  // of 1 + |q|, of 1 + |q|, m or rad
 };
 
 }  // namespace mbdae

@@ -39,6 +39,18 @@ int ad(const Block& b, const double* p, double* X) {
 
 }  // namespace
 
+// y = x + sum (-1)^k/(k + 1)! X^k x: the right Jacobian of exp.
+static void right_jacobian(const Limits& limits, int n, const double* X, const double* x, double* y) {
+  double term[6], next[6];
+  std::copy(x, x + n, term), std::copy(x, x + n, y);
+  const double size = largest(x, n);
+  for (size_t k = 1; k < 2 * limits.series.size(); ++k) {
+    times(n, X, term, next);
+    for (int i = 0; i < n; ++i) term[i] = -next[i] / (k + 1), y[i] += term[i];
+    if (largest(term, n) <= limits.series_end * size) break;
+  }
+}
+
 void inverse_jacobian(const Limits& limits, int n, const double* X, const double* x, double* y) {
   double term[6], next[6];
   times(n, X, x, next);
@@ -102,6 +114,33 @@ void Manifold::tangent(const double* x, double* dx) const {
     const int n = ad(b, x + b.at, X);
     inverse_jacobian(m_.limits, n, X, dx + b.at, out);
     std::copy(out, out + n, dx + b.at);
+  }
+}
+
+void Manifold::velocity(const double* x, double* v) const {
+  for (const Block& b : blocks_) {
+    double X[36], out[6];
+    const int n = ad(b, x + b.at, X);
+    right_jacobian(m_.limits, n, X, v + b.at, out);
+    std::copy(out, out + n, v + b.at);
+  }
+}
+
+void Manifold::transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const {
+  out.resize(blocks_.size());
+  for (size_t i = 0; i < blocks_.size(); ++i) {
+    const Block& b = blocks_[i];
+    TangentBlock& t = out[i];
+    double from[36], X[36], middle[6], column[6];
+    t.at = b.at, t.n = ad(b, x + b.at, from);
+    ad(b, to + b.at, X);
+    for (int k = 0; k < t.n; ++k) {
+      double e[6] = {0, 0, 0, 0, 0, 0};
+      e[k] = 1;
+      inverse_jacobian(m_.limits, t.n, from, e, middle);
+      right_jacobian(m_.limits, t.n, X, middle, column);
+      for (int j = 0; j < t.n; ++j) t.J[j * t.n + k] = column[j];
+    }
   }
 }
 

@@ -25,12 +25,15 @@ class Manifold {
   Manifold(Mechanics& m, bool flat, std::vector<Block> blocks, std::vector<int> turning);
 
   const bool flat;  // a vector space
+  bool curved() const { return !blocks_.empty(); }  // is J(x) other than 1?
 
   void integrate(const double* q, const double* x, double* out) const;     // q (+) x, (nq,)
   void difference(const double* q0, const double* q1, double* out) const;  // q1 (-) q0, (nv,)
   void size(const double* q, double* out) const;                           // magnitudes in the tangent, (nv,)
   void within(const double* x) const;               // Trouble where a joint turns too far in one step
   void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v
+  void velocity(const double* x, double* v) const;  // v: x' (nv,) becomes J(x)^-1 x'
+  void transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const;  // J(to)^-1 J(x), in J
   // J(x), and d(J(x) v)/dx where J may differ from 1: (n, n) by rows for each block.
   void slopes(const double* x, const double* v, std::vector<TangentBlock>& out) const;
 

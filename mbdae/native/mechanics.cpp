@@ -154,6 +154,19 @@ double Mechanics::bare(const double* q, const double* v, int r, const double* G_
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / repetitions;
 }
 
+void Mechanics::normalize(double* q) {
+  w->q = In(q, nq);
+  pinocchio::normalize(w->model, w->q);
+  Out(q, nq) = w->q;
+}
+
+void Mechanics::tangent_map(const double* q, const double* v, double* dq) {
+  Eigen::MatrixXd T = Eigen::MatrixXd::Zero(nq, nv);
+  w->q = In(q, nq);
+  pinocchio::tangentMap(w->model, w->q, T, pinocchio::SETTO);
+  Out(dq, nq).noalias() = T * In(v, nv);
+}
+
 void Mechanics::neutral(double* q) { Out(q, nq) = pinocchio::neutral(w->model); }
 
 double Mechanics::potential() const {

@@ -37,6 +37,8 @@ class Mechanics {
   void integrate(const double* q, const double* x, double* out);  // q (+) x
   void difference(const double* q0, const double* q1, double* out);
   void neutral(double* q);
+  void normalize(double* q);
+  void tangent_map(const double* q, const double* v, double* dq);  // dq/dt of raw coordinates
 
   // Seconds of one crba, nle, Cholesky factorization of M and solve of the saddle-point system with G (r, nv) by rows,
   // all with the routines of Pinocchio and Eigen: what a stage cannot do without.

@@ -73,7 +73,7 @@ void Point::back(double* x) const {
   }
 }
 
-void Point::scale(int row) {
+void Point::scale(int row, const Numbers& G, Numbers& Z) const {
   const size_t at = static_cast<size_t>(row) * m_.nv;
   const std::vector<int>& columns = constraints_.rows[row].columns;
   for (int c : columns) Z[at + c] = G[at + c];

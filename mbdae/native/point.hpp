@@ -17,7 +17,8 @@ class Point {
 
   void inertia(const double* q);                                // M and its factors; G and Z do not stand then
   void evaluate(const double* q, bool counted);                 // all of it, over all rows
-  void scale(int row);                                          // Z of a row, from G
+  void scale(int row) { scale(row, G, Z); }                     // Z of a row, from G
+  void scale(int row, const Numbers& G, Numbers& Z) const;      // the same of other rows (ng, nv)
   void half(double* x) const;                                   // x := D^-1/2 U^-1 x
   void half(double* x, const std::vector<int>& columns) const;  // the same where x is zero elsewhere
   void back(double* x) const;                                   // x := U^-T D^-1/2 x

@@ -8,22 +8,24 @@
 #include <thread>
 
 #include "bindings.hpp"
+#include "formulations.hpp"
 #include "model.hpp"
 
 namespace mbdae {
 
 struct Core {
   Core(const void* model, const Limits& limits, Description d)
-      : system(model, limits, std::move(d)), step(system), stages(system) {}
+      : system(model, limits, std::move(d)), step(half_explicit_step(system)), stages(collocation_step(system)) {}
   Index2System system;
-  HalfExplicitStep step;
-  CollocationStep stages;
+  std::unique_ptr<HalfExplicitStep> step;
+  std::unique_ptr<CollocationStep> stages;
 };
 
 struct PyCore {
   PyCore(nb::handle model_, const Limits& limits, bool flat, const nb::list& pair_list, const nb::list& row_list,
          const nb::list& driver_list, const nb::list& law_pair_list, const nb::list& law_list, int ns,
-         const nb::list& block_list, std::vector<int> turning, std::vector<int> place, std::vector<double> probe)
+         const nb::list& block_list, std::vector<int> turning, std::vector<int> place, std::vector<double> probe,
+         const std::string& formulation, double alpha, double beta)
       : model(nb::borrow(model_)), callbacks(new Callbacks) {
     const void* m = model_pointer(model_.ptr());
     const auto size = model_sizes(m);
@@ -32,6 +34,10 @@ struct PyCore {
       refuse("sizes do not fit the model");
     if (flat && n.nq != n.nv) refuse("a flat manifold has nq = nv");
     Description out;
+    static const std::map<std::string, Formulation> formulations = {
+        {"index2", Formulation::index2}, {"ggl", Formulation::ggl}, {"index1", Formulation::index1}};
+    out.formulation = kind(formulations, formulation), out.alpha = alpha, out.beta = beta;
+    if (!std::isfinite(alpha) || !std::isfinite(beta)) refuse("alpha and beta are finite");
     out.flat = flat, out.ns = ns, out.turning = std::move(turning), out.probe = std::move(probe);
     std::vector<int> places(place);
     std::sort(places.begin(), places.end());
@@ -67,7 +73,7 @@ struct PyCore {
     const Index2System& x = core->system;
     if (static_cast<int>(s.y.size()) != x.length) refuse("y has the wrong length");
     if (!t && !x.mechanics.expanded()) refuse("implicit methods need the expanded tree");
-    if (t && t->first && static_cast<int>(s.carry.size()) != x.ny - x.nv)
+    if (t && t->first && static_cast<int>(s.carry.size()) != x.carried())
       refuse("the method needs a carried derivative");
     if (!s.low.empty() && static_cast<int>(s.low.size()) != x.ny) refuse("low has the wrong length");
   }

@@ -33,15 +33,19 @@ void SaddleSystem::assemble(const Numbers& Zhat) {
   }
 }
 
+void SaddleSystem::factorize(const Numbers& Zhat) {
+  if (rows_.in_use().empty()) return;
+  assemble(Zhat);
+  const bool regular = lu_.factorize();
+  if (!regular || !(lu_.ratio() > limits_.smallest_pivot)) throw Trouble();
+}
+
 void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
   counts_.solves += 1;
   point_.half(f);
   if (!rows_.in_use().empty()) {
     counts_.factorizations += 1;
-    assemble(Zhat);
-    const bool regular = lu_.factorize();
     rows_.met(lu_.ratio());
-    if (!regular || !(lu_.ratio() > limits_.smallest_pivot)) throw Trouble();
     const std::vector<int>& position = rows_.position();
     for (int k : rows_.in_use()) {
       double s = rhs[k];
@@ -59,18 +63,17 @@ void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
   if (!finite(f, nv_)) throw Trouble();
 }
 
-void SaddleSystem::symmetric() {
-  assemble(point_.Z);
-  if (!lu_.factorize() || !(lu_.ratio() > limits_.smallest_pivot)) throw Trouble();
-}
+void SaddleSystem::symmetric() { factorize(point_.Z); }
 
-void SaddleSystem::normal(const double* by_row, double* out) {
+void SaddleSystem::normal(const double* by_row, double* out, double* multipliers) {
   const std::vector<int>& position = rows_.position();
   for (int k : rows_.in_use()) x_[position[k]] = by_row[k];
   lu_.solve(x_.data());
   std::fill(out, out + nv_, 0.0);
   for (int k : rows_.in_use())
     for (int c : constraints_.rows[k].columns) out[c] += point_.Z[static_cast<size_t>(k) * nv_ + c] * x_[position[k]];
+  if (multipliers)
+    for (int k : rows_.in_use()) multipliers[k] = x_[position[k]];
   point_.back(out);
 }
 

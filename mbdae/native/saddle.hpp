@@ -13,11 +13,13 @@ class SaddleSystem {
   SaddleSystem(const Point& point, const Constraints& constraints, IndependentRows& rows, const Limits& limits,
                Counts& counts, int nv);
 
-  // rhs (ng,) by row becomes lam, f (nv,) becomes v'.
+  void factorize(const Numbers& Zhat);  // S
+  // Where `factorize` was called last: rhs (ng,) by row becomes lam, f (nv,) becomes v'.
   void solve(const Numbers& Zhat, double* rhs, double* f);
   void symmetric();  // factorize G M^-1 G^T where Z stands
+  // M^-1 G^T S^-1 times a vector (ng,) by row, (nv,); and, where asked for, S^-1 times it, (ng,) by row.
+  void normal(const double* by_row, double* out, double* multipliers = nullptr);
   // Where `symmetric` was called last:
-  void normal(const double* by_row, double* out);  // M^-1 G^T (G M^-1 G^T)^-1 times a vector (ng,) by row, (nv,)
   bool others_depend(const Numbers& probe);        // do the rows that are not in use? Seen on one vector (nv,)
   // lam (ng,) by row of the rows in use, so that M^-1/2 (left + G^T dlam) is least; left (nv,) is lost.
   void balance(double* left, double* lam);

@@ -43,35 +43,56 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   point.inertia(q_.data());
   s_.counts.M += 1, s_.counts.factorizations += 1;
   const std::vector<int>& which = last && !s_.rows.others().empty() ? constraints.all : rows;
-  if (s_.ng) s_.counts.G += 2;
+  if (s_.ng) s_.counts.G += 1;
   constraints.value(m, q_.data(), which, point.G.data(), point.g.data());
   double* rates = F + 2 * nv_;
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates);
+  for (int k : which) point.scale(k);
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
   if (!rows.empty()) {
-    for (int i = 0; i < nv_; ++i) dx_[i] = xhat_[i] + factor * F[i];
-    s_.manifold.integrate(q0_.data(), dx_.data(), q_met_.data());
-    m.poses(q_met_.data());
-    constraints.value(m, q_met_.data(), rows, Ghat_.data());
     constraints.speed(that, gt_met_.data()), constraints.speed(t, gt_.data());
-    for (int k : which) point.scale(k);
+    meet(that, factor, F);
     for (int k : rows) {
-      const size_t at = static_cast<size_t>(k) * nv_;
-      const std::vector<int>& columns = constraints.rows[k].columns;
       double rate = gt_met_[k];
-      for (int c : columns) {
-        Zhat_[at + c] = Ghat_[at + c];
-        rate += Ghat_[at + c] * (v0_[c] + xhat_[nv_ + c]);
-      }
-      point.half(&Zhat_[at], columns);
+      for (int c : constraints.rows[k].columns)
+        rate += Ghat_[static_cast<size_t>(k) * nv_ + c] * (v0_[c] + xhat_[nv_ + c]);
       lam_[k] = -rate / factor;
     }
+  } else if (s_.ng) {
+    s_.counts.G += 1;
   }
   s_.saddle.solve(Zhat_, lam_.data(), f_.data());
   for (int k : rows) rates[ns_] -= lam_[k] * gt_[k];
   std::copy(f_.begin(), f_.end(), F + nv_);
   if (last) point.stand(q_.data());
+}
+
+void HalfExplicitStep::begin(const Numbers& carry, double* F) const {
+  std::copy(v0_.begin(), v0_.end(), F), std::copy(carry.begin(), carry.end(), F + nv_);
+}
+
+void HalfExplicitStep::finish(const double* F, Numbers& carry) const { carry.assign(F + nv_, F + ny_); }
+
+void HalfExplicitStep::all_multipliers(double* z) { s_.saddle.all_multipliers(lam_.data(), z); }
+
+void HalfExplicitStep::place(const double* dx, double factor) {
+  for (int i = 0; i < nv_; ++i) dx_[i] = xhat_[i] + factor * dx[i];
+  s_.manifold.integrate(q0_.data(), dx_.data(), q_met_.data());
+  s_.mechanics.poses(q_met_.data());
+  s_.counts.G += 1;
+}
+
+void HalfExplicitStep::meet(double, double factor, double* dx) {
+  place(dx, factor);
+  meet_velocities();
+}
+
+void HalfExplicitStep::meet_velocities() {
+  const std::vector<int>& rows = s_.rows.in_use();
+  s_.constraints.value(s_.mechanics, q_met_.data(), rows, Ghat_.data());
+  for (int k : rows) s_.point.scale(k, Ghat_, Zhat_);
+  s_.saddle.factorize(Zhat_);
 }
 
 void HalfExplicitStep::combine(const double* weights, int count, double h, Numbers& to) const {
@@ -109,9 +130,10 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
     if (!s_.point.near(y)) s_.point.evaluate(y, true);
     rows.choose_with_reason(s_.point.Z.data());
   }
+  open(y);
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
   double* F = F_.data();
-  if (a.first) std::copy(v0_.begin(), v0_.end(), F), std::copy(in.carry.begin(), in.carry.end(), F + nv_);
+  if (a.first) begin(in.carry, F);
   for (int i = a.first; i < n; ++i) {
     combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
     stage(t + a.c[i] * h, t + a.chat[i] * h, h * a.Ahat[i * n + i], F + static_cast<size_t>(i) * stride, i == n - 1);
@@ -127,7 +149,7 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
     out.low[k] = x_[k] - (out.y[i] - y[i]);
   }
   const double* end = F + static_cast<size_t>(n - 1) * stride;
-  if (a.first) out.carry.assign(end + nv_, end + ny_);
+  if (a.first) finish(end, out.carry);
   const bool projected = a.project && !rows.in_use().empty();
   if (projected || rows.dependent()) s_.saddle.symmetric();
   errors.resize(static_cast<size_t>(a.errors) * ny_);
@@ -137,7 +159,7 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
     std::copy_n(xhat_.data(), ny_, e);
     if (projected) project(e);
   }
-  s_.saddle.all_multipliers(lam_.data(), z);
+  all_multipliers(z);
   s_.probe();
 }
 

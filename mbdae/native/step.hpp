@@ -18,16 +18,26 @@ struct Tableau {
 class HalfExplicitStep {
  public:
   explicit HalfExplicitStep(Index2System& system);
+  virtual ~HalfExplicitStep() = default;
 
-  // From t to t + h: the state, lam of the method (ng,), and error estimates (errors, ny).
+  // From t to t + h: the state, multipliers of the method (nz,), and error estimates (errors, ny).
   void take(const Tableau& a, double t, double h, const State& in, State& out, double* z, Numbers& errors);
   // The same with an error estimate for all methods: of two half steps where there is no embedded formula.
   void controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z, Numbers& errors);
 
- private:
-  void stage(double t, double that, double factor, double* F, bool last);      // at x_, met at xhat_; lam_ is found
+ protected:
+  virtual void open(const double*) {}                               // a step begins at y (length,)
+  virtual void begin(const Numbers& carry, double* F) const;        // slopes of an explicit first stage
+  virtual void finish(const double* F, Numbers& carry) const;       // what the next step carries of the last stage
+  virtual void stage(double t, double that, double factor, double* F, bool last);  // at x_, met at xhat_; lam_ is found
+  // x' (nv,), where J v stands, of a stage; G and Z of the rows in use where it meets the constraint, S factorized.
+  virtual void meet(double that, double factor, double* dx);
+  virtual void project(double* e);                  // an error (ny,), in the mass metric, on what the method keeps
+  virtual void all_multipliers(double* z);          // (nz,) of the last stage
+
+  void place(const double* dx, double factor);  // q_met_ and poses there: q_n (+) (xhat + factor x')
+  void meet_velocities();                       // what `meet` leaves, where the poses stand
   void combine(const double* weights, int count, double h, Numbers& x) const;  // x = h sum of weights times slopes
-  void project(double* e);  // the velocity part of an error (ny,), in the mass metric, on G v = 0
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;

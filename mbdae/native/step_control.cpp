@@ -33,7 +33,8 @@ double StepControl::error_norm(const double* e, int errors, int ny, int n, const
     norms[i] = std::sqrt(s / n);
   }
   if (errors == 1 || norms[0] == 0) return norms[0];
-  return norms[0] * norms[0] / (norms[0] + companion * norms[1]);
+  const double both = std::pow(norms[0], blend) + companion * std::pow(norms[1], blend);
+  return norms[0] * norms[0] / std::pow(both, 1 / blend);
 }
 
 double StepControl::next_step(double taken, double error) {

@@ -30,7 +30,7 @@ struct StepControl : StepMemory {
   double rtol = 0;
   Numbers atol;                            // (1,) or (measured,)
   double nothing = 0;                      // keeps scales positive where neither tolerance does
-  double companion = 0;                    // weight of the second of two error estimates
+  double companion = 0, blend = 1;         // weight of the second of two error estimates, and how they are blended
   double power = 1;                        // of h in the error estimate
   double exponent = 0, last_exponent = 0;  // of an accepted error, and of the one before
   double safety = 0, smallest_factor = 0, largest_factor = 0;

@@ -9,7 +9,7 @@
 namespace mbdae {
 
 TimeLoop::TimeLoop(Method& method, Index2System& system, Run& run)
-    : method_(method), s_(system), run_(run), size0_(s_.ny), size1_(s_.ny), z_(s_.ng) {}
+    : method_(method), s_(system), run_(run), size0_(s_.ny), size1_(s_.ny), z_(s_.nz) {}
 
 double TimeLoop::error_norm(const double* e, int errors, double noise) const {
   return run_.control.error_norm(e, errors, s_.ny, s_.measured(), size0_.data(), size1_.data(), s_.nv, 2 * s_.nv,
@@ -60,7 +60,7 @@ void TimeLoop::project(double t) {
   if (tolerated) return;
   Numbers F(s_.ny), z(s_.ng);  // what the method carries is found anew
   s_.derivative(t, next_.y.data(), F.data(), z.data());
-  next_.carry.assign(F.begin() + s_.nv, F.end()), next_.memory.reset();
+  next_.carry = s_.carry(F), next_.memory.reset();
 }
 
 void TimeLoop::look(Proposal& p) {
@@ -75,7 +75,9 @@ void TimeLoop::look(Proposal& p) {
     last = theta;
     return next_.y;
   };
-  const auto carried = [](const State& x) { return x.carry.empty() ? nullptr : x.carry.data(); };
+  const auto carried = [&](const State& x) {  // (v', s', w')
+    return x.carry.empty() ? nullptr : x.carry.data() + (s_.carried() - (s_.ny - s_.nv));
+  };
   seen_ = mbdae::look(s_, run_.events, {t, p.t_next, run_.state.y.data(), end.y.data(), carried(run_.state), carried(end)},
                       shorter);
   if (seen_.stop >= 0) {
@@ -103,7 +105,7 @@ bool TimeLoop::cross() {
   Leg leg = run_.leg;
   State& next = next_;
   next = State(), next.y = run_.state.y;
-  Numbers F(s_.ny), z(s_.ng);
+  Numbers F(s_.ny), z(s_.nz);
   const long node = static_cast<long>(run_.steps.t.size());
   try {
     if (!jumps.leg(s_.samplers, t, leg)) return false;
@@ -115,7 +117,7 @@ bool TimeLoop::cross() {
     s_.point.forget();
     return false;
   }
-  next.carry.assign(F.begin() + s_.nv, F.end());
+  next.carry = s_.carry(F);
   std::swap(run_.state, next), run_.leg = leg, run_.jumps.restart = jumps.restart;
   z_ = z;
   push();

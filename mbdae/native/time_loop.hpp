@@ -22,7 +22,7 @@ struct SingularWatch {
 // The nodes that steps, n of them, and jumps led to.
 struct Steps {
   Numbers t, least_pivot_ratio;  // (n,); least_pivot_ratio: smallest ratio of pivots that each of them met
-  Numbers y, z;        // (n, length), (n, ng) by rows
+  Numbers y, z;        // (n, length), (n, nz) by rows
   std::vector<std::pair<long, std::vector<int>>> changes;  // at which of them which rows came into use
   std::vector<long> behind;                                // which of them lie behind a jump: no step led there
 };
@@ -110,7 +110,7 @@ class TimeLoop {
   Look seen_;              // on the step just taken
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
-  Numbers z_;              // (ng,) multipliers of the method
+  Numbers z_;              // (nz,) multipliers of the method
 };
 
 }  // namespace mbdae

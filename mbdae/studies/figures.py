@@ -59,7 +59,8 @@ LOOKS = {  # a hue for a family, a shade and a marker for a method
     "radau1": ("#bcbddc", "1"), "radau3": ("#9e9ac8", "2"), "radau5": ("#6a51a3", "*"), "radau7": ("#54278f", "P"),
     "radau9": ("#3f007d", "X"),
     "kutta3": ("#c49c94", "+"), "rk4": ("#8c564b", "x"), "rule38": ("#a1887f", "d"),
-    "RK45": ("#969696", "<"), "DOP853": ("#000000", "P"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
+    "dop853": ("#000000", "P"),
+    "RK45": ("#969696", "<"), "DOP853": ("#252525", "p"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
 }  # fmt: skip
 OTHER = ("#17becf", "d")
 NAMES = {"rad": "angles", "m": "positions", "1": "quaternions", "rad/s": "turning rates", "m/s": "speeds"}

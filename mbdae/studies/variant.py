@@ -1,8 +1,8 @@
 """A method in a formulation: what one line of a comparison stands for, and how it is written.
 
 ``pherk5`` keeps closures at velocity level (index 2); ``project:pherk5`` also brings the state back to g = 0, G v = 0
-after each step; ``ggl:radau5`` keeps closures at both levels; ``index1:DOP853`` has accelerations stepped by scipy, and
-``baumgarte=20,20:RK45`` the same with Baumgarte's alpha and beta in 1/s.
+after each step; ``ggl:radau5`` keeps closures at both levels; ``index1:dop853`` has accelerations stepped, by
+``index1:DOP853`` scipy does that, and ``baumgarte=20,20:dop853`` has Baumgarte's alpha and beta in 1/s besides.
 """
 
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from typing import Any
 
 from ..errors import InputError, UnknownNameError, several
 from ..integrate.steppers.scipy_ivp import SCIPY, find
-from ..methods import METHODS
+from ..methods import EXPLICIT, METHODS
 
 FORMULATIONS = ("index2", "project", "ggl", "index1", "baumgarte=ALPHA,BETA")
 
@@ -51,7 +51,7 @@ class Variant:
         if prefix in ("", "index2"):
             return cls(method)
         if prefix == "project":
-            return cls(method, project=True)
+            return cls(method, "index1" if method in EXPLICIT else "index2", project=True)
         if prefix in ("ggl", "index1"):
             return cls(method, prefix)
         if prefix.startswith("baumgarte="):
@@ -87,7 +87,7 @@ def variants(methods: str | Iterable[str | Variant], formulations: str | Iterabl
         if isinstance(m, Variant):
             out.append(m)
         elif not isinstance(m, str):
-            raise UnknownNameError("method", m, (*METHODS, *SCIPY))
+            raise UnknownNameError("method", m, (*METHODS, *EXPLICIT, *SCIPY))
         else:
             out += [Variant.parse(m)] if ":" in m else [Variant.parse(f"{f}:{m}") for f in before]
     if not out:

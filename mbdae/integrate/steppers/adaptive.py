@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError, StepError
-from ...methods.controller import Controller, error_norm
+from ...methods.controller import PI, Control, Controller, error_norm
 from ...system import Array, Step
 from .stepper import PythonStepper, smallest
 
@@ -21,11 +21,19 @@ NOTHING = 1e-100  # keeps the scale of a component positive where neither tolera
 class Adaptive(PythonStepper):
     """Steps under control: the error of q and v per step stays below atol + rtol max(|y_n|, |y_n+1|)."""
 
-    def __init__(self, power: int, rtol: Any, atol: float | Array | None, first: float | None, largest: float) -> None:
+    def __init__(
+        self,
+        power: int,
+        rtol: Any,
+        atol: float | Array | None,
+        first: float | None,
+        largest: float,
+        control: Control = PI,
+    ) -> None:
         if not (isinstance(rtol, Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
             raise InputError(f"rtol = {rtol!r} cannot be met: it must be a finite number, at least {SMALLEST_RTOL:.2g}")
         self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
-        self.controller, self.largest = Controller(power), largest
+        self.controller, self.largest = Controller(power, control), largest
         self.h: Any = first
         self.cap = np.inf  # of the next step, near singular configurations
         self.reason = self._reason = ""  # why a step could not be taken, this one or the one before
@@ -51,7 +59,7 @@ class Adaptive(PythonStepper):
     def error(self, run: "RunState", step: Step) -> float:
         """Return the error norm of a step; it is accepted below 1."""
         scale = self._scale(run, step.state.y) + run.system.noise(step.state.y, run.tableau.noise)[run.system.measured]
-        return error_norm(step.errors[:, run.system.measured], scale)
+        return error_norm(step.errors[:, run.system.measured], scale, run.tableau.blend)
 
     def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
         """Say whether a smaller step is worth a try after one that could not be taken."""

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...methods.controller import COMPANION, LARGEST, SAFETY, SMALLEST, SMALLEST_ERROR, SMALLEST_LAST
+from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
 from ..events import SAME
 from ..jumps import CROWD, MARGIN, Leg
@@ -86,7 +86,8 @@ class NativeStepper(Stepper):
             c.largest, c.nearly, c.spacings = min(inner.largest, inner.cap), NEARLY, SPACINGS
             c.rtol, c.atol, c.nothing, c.companion = float(inner.rtol), inner.atol.ravel().tolist(), NOTHING, COMPANION
             c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
-            c.safety, c.smallest_factor, c.largest_factor = SAFETY, SMALLEST, LARGEST
+            c.safety, c.smallest_factor, c.largest_factor = SAFETY, pi.control.smallest, pi.control.largest
+            c.blend = self.tableau.blend
             c.smallest_error, c.smallest_last = SMALLEST_ERROR, SMALLEST_LAST
         elif isinstance(inner, Fixed):
             g = r.grid

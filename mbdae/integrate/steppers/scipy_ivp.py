@@ -12,7 +12,7 @@ from scipy.integrate import DOP853, LSODA, RK45, OdeSolver, Radau
 
 from ...errors import InputError, StepError
 from ...mechanism.formulations.index1 import Index1System
-from ...methods import METHODS
+from ...methods import EXPLICIT, METHODS
 from ...methods import method as find_method
 from ...system import Array, State, Step, System
 from .adaptive import Adaptive
@@ -57,10 +57,11 @@ def find(formulation: str, method: str) -> Any:
         UnknownNameError: for a method that does not exist.
     """
     if formulation == "index1":
-        if method not in SCIPY:
-            raise InputError(f"formulation 'index1' takes scipy's methods {', '.join(SCIPY)}, got {method!r}")
-        return SCIPY[method]
-    if method in SCIPY:
+        if method not in (*EXPLICIT, *SCIPY):
+            names = f"{', '.join(EXPLICIT)} and scipy's methods {', '.join(SCIPY)}"
+            raise InputError(f"formulation 'index1' takes {names}, got {method!r}")
+        return EXPLICIT.get(method) or SCIPY[method]
+    if method in (*EXPLICIT, *SCIPY):
         raise InputError(
             f"method {method!r} belongs to formulation 'index1'; formulation {formulation!r} takes {', '.join(METHODS)}"
         )
@@ -114,6 +115,7 @@ class Scipy(Adaptive):
         self.baseline: Baseline = baseline
         self.system: Index1System = system
         self.solver: Any = None
+        self.backend = "native" if system.native else "python"
         self._last: tuple[float, Array, Array] | None = None
 
     def _rate(self, t: float, y: Array) -> Array:

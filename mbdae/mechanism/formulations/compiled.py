@@ -1,9 +1,10 @@
-"""The index-2 descriptor form in the compiled core: the same functions as `Index2System`, and whole steps.
+"""The formulations of a mechanism in the compiled core: the same functions as their systems in Python, and whole steps.
 
-The Python `Index2System` is the specification. What the core cannot do at a point (a singular system, a value that is
+The Python system is the specification. What the core cannot do at a point (a singular system, a value that is
 not finite, a force law that raises an error) it leaves to Python, which finds the words for it.
 """
 
+from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,8 @@ from ...system import Array, Counts, State, Step
 from ..closures.independent_rows import probe
 from ..manifold import GROUPS
 from .compiled_parts import constraints_of, laws_of, limits_of, samplers_of
+from .ggl import GGLSystem
+from .index1 import Index1System
 from .index2 import Index2System
 
 if TYPE_CHECKING:
@@ -45,7 +48,8 @@ class Compiled(Index2System):
         self.native = native
         lists = self.place.tolist(), probe(self.nv).tolist()
         tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, *lists
-        self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables)
+        form = self.formulation, *self.baumgarte
+        self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables, *form)
         self.core.sample(samplers_of(self.laws))
         self._seen = [0] * len(COUNTS)
         self._begun = False
@@ -68,7 +72,6 @@ class Compiled(Index2System):
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
         """See `Index2System.derivative`; the first one, which finds the rank, is computed in Python."""
-        self.core.least_pivot_ratio = 1.0
         found = self.core.derivative(t, y) if self._begun else None
         self.after()
         if found is not None:
@@ -82,7 +85,6 @@ class Compiled(Index2System):
         """See `mbdae.system.System`; None where the core cannot take the step."""
         if not self._begun:
             self.derivative(t, state.y)
-        self.core.least_pivot_ratio = 1.0
         a, carry = self.method(method), self.carried(state)
         implicit = (controlled,) if isinstance(a, self.native.Radau) else ()
         found = self.core.step(a, t, h, state.y, carry, state.compensation, *implicit)
@@ -137,6 +139,7 @@ class Compiled(Index2System):
                 setattr(self.counts, name, getattr(self.counts, name) + new - old)
         self._seen = now
         self.least_pivot_ratio = min(self.least_pivot_ratio, self.core.least_pivot_ratio)
+        self.core.least_pivot_ratio = 1.0
         self.largest_g = max(self.largest_g, self.core.largest_g)
         self.largest_rate = max(self.largest_rate, self.core.largest_rate)
 
@@ -172,3 +175,19 @@ class Compiled(Index2System):
         state = super().settle(t, state)
         self.after_python()
         return state
+
+
+class CompiledGGL(GGLSystem, Compiled):
+    """`GGLSystem` in the compiled core."""
+
+
+class CompiledIndex1(Index1System, Compiled):
+    """`Index1System` in the compiled core."""
+
+    def rate(self, t: float, y: Array) -> tuple[Array, Array]:
+        """See `Index1System.rate`; what it counts is taken over by `settle`, behind the step."""
+        found = self.core.rate(t, y) if self._begun else None
+        return super().rate(t, y) if found is None else found
+
+
+COMPILED: dict[str, Callable[..., Compiled]] = {c.formulation: c for c in (Compiled, CompiledGGL, CompiledIndex1)}

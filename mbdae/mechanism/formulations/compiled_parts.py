@@ -10,7 +10,7 @@ from ..closures.constraints import Constraints
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from ..frames import Anchor, Pair
-from . import projection
+from . import ggl, projection
 
 if TYPE_CHECKING:
     from ..._native import Limits
@@ -26,6 +26,7 @@ def limits_of(native: ModuleType) -> "Limits":
         series_end=manifold.SERIES_END,
         same_point=manifold.SAME_POINT,
         smallest_pivot=independent_rows.SMALLEST_PIVOT,
+        independent=independent_rows.RANK_TOLERANCE,
         worst_conditioning=independent_rows.WORST_CONDITIONING,
         grown=independent_rows.GROWN,
         many=independent_rows.MANY,
@@ -39,6 +40,10 @@ def limits_of(native: ModuleType) -> "Limits":
         open=projection.OPEN,
         stalled=projection.STALLED,
         iterations=projection.ITERATIONS,
+        meeting=ggl.ITERATIONS,
+        met=ggl.ROUNDING,
+        halted=ggl.STALLED,
+        gaping=ggl.OPEN,
     )
     return limits
 

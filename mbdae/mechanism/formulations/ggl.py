@@ -6,6 +6,7 @@ G_p are the rows that have a g: those of velocity only have no mu. On the exact 
 Leimkuhler, J. Comput. Appl. Math. 12 (1985); Hairer, Wanner II, (VII.1.51).
 """
 
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,8 +35,10 @@ class GGLSystem(Index2System):
     constant 0 = g on these rows describes the same configurations as on all; the others are watched.
     """
 
-    def __init__(self, mechanism: "Mechanism") -> None:
-        super().__init__(mechanism)
+    formulation = "ggl"
+
+    def __init__(self, mechanism: "Mechanism", **core: ModuleType) -> None:
+        super().__init__(mechanism, **core)
         self.nz = 2 * self.ng
         self.slip = np.zeros(self.nv)  # M^-1 G^T mu at the last stage
         self.positions = np.flatnonzero(mechanism.positional)

@@ -1,11 +1,13 @@
-"""A mechanism as an ordinary differential equation: accelerations solved for, in raw coordinates of q.
+"""A mechanism as an ordinary differential equation: accelerations solved for.
 
-    q' = T(q) v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G v' + gamma + 2 alpha (G v + g_t) + beta^2 g
+    q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G v' + gamma + 2 alpha (G v + g_t) + beta^2 g
 
-T(q) is the tangent map, the derivative of q (+) x at x = 0, (nq, nv). Neither g nor G v + g_t is kept: alpha and beta
+Explicit methods step it in the coordinates of a step, scipy's in raw ones of q: dq/dt = T(q) v with the tangent map T,
+the derivative of q (+) x at x = 0, (nq, nv). Neither g nor G v + g_t is kept: alpha and beta
 in 1/s draw them back to zero (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972)).
 """
 
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,11 +15,11 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array, State
+from .chart import Index2Chart
 from .index2 import Index2System
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
-
 
 
 class Index1System(Index2System):
@@ -26,20 +28,23 @@ class Index1System(Index2System):
     Args:
         mechanism: what moves.
         baumgarte: alpha and beta in 1/s; zeros for none.
+        core: see `mbdae.mechanism.formulations.compiled`.
 
     Raises:
         InputError: for anything else than two numbers that are not negative.
     """
 
-    def __init__(self, mechanism: "Mechanism", baumgarte: tuple[float, float] = (0.0, 0.0)) -> None:
-        super().__init__(mechanism)
+    formulation = "index1"
+
+    def __init__(self, mechanism: "Mechanism", baumgarte: tuple[float, float] = (0.0, 0.0), **core: ModuleType) -> None:
         try:
             pair = np.asarray(baumgarte, float)
         except (TypeError, ValueError):
             pair = np.empty(0)
         if pair.shape != (2,) or not (np.isfinite(pair).all() and (pair >= 0).all()):
             raise InputError(f"baumgarte is a pair (alpha, beta) in 1/s, not negative, got {baumgarte!r}")
-        self.alpha, self.beta = float(pair[0]), float(pair[1])
+        self.baumgarte = self.alpha, self.beta = float(pair[0]), float(pair[1])
+        super().__init__(mechanism, **core)
 
     def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
         """Return gamma + 2 alpha (G v + g_t) + beta^2 g over all rows, (ng,); the kinematics stand at q already."""
@@ -49,6 +54,9 @@ class Index1System(Index2System):
         g, G = self.closures(None, t)
         rate = G @ v - self.constraints.motion(t)[1]
         return gamma + 2 * self.alpha * rate + self.beta**2 * g
+
+    def chart(self, t: float, y: Array) -> "Index1Chart":  # noqa: D102
+        return Index1Chart(self, t, y, super().chart(t, y).rows)
 
     def settle(self, t: float, state: State) -> State:
         """Choose rows; v misses all of them by its drift, and stays as it is."""
@@ -69,3 +77,17 @@ class Index1System(Index2System):
             return F, lam
         dq = pin.tangentMap(self.model, y[: self.nq]) @ F[: self.nv]
         return np.concatenate([dq, F[self.nv :]]), lam
+
+
+class Index1Chart(Index2Chart):
+    """A step in coordinates (x, v, s, w) whose stages meet nothing but the hidden constraint."""
+
+    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+        """Return (x', v', s', w') and lam of all rows, (ng,); ``that``, ``xhat`` and ``factor`` do not matter."""
+        s, nv = self.system, self.system.nv
+        F, lam = s.derivative(t, s.add(self.y, x))
+        return np.concatenate([s.manifold.tangent(x[:nv], F[:nv]), F[nv:]]), lam
+
+    def all_multipliers(self, z: Array) -> Array:
+        """Multipliers of the last stage, at the end of the step: all of them already."""
+        return z

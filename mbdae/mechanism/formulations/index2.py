@@ -27,10 +27,11 @@ if TYPE_CHECKING:
 class Index2System(System):
     """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
 
-    What is recomputed: one mass matrix, one force and two constraint Jacobians per stage, one factorization of M
-    (Cholesky) and of G(Qhat) M^-1 G(Q)^T (LU). Small arrays are written with what costs least in numpy: a.dot(b) half
-    as much as a @ b, x[x.argmin()] a quarter of x.min().
+    Recomputed at a stage: one mass matrix, one force, two constraint Jacobians, factors of M and G(Qhat) M^-1 G(Q)^T.
+    Small arrays are written with what costs least in numpy: a.dot(b) half of a @ b, x[x.argmin()] a quarter of x.min().
     """
+
+    formulation, baumgarte = "index2", (0.0, 0.0)
 
     def __init__(self, mechanism: "Mechanism") -> None:
         self.mechanism, self.model, self.manifold = mechanism, mechanism.model, mechanism.manifold
@@ -40,9 +41,8 @@ class Index2System(System):
         self.laws = mechanism.bind_forces(self.data)
         self.ns = self.laws.ns
         self.ny = 2 * self.nv + self.ns + 1
-        self.driven = bool(mechanism.drivers)
+        self.counts, self.driven = Counts(), bool(mechanism.drivers)
         self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # drivers: their work too
-        self.counts = Counts()
         self.constraints = Constraints(self.model, self.data, mechanism.constraints)
         self.rank: int | None = None
         self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen

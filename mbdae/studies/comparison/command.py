@@ -54,7 +54,7 @@ def compare(
 ) -> None:
     """Compare methods on a model: errors, drift, work and time, and which method is best for an accuracy.
 
-    Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m project:herk5 -m index1:DOP853
+    Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m project:herk5 -m index1:dop853
     -m baumgarte=20,20:RK45. Ctrl-C keeps what is finished; with -o the same command goes on from there.
     """
     from .compare import METHODS

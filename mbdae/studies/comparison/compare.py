@@ -19,7 +19,7 @@ from .motion import Motion, Trial
 
 __all__ = ["compare"]
 
-METHODS = ("pherk5", "pherk6", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:DOP853")
+METHODS = ("pherk5", "pherk6", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:dop853")
 TOLERANCES = tuple(10.0**-k for k in range(3, 11))
 REFERENCE = ("pherk6", "radau9")
 
@@ -60,7 +60,7 @@ def compare(
         q: consistent start configuration (nq,); the model's when left out.
         v: consistent start velocity (nv,); the model's when left out.
         methods: names, alone or with a formulation in front: ``"pherk5"``, ``"project:pherk5"``, ``"ggl:radau5"``,
-            ``"index1:DOP853"``, ``"baumgarte=20,20:RK45"``, see `mbdae.studies.variant`.
+            ``"index1:dop853"``, ``"baumgarte=20,20:dop853"``, see `mbdae.studies.variant`.
         formulations: for the names without one: each of these; ``"index2"`` when left out.
         rtol: relative tolerances, 1e-3 to 1e-10 when left out; atol is 0.01 rtol.
         steps: numbers of fixed steps over the span, instead of tolerances.

@@ -45,7 +45,7 @@ def drift(
 ) -> None:
     """Measure the drift of runs of a model, or of saved solutions: a JSON object, or a list of them for several runs.
 
-    Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m index1:DOP853.
+    Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m index1:dop853.
     """
     writable((plot, PICTURES))
     if limit is not None and not limit > 0:

@@ -29,7 +29,7 @@ from ..variant import Variant, variants
 
 __all__ = ["report"]
 
-METHODS = ("pherk5", "pherk6", "herk5", "radau5", "ggl:pherk5", "index1:DOP853")
+METHODS = ("pherk5", "pherk6", "herk5", "radau5", "ggl:pherk5", "index1:dop853")
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 SHARES = {"runs": 0.1, "orders": 0.35, "comparison": 1.0}  # where each part ends, as a fraction of the work
 Progress = Callable[[float, str], None]

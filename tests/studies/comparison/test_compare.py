@@ -6,6 +6,8 @@ import pytest
 import mbdae
 from mbdae.backend import machine
 from mbdae.errors import InputError, UnknownNameError
+from mbdae.integrate.binding import common
+from mbdae.methods import method
 from mbdae.studies.comparison import bench
 from mbdae.studies.comparison.comparison import Comparison, Point
 from mbdae.studies.comparison.motion import Motion
@@ -29,7 +31,9 @@ def study(four_bar):
 # -- what is compared --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("text", ["pherk5", "project:herk5", "ggl:radau5", "index1:DOP853", "baumgarte=20,5:RK45"])
+@pytest.mark.parametrize(
+    "text", ["pherk5", "project:herk5", "ggl:radau5", "index1:DOP853", "project:dop853", "baumgarte=20,5:RK45"]
+)
 def test_variants_are_written_as_they_are_read(text, four_bar):
     variant = Variant.parse(text)
     assert str(variant) == text
@@ -270,10 +274,12 @@ def test_times_are_taken_in_turn(four_bar, monkeypatch):
 def test_one_back_end_for_all_runs(four_bar):
     """Times compare: a method that the core does not have takes the others to Python."""
     options = {"t_span": (0, 0.2), "rtol": [1e-4], "repeats": 1, "outputs": 2}
-    both = mbdae.compare(four_bar, methods=["pherk5", "ggl:pherk5"], **options)
-    half = mbdae.compare(four_bar, methods=["pherk5", "project:herk5"], **options)
-    assert (both.meta["backend"], half.meta["backend"]) == ("python", "native")
-    assert "all runs: python back end (formulation 'ggl'), " in str(both)
-    assert f"all runs: native back end, {machine()}" in str(half)
-    with pytest.raises(InputError, match="does not have formulation 'ggl'"):
-        mbdae.compare(four_bar, methods=["ggl:pherk5"], backend="native", **options)
+    methods = ["pherk5", "project:herk5", "ggl:pherk5", "ggl:radau3", "index1:dop853", "index1:RK45"]
+    study = mbdae.compare(four_bar, methods=methods, **options)
+    assert study.meta["backend"] == "native"
+    assert f"all runs: native back end, {machine()}" in str(study)
+    large = mbdae.load("n_four_bar", N=51)
+    runs = [(method(name), "index2", None) for name in ("pherk5", "radau3")]
+    assert common(large, runs, "auto") == ("python", "derivatives by more than 100 velocities")
+    with pytest.raises(InputError, match="does not have derivatives by more than 100 velocities"):
+        common(large, runs, "native")

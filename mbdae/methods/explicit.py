@@ -1,0 +1,126 @@
+"""An explicit Runge-Kutta method for ordinary differential equations as data: a baseline for half-explicit ones.
+
+It steps a mechanism's accelerations (formulation index 1), in the coordinates of a step as all methods do.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..system import State, Step, System
+from .controller import Control
+from .exact import exact
+from .step import half_explicit_step
+from .tableau import ButcherArrays, Row, Text
+
+
+@dataclass(frozen=True)
+class ExplicitMethod:
+    """Coefficients of an explicit Runge-Kutta method for y' = F(t, y), under control by two embedded formulas.
+
+        Y_i = y_0 + h sum_{j<i} a_ij F(t_j, Y_j),   y_1 = y_0 + h sum b_i F_i
+
+    A last stage at y_1 is added: it begins the next step, and has the multipliers at y_1. The error estimate is
+
+        err_1^2 / (err_1^2 + 0.01 err_2^2)^(1/2),   of size h^(2 (p_1 + 1) - (p_2 + 1))
+
+    Args:
+        name: what a user types.
+        title: one line for a list of methods.
+        reference: where the coefficients were published.
+        A: rows of the coefficients a_ij as text, lower triangle.
+        b: weights as text.
+        order: claimed order.
+        e_embedded: the embedded formula's weights less b, as text.
+        order_embedded: its order p_1.
+        b_companion: weights of a second embedded formula.
+        order_companion: its order p_2.
+        control: how step sizes change.
+    """
+
+    name: str
+    title: str
+    reference: str
+    A: tuple[Text, ...] = field(repr=False)
+    b: Text = field(repr=False)
+    order: int
+    e_embedded: Text = field(repr=False)
+    order_embedded: int
+    b_companion: Text = field(repr=False)
+    order_companion: int
+    control: Control
+
+    family = "explicit"
+    blend = 2.0
+    noise = 0.0
+    explicit_first = True
+    project_embedded = False
+    rounded = True
+
+    @property
+    def order_linear(self) -> int:
+        """The order on mechanisms: the same."""
+        return self.order
+
+    @property
+    def order_own(self) -> int:
+        """The order of z at y_1, from the hidden constraint: the same."""
+        return self.order
+
+    @property
+    def error_power(self) -> int:
+        """Power of h in the error estimate."""
+        return 2 * (self.order_embedded + 1) - (self.order_companion + 1)
+
+    @property
+    def solves(self) -> int:
+        """Evaluations per step; that at y_1 serves the next one."""
+        return len(self.A)
+
+    @cached_property
+    def exact_A(self) -> list[Row]:
+        """Exact A with the last stage at y_1, (n, n)."""
+        return [_row(r, len(self.A) + 1) for r in (*self.A, self.b)]
+
+    @cached_property
+    def exact_Ahat(self) -> list[Row]:
+        """Unit matrix, (n, n): no constraint is met at the stages."""
+        n = len(self.A) + 1
+        return [_row(("0",) * i + ("1",), n) for i in range(n)]
+
+    @cached_property
+    def exact_b(self) -> Row:
+        """Exact weights, (n,)."""
+        return self.exact_A[-1]
+
+    @cached_property
+    def exact_embedded(self) -> list[Row]:
+        """Exact weights of both embedded formulas, (n,) each."""
+        n = len(self.A) + 1
+        moved = [b + e for b, e in zip(self.exact_b, _row(self.e_embedded, n), strict=True)]
+        return [moved, _row(self.b_companion, n)]
+
+    @cached_property
+    def arrays(self) -> ButcherArrays:
+        """The coefficients in double precision, rounded once."""
+        A, b = np.array(self.exact_A, float), np.array(self.exact_b, float)
+        c = np.array([sum(r, start=exact("0")) for r in self.exact_A], float)
+        e = [[w - b for w, b in zip(row, self.exact_b, strict=True)] for row in self.exact_embedded]
+        return ButcherArrays(A, np.eye(len(b)), b, c, c, np.array(e, float))
+
+    def compiled(self, native: Any) -> Any:
+        """Return the method as the compiled core takes it."""
+        a = self.arrays
+        return native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, True, False, 0, self.noise)
+
+    def step(self, system: System, t: float, h: float, state: State) -> Step:
+        """Take one step: that of `mbdae.methods.step.half_explicit_step` where stages meet nothing."""
+        return system.whole_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
+
+    controlled_step = step
+
+
+def _row(text: Text, n: int) -> Row:
+    return [exact(x) for x in text] + [exact("0")] * (n - len(text))
