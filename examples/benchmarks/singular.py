@@ -42,7 +42,7 @@ LOOSE = 100.0  # times rtol: what steps may add up to as a change of the speed a
 REGULAR = 0.1  # of the largest ratio of singular values: lam is compared above
 TOLD = "went over to another branch", "rows that depended on others"
 KEPT = 300  # nodes at which a run is judged
-NATIVE_STEPS, PYTHON_STEPS, IMPLICIT_STEPS = 20000, 1500, 1500
+EXPLICIT_STEPS, IMPLICIT_STEPS = 20000, 1500
 
 
 class Result(NamedTuple):
@@ -108,8 +108,7 @@ def judge(c: Case, sol: mbdae.Solution) -> tuple[list[str], int, str]:
 def run(number: int, seed: int = 0) -> Result:
     """Make a run and judge it."""
     c = case(number, seed)
-    python = c.method == "radau5" or c.mode == "ggl"
-    limit = IMPLICIT_STEPS if c.method == "radau5" else PYTHON_STEPS if python else NATIVE_STEPS
+    limit = IMPLICIT_STEPS if c.method == "radau5" else EXPLICIT_STEPS
     about = f"{c.mechanism}, {c.method}, {c.mode}, rtol {c.rtol:.1e}, {c.title}"
     formulation, started = MODES[c.mode][1], perf_counter()
     q, v = c.truth.at(0.0)
