@@ -77,8 +77,7 @@ class Mechanism:
         left_out: Sequence[str] = (),
     ) -> None:
         self.model, self.visuals, self.source = model, visuals, source
-        self.title = title or model.name
-        self.duration, self.order = duration, order or OrderSettings()
+        self.title, self.duration, self.order = title or model.name, duration, order or OrderSettings()
         self.motors, self.left_out = tuple(motors), tuple(left_out)
         self.closures, self.drivers = tuple(closures), tuple(drivers)
         self.constraints: tuple[Closure | Driver, ...] = (*self.closures, *self.drivers)
