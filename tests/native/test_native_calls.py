@@ -14,7 +14,7 @@ import mbdae
 from mbdae import backend
 from mbdae.errors import InputError
 from mbdae.mechanism.closures.rows import DotProduct2, FrameRows
-from mbdae.textbook.problems import hessenberg_a
+from mbdae.textbook.problems.hessenberg_a import hessenberg_a
 
 pytestmark = pytest.mark.native
 
