@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import UnknownNameError
 from ..system import Array
 from .closures.closure import Closure
-from .closures.contact import Grip, Height, Shape
+from .closures.contact import ConvexBody, Grip, Height
 from .closures.line_rows import still
 from .reactions import NONE, NOT_UNIQUE, null_rows, sampled, span
 
@@ -84,7 +84,7 @@ def rolling(mech: "Mechanism") -> list[Closure]:
     return [c for c in mech.closures if c.kind == "rolling"]
 
 
-def shape(mech: "Mechanism", name: str) -> Shape:
+def shape(mech: "Mechanism", name: str) -> ConvexBody:
     """What rolls on what.
 
     Raises:

@@ -11,7 +11,7 @@ from scipy.linalg import null_space
 from scipy.optimize import brentq
 
 import mbdae
-from mbdae.mechanism.closures.contact import Shape
+from mbdae.mechanism.closures.contact import ConvexBody
 from mbdae.mechanism.formulations.derivatives import hidden_slopes, jacobians
 from mbdae.mechanism.frames import motion_cross
 
@@ -132,8 +132,8 @@ def test_published_accelerations():
 
 @pytest.mark.parametrize("wrong", [lambda t: t._replace(dp=0 * t.dp), lambda t: t._replace(p=t.p + 0.003 * t.n)])
 def test_accelerations_tell_where_the_wheel_touches(monkeypatch, wrong):
-    touch = Shape.touch
-    monkeypatch.setattr(Shape, "touch", lambda shape, pair: wrong(touch(shape, pair)))
+    touch = ConvexBody.touch
+    monkeypatch.setattr(ConvexBody, "touch", lambda shape, pair: wrong(touch(shape, pair)))
     assert np.abs(accelerations(mbdae.load("bicycle")) - ACCELERATIONS).max() > 1e-3
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..tables import Table
-from .contact import Grip, Height, Shape
+from .contact import ConvexBody, Grip, Height
 from .keys import BETWEEN_FRAMES, GRIPS, check_numbers, keys
 from .line_rows import Gear, KnifeEdge, Screw
 from .rows import Coordinate, Distance, FrameRows, JointRow, Ratio, between_frames, unit_axis
@@ -254,13 +254,13 @@ class Closure(Table):
         return GRIPS[grip] if isinstance(grip, str) else (grip,)
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> ConvexBody:
         """What rolls on what, of a rolling closure."""
         radius = self.radius or 0.0
         tyre = radius if self.axis is None else self.tyre or 0.0
         axle = tuple(unit_axis(self.axis).tolist()) if self.axis else None
         rest = self.semi_axes, self.centre or (0.0, 0.0, 0.0), self.surface or "plane", self.surface_radius or 0.0
-        return Shape(axle, radius - tyre, tyre, *rest)
+        return ConvexBody(axle, radius - tyre, tyre, *rest)
 
     def agreeing(self) -> tuple[np.ndarray, np.ndarray]:
         """Unit axes of frames a and b that point the same way where the closure is closed, (3, m) each; m may be 0."""

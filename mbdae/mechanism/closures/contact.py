@@ -37,7 +37,7 @@ class Touch(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Shape:
+class ConvexBody:
     """The body, in the second frame, and the surface of a, in the first frame.
 
     Attributes:
@@ -136,7 +136,7 @@ class Height(LineRows):
 
     m, positional = 1, True
 
-    def __init__(self, shape: Shape) -> None:
+    def __init__(self, shape: ConvexBody) -> None:
         self.shape = shape
 
     def plain(self) -> list[dict[str, Any]]:  # noqa: D102
@@ -153,7 +153,7 @@ class Height(LineRows):
 class Grip(LineRows):
     """No slip at the lowest point along tangents, at angles (m,) in rad from the heading towards the left."""
 
-    def __init__(self, shape: Shape, angles: tuple[float, ...]) -> None:
+    def __init__(self, shape: ConvexBody, angles: tuple[float, ...]) -> None:
         self.shape, self.m = shape, len(angles)
         self.share = np.array([np.cos(angles), np.sin(angles)])
         self.share[np.abs(self.share) < 1e-15] = 0.0
