@@ -10,3 +10,4 @@ TEXTBOOK: dict[str, Callable[[], Hessenberg]] = {
     name: getattr(import_module(module), name) for name, module in public(__name__).items()
 }
 """Every problem by name."""
+globals().update(TEXTBOOK)  # a problem's name is that of its function, and not of the file
