@@ -111,6 +111,7 @@ class StepControl:
     safety: float
     smallest_factor: float
     largest_factor: float
+    steady: float
     smallest_error: float
     smallest_last: float
     nearly: float

@@ -84,7 +84,9 @@ def _stepper(
 ) -> PythonStepper:
     if isinstance(tableau, Baseline):
         return Scipy(tableau, system, step, *control)
-    return Fixed(step, t0, t1) if step else Adaptive(tableau.error_power, *control, tableau.control)
+    if step:
+        return Fixed(step, t0, t1)
+    return Adaptive(tableau.error_power, *control, tableau.control, tableau.steady(system.ny))
 
 
 def _signals(problem: Problem, system: System, events: tuple[Event, ...]) -> dict[int, SignalEvent]:

@@ -29,7 +29,7 @@ SOON = 1e-13  # above this no prediction is trusted: convergence is not geometri
 STALLED = 1e-11  # an iteration that ceases to converge below this has met rounding
 SLOWER = 0.9  # of the change before: where rounding stops the iteration
 SHARE = 1e-3  # of the largest component: none counts for less
-REUSE = 0.03  # slopes serve the next step while the iteration converges faster than this
+REUSE = 0.03  # slopes and factors serve the next step of the same h while the iteration converges faster than this
 
 
 class Memory(NamedTuple):
@@ -53,7 +53,8 @@ def collocation_step(
 
     The equations are solved to rounding: a step knows no tolerance, and the order of a method and G v = 0 shall not
     end at one. Jacobians are taken in the middle of the step, at the stages foreseen there, which halves their distance
-    from the other stages; they serve the following steps while the iteration converges well.
+    from the other stages; they and their factors serve the following steps while h stays and the iteration converges
+    well. Where h changes, new slopes cost less than the iterations that they save.
 
     Args:
         system: the problem.
@@ -80,10 +81,9 @@ def collocation_step(
         K, Z, middle = np.tile(F, (s, 1)), np.tile(z, (s, 1)), np.zeros(system.ny)
     stages = _Stages(system, chart, a, t, h, system.size(state.y), patience)
     found = None
-    if memory is not None and memory.rate < REUSE:
-        solvers = memory.solvers if h == memory.h else _factorize(memory.slopes, a, h)
+    if memory is not None and memory.h == h and memory.rate < REUSE:
         with suppress(StepError):
-            found = stages.solve(K, Z, memory.slopes, solvers)
+            found = stages.solve(K, Z, memory.slopes, memory.solvers)
     if found is None:
         slopes = chart.linearize(middle, K[a.middle], Z[a.middle])
         found = stages.solve(K, Z, slopes, _factorize(slopes, a, h))

@@ -43,11 +43,13 @@ class Controller:
     """PI controller h_new = 0.9 h err^(-1/k + 0.75 beta) err_last^beta, mostly within a fifth and ten times h.
 
     k is the power of h in the error estimate. A rejected step does not count as the last one, and the step after it
-    does not grow (Gustafsson 1991; Hairer, Wanner II, (IV.2.43)).
+    does not grow (Gustafsson 1991; Hairer, Wanner II, (IV.2.43)). Growth up to a factor ``steady`` is left out: what
+    belongs to h stays with it (the same, section IV.8).
     """
 
     power: int
     control: Control = PI
+    steady: float = 1.0
     last: float = SMALLEST_LAST
     rejected: bool = False
 
@@ -70,5 +72,7 @@ class Controller:
         err = max(err, SMALLEST_ERROR)
         factor = SAFETY * err**self.exponent * self.last**self.beta
         factor = min(1.0 if self.rejected else self.control.largest, max(self.control.smallest, factor))
+        if 1 < factor <= self.steady:
+            factor = 1.0
         self.last, self.rejected = max(err, SMALLEST_LAST), False
         return h * factor

@@ -22,6 +22,7 @@ from .tableau import Row, Tableau
 
 PATIENCE, SHORT_PATIENCE = 60, 15  # iterations for a given step, and where a smaller step can be taken instead
 TYPICAL = 5  # iterations
+STEADY, LARGE = 1.2, 40  # growth of h that costs more than it brings, where a step has more components
 MOST = 15  # stages: with more the eigenvectors of A are too ill-conditioned for double precision
 
 
@@ -138,6 +139,10 @@ class RadauIIA:
         start = [prod(x / (x - y) for x in used if x != y) if y in used else Fraction(0) for y in c]
         miss = [Fraction(1), *(-x for x in start)]
         return tuple(str(b + gamma * e) for b, e in zip(self.exact_b, miss, strict=True))
+
+    def steady(self, ny: int) -> float:
+        """Growth of h up to this factor is left out, to keep slopes and factors where they are expensive."""
+        return STEADY if ny > LARGE else 1.0
 
     def compiled(self, native: Any) -> Any:
         """Return the method as the compiled core takes it, with the thresholds of its iteration."""

@@ -136,6 +136,10 @@ class Tableau:
         """
         return self.order_embedded + 1 + bool(self.b_companion) if self.b_embedded else self.order + 1
 
+    def steady(self, ny: int) -> float:
+        """Growth of h that is not worth a change: none, as no step keeps anything that belongs to h."""
+        return 1.0
+
     def compiled(self, native: Any) -> Any:
         """Return the method as the compiled core takes it."""
         a, doubled = self.arrays, 0 if self.b_embedded else self.order

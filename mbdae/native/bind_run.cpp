@@ -124,7 +124,7 @@ void bind_run(nb::module_& m) {
               FIELD(StepControl, power)
               FIELD(StepControl, exponent) FIELD(StepControl, last_exponent) FIELD(StepControl, safety)
                   FIELD(StepControl, smallest_factor) FIELD(StepControl, largest_factor)
-                      FIELD(StepControl, smallest_error) FIELD(StepControl, smallest_last) FIELD(StepControl, nearly)
+                      FIELD(StepControl, steady) FIELD(StepControl, smallest_error) FIELD(StepControl, smallest_last) FIELD(StepControl, nearly)
                           FIELD(StepControl, spacings);
   nb::class_<Grid>(m, "Grid", "Steps of equal size.") FIELD(Grid, i) FIELD(Grid, on_grid) FIELD(Grid, step)
       FIELD(Grid, t0) FIELD(Grid, n) FIELD(Grid, near);

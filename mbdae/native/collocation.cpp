@@ -4,12 +4,35 @@
 #include <cmath>
 #include <limits>
 
+#include <Eigen/Core>
+
 #include "stage_solver.hpp"
 #include "vec3.hpp"
 
 namespace mbdae {
 
 namespace {
+
+template <class T>
+using Rows = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+template <class T>
+using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
+using RowsIn = Eigen::Map<const Rows<double>>;
+using RowsOut = Eigen::Map<Rows<double>>;
+using In = Eigen::Map<const Vector<double>>;
+
+// out (s, n) = h A K of A (s, s) and K (s, n), by rows.
+void combine(const Numbers& A, const double* K, int s, int n, double h, double* out) {
+  std::fill(out, out + s * n, 0.0);
+  for (int i = 0; i < s; ++i) {
+    double* o = out + i * n;
+    for (int j = 0; j < s; ++j) {
+      const double a = A[i * s + j], *k = K + j * n;
+      for (int l = 0; l < n; ++l) o[l] += a * k[l];
+    }
+    for (int l = 0; l < n; ++l) o[l] *= h;
+  }
+}
 
 // The Lagrange polynomials of the nodes c at the points x, (n, s).
 Rows<double> lagrange(const Numbers& c, const Numbers& x) {
@@ -38,22 +61,22 @@ CollocationStep::CollocationStep(Index2System& s)
       inertial_(s.nv),
       G_(static_cast<size_t>(s.ng) * s.nv),
       gt_(s.ng),
-      lam_(s.ng) {}
+      lam_(s.ng),
+      scale_(s.ny) {}
 
 CollocationStep::~CollocationStep() = default;
 
 void CollocationStep::residual(double t, const double* x, const double* dx, const double* z, double* R, double* C) {
   const std::vector<int>& rows = s_.rows.in_use();
-  const Constraints& constraints = s_.constraints;
+  Constraints& constraints = s_.constraints;
   s_.manifold.integrate(y0_.data(), x, q_.data());
   for (int i = 0; i < nv_ + ns_; ++i) u_[i] = y0_[nq_ + i] + x[nv_ + i];
   const double *v = u_.data(), *q = q_.data();
-  s_.mechanics.poses(q);
+  s_.mechanics.inverse(q, v, dx + nv_, inertial_.data());
   s_.counts.G += s_.ng > 0;
-  s_.constraints.value(s_.mechanics, q, rows, G_.data());
+  constraints.value(s_.mechanics, q, rows, G_.data());
   double* rates = R + 2 * nv_;
   s_.torque(t, q, v, v + nv_, R + nv_, rates);
-  s_.mechanics.inverse(q, v, dx + nv_, inertial_.data());
   std::copy(v, v + nv_, R);
   s_.manifold.tangent(x, R);
   std::fill(gt_.begin(), gt_.end(), 0.0);
@@ -104,38 +127,63 @@ void CollocationStep::all_multipliers(double, const double*, double* out) {
   s_.saddle.all_multipliers(lam_.data(), out);
 }
 
+void CollocationStep::correction(const Radau& a, double t, const StageMemory& m) {
+  const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size());
+  for (int i = 0; i < s; ++i)
+    residual(t + a.c[i] * m.h, &X_[i * ny], &m.K[i * ny], m.Z.data() + i * r, &R_[i * ny], C_.data() + i * r);
+  std::fill(dK_.begin(), dK_.end(), 0.0), std::fill(dZ_.begin(), dZ_.end(), 0.0);
+  for (size_t i = 0; i < a.modes.size(); ++i) {
+    const Mode& mode = a.modes[i];
+    const bool real = mode.value.imag() == 0;
+    std::fill(dk_.begin(), dk_.end(), 0.0), std::fill(dz_.begin(), dz_.end(), 0.0);
+    auto gather = [&](const double* from, int n, double* to) {
+      for (int j = 0; j < s; ++j, from += n) {
+        const double x = mode.row[j].real(), y = mode.row[j].imag();
+        for (int k = 0; k < n; ++k) to[k] += x * from[k];
+        for (int k = 0; k < n && !real; ++k) to[n + k] += y * from[k];
+      }
+    };
+    auto spread = [&](const double* from, int n, double* to) {
+      for (int j = 0; j < s; ++j, to += n) {
+        const double x = mode.column[j].real(), y = mode.column[j].imag();
+        for (int k = 0; k < n; ++k) to[k] += x * from[k];
+        for (int k = 0; k < n && !real; ++k) to[k] -= y * from[n + k];
+      }
+    };
+    gather(R_.data(), ny, dk_.data()), gather(C_.data(), r, dz_.data());
+    s_.counts.solves += 1;
+    m.solvers[i]->solve(dk_.data(), dz_.data(), work_);
+    spread(dk_.data(), ny, dK_.data()), spread(dz_.data(), r, dZ_.data());
+  }
+}
+
 bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory& m) {
-  const int s = a.s, r = static_cast<int>(m.unknowns.size()), measured = s_.measured();
+  const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.measured();
   const double h = m.h;
-  RowsOut K(m.K.data(), s, ny_), Z(m.Z.data(), s, r);
-  const RowsIn A(a.A.data(), s, s);
-  Rows<double> X = h * (A * K), R(s, ny_), C(s, r), dK(s, ny_), dZ(s, r);
-  Vector<double> scale = In(size_.data(), measured) + X.leftCols(measured).cwiseAbs().colwise().maxCoeff().transpose();
-  scale.array() += a.share * (measured ? scale.maxCoeff() : 0) + std::numeric_limits<double>::min();
+  for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
+  C_.resize(s * r), dZ_.resize(s * r), dk_.resize(2 * ny), dz_.resize(2 * r);
+  combine(a.A, m.K.data(), s, ny, h, X_.data());
+  double most = 0;
+  for (int k = 0; k < measured; ++k) {
+    double move = 0;
+    for (int i = 0; i < s; ++i) move = std::max(move, std::fabs(X_[i * ny + k]));
+    scale_[k] = size_[k] + move, most = std::max(most, scale_[k]);
+  }
+  for (int k = 0; k < measured; ++k) scale_[k] = 1 / (scale_[k] + a.share * most + std::numeric_limits<double>::min());
   double last = 0, rate = 0;
   for (int k = 0; k < patience; ++k) {
+    correction(a, t, m);
+    for (int i = 0; i < s * ny; ++i) m.K[i] += dK_[i];
+    for (int i = 0; i < s * r; ++i) m.Z[i] += dZ_[i];
+    combine(a.A, m.K.data(), s, ny, h, X_.data());
+    combine(a.A, dK_.data(), s, ny, h, moves_.data());
+    double sum = 0;
     for (int i = 0; i < s; ++i)
-      residual(t + a.c[i] * h, X.row(i).data(), K.row(i).data(), Z.row(i).data(), R.row(i).data(), C.row(i).data());
-    dK.setZero(), dZ.setZero();
-    for (size_t i = 0; i < a.modes.size(); ++i) {
-      const Mode& mode = a.modes[i];
-      Vector<Complex> dk = Vector<Complex>::Zero(ny_), dz = Vector<Complex>::Zero(r);
-      for (int j = 0; j < s; ++j)
-        dk += mode.row[j] * R.row(j).transpose().cast<Complex>(),
-            dz += mode.row[j] * C.row(j).transpose().cast<Complex>();
-      s_.counts.solves += 1;
-      m.solvers[i]->solve(dk, dz);
-      for (int j = 0; j < s; ++j) {
-        const Complex w = mode.column[j];
-        dK.row(j) += (w.real() * dk.real() - w.imag() * dk.imag()).transpose();
-        dZ.row(j) += (w.real() * dz.real() - w.imag() * dz.imag()).transpose();
+      for (int j = 0; j < measured; ++j) {
+        const double move = moves_[i * ny + j] * scale_[j];
+        sum += move * move;
       }
-    }
-    K += dK, Z += dZ;
-    X = h * (A * K);
-    const Rows<double> move = h * (A * dK).leftCols(measured);
-    const double size =
-        std::sqrt((move.array().rowwise() / scale.transpose().array()).square().sum() / (s * measured));
+    const double size = std::sqrt(sum / (s * measured));
     s_.counts.newton += 1;
     if (k) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
     const bool converged = size <= a.tolerance || (k && size <= a.soon && rate < 1 &&
@@ -188,10 +236,10 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     }
   }
   bool found = false;
-  if (before && before->rate < a.reuse) {
+  if (before && before->h == h && before->rate < a.reuse) {
     const Numbers K1(m->K), Z1(m->Z);
+    m->slopes = before->slopes, m->solvers = before->solvers;
     try {
-      m->slopes = before->slopes, m->solvers = h == before->h ? before->solvers : factorize(a, m->slopes, h);
       found = solve(a, patience, t, *m);
     } catch (const Interrupted&) {
       throw;
@@ -236,10 +284,10 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     for (int i = 0; i < a.errors; ++i) {
       Vector<double> miss = h * a.gamma * (F - (start.row(i) * K3).transpose());
       miss.segment(nv_, nv_) = (M * miss.segment(nv_, nv_)).eval();
-      Vector<Complex> e = miss.cast<Complex>(), none = Vector<Complex>::Zero(r);
+      std::fill(dz_.begin(), dz_.end(), 0.0);
       s_.counts.solves += 1;
-      filtered->solve(e, none);
-      for (int k = 0; k < ny_; ++k) errors.push_back(e[k].real());
+      filtered->solve(miss.data(), dz_.data(), work_);
+      errors.insert(errors.end(), miss.data(), miss.data() + ny_);
     }
   }
   if (!finite(out.y.data(), s_.length) || !finite(z, s_.nz)) throw Trouble();

@@ -67,12 +67,15 @@ class CollocationStep {
   std::vector<std::shared_ptr<const StageSolver>> factorize(const Radau& a,
                                                             const std::shared_ptr<const LinearizedStages>& slopes,
                                                             double h);
+  void correction(const Radau& a, double t, const StageMemory& m);  // dK_ and dZ_ of an iteration
   bool solve(const Radau& a, int patience, double t, StageMemory& m);  // found; else slopes or h do not serve
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;
   Numbers y0_, size_;                       // (length,), (ny,) where the step starts
   Numbers q_, u_, f_, inertial_, G_, gt_, lam_;  // scratch
+  Numbers scale_, X_, R_, dK_, moves_, C_, dZ_;  // (ny,), (s, ny) four times, (s, r) twice
+  Numbers dk_, dz_, work_;                       // (2, ny), (2, r)
 };
 
 }  // namespace mbdae

@@ -13,6 +13,12 @@ namespace mbdae {
 
 namespace {
 
+template <class T>
+using Rows = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+template <class T>
+using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
+using RowsIn = Eigen::Map<const Rows<double>>;
+
 struct LinearizedGGL : LinearizedStages {
   Numbers P;  // (k, nv) the rows with a g that are kept
 };
@@ -64,24 +70,37 @@ class GGLSolver final : public StageSolver {
     }
   }
 
-  void solve(Vector<Complex>& r, Vector<Complex>& c) const override {
-    const Vector<T> rhs = numbers(r), constraint = numbers(c), x = rhs.head(nv_);
-    Vector<T> b(n_ + r_ + k_);
+  void solve(double* r, double* c, Numbers&) const override {
+    const int ny = nv_ + n_, nz = r_ + k_;
+    const Vector<T> rhs = numbers(r, ny), constraint = numbers(c, nz), x = rhs.head(nv_);
+    Vector<T> b(n_ + nz), out(ny);
     b.head(n_) = rhs.tail(n_) + KS_ * x;
     b.segment(n_, r_) = constraint.head(r_) / mu_ - BS_ * x;
     b.tail(k_) = constraint.tail(k_) / mu_ - PS_ * x;
     const Vector<T> u = lu_.solve(b);
-    const Vector<T> dx = J_ * (S_ * (x + mu_ * (J_ * u.head(nv_)) + JN_ * u.tail(k_)));
-    r.head(nv_) = dx.template cast<Complex>(), r.tail(n_) = u.head(n_).template cast<Complex>();
-    c = u.tail(r_ + k_).template cast<Complex>();
+    out.head(nv_) = J_ * (S_ * (x + mu_ * (J_ * u.head(nv_)) + JN_ * u.tail(k_)));
+    out.tail(n_) = u.head(n_);
+    write(out, r), write(u.tail(nz), c);
   }
 
  private:
-  static Vector<T> numbers(const Vector<Complex>& x) {
-    if constexpr (std::is_same_v<T, double>)
-      return x.real();
-    else
-      return x;
+  static Vector<T> numbers(const double* x, int n) {
+    Vector<T> out(n);
+    for (int i = 0; i < n; ++i) {
+      if constexpr (std::is_same_v<T, double>)
+        out[i] = x[i];
+      else
+        out[i] = T(x[i], x[n + i]);
+    }
+    return out;
+  }
+
+  static void write(const Vector<T>& from, double* x) {
+    const auto n = from.size();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      x[i] = std::real(from[i]);
+      if constexpr (!std::is_same_v<T, double>) x[n + i] = std::imag(from[i]);
+    }
   }
 
   int nv_, n_, r_, k_;

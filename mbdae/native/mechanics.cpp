@@ -44,10 +44,10 @@ pinocchio::Data lean(const pinocchio::Model& model) {
 }  // namespace
 
 struct Mechanics::Workspace {
-  explicit Workspace(const pinocchio::Model& m) : model(m), data(lean(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)) {}
+  explicit Workspace(const pinocchio::Model& m) : model(m), data(lean(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {}
   const pinocchio::Model& model;
   pinocchio::Data data;
-  VectorXd q, v, a;
+  VectorXd q, v, a, rate, end;  // a stays 0
   const pinocchio::Model* tree = nullptr;  // expanded
   std::unique_ptr<pinocchio::Data> derived;
 };
@@ -98,9 +98,10 @@ void Mechanics::bias(const double* q, const double* v, double* out) {
 }
 
 void Mechanics::inverse(const double* q, const double* v, const double* a, double* out) {
-  w->q = In(q, nq), w->v = In(v, nv);
-  const VectorXd rate = In(a, nv);
-  Out(out, nv) = pinocchio::rnea(w->model, w->data, Vector(w->q), Vector(w->v), Vector(rate));
+  w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
+  Out(out, nv) = pinocchio::rnea(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
+  pinocchio::updateGlobalPlacements(w->model, w->data);
+  pinocchio::computeJointJacobians(w->model, w->data);
 }
 
 void Mechanics::expand(const void* model) {
@@ -115,15 +116,16 @@ void Mechanics::slopes(const double* q, const double* v, const double* a, double
   using Rows = Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
   pinocchio::Data& data = *w->derived;
   w->q = In(q, nq), w->v = In(v, nv);
-  const VectorXd rate = In(a, nv);
-  pinocchio::computeRNEADerivatives(*w->tree, data, Vector(w->q), Vector(w->v), Vector(rate));
+  w->rate = In(a, nv);
+  pinocchio::computeRNEADerivatives(*w->tree, data, Vector(w->q), Vector(w->v), Vector(w->rate));
   Rows(by_q, nv, nv) = data.dtau_dq, Rows(by_v, nv, nv) = data.dtau_dv;
   Rows(M, nv, nv) = data.M.selfadjointView<Eigen::Upper>();
 }
 
 void Mechanics::integrate(const double* q, const double* x, double* out) {
   w->q = In(q, nq), w->v = In(x, nv);
-  Out(out, nq) = pinocchio::integrate(w->model, w->q, w->v);
+  pinocchio::integrate(w->model, w->q, w->v, w->end);
+  Out(out, nq) = w->end;
 }
 
 void Mechanics::difference(const double* q0, const double* q1, double* out) {

@@ -26,7 +26,7 @@ class Mechanics {
   void poses(const double* q);                                    // J and poses alone
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
   void bias(const double* q, const double* v, double* out);       // nle(q, v)
-  void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v)
+  void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 
   // model points to the expanded tree (mechanism/expanded.py), which outlives this object; its workspace grows as nv^3.
   void expand(const void* model);

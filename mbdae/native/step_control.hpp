@@ -34,6 +34,7 @@ struct StepControl : StepMemory {
   double power = 1;                        // of h in the error estimate
   double exponent = 0, last_exponent = 0;  // of an accepted error, and of the one before
   double safety = 0, smallest_factor = 0, largest_factor = 0;
+  double steady = 1;                             // growth up to this factor is left out
   double smallest_error = 0, smallest_last = 0;  // errors below count as these
   double nearly = 0;                             // of the way left: a step so near to it takes all of it
   double spacings = 0;                           // of the times of a run: below, a step is too small

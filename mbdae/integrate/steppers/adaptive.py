@@ -29,11 +29,12 @@ class Adaptive(PythonStepper):
         first: float | None,
         largest: float,
         control: Control = PI,
+        steady: float = 1.0,
     ) -> None:
         if not (isinstance(rtol, Real) and SMALLEST_RTOL <= float(rtol) < np.inf):
             raise InputError(f"rtol = {rtol!r} cannot be met: it must be a finite number, at least {SMALLEST_RTOL:.2g}")
         self.rtol, self.atol = rtol, _not_negative("atol", 0.01 * rtol if atol is None else atol)
-        self.controller, self.largest = Controller(power, control), largest
+        self.controller, self.largest = Controller(power, control, steady), largest
         self.h: Any = first
         self.cap = np.inf  # of the next step, near singular configurations
         self.reason = self._reason = ""  # why a step could not be taken, this one or the one before

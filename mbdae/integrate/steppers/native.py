@@ -88,7 +88,7 @@ class NativeStepper(Stepper):
             c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
             c.safety, c.smallest_factor, c.largest_factor = SAFETY, pi.control.smallest, pi.control.largest
             c.blend = self.tableau.blend
-            c.smallest_error, c.smallest_last = SMALLEST_ERROR, SMALLEST_LAST
+            c.steady, c.smallest_error, c.smallest_last = pi.steady, SMALLEST_ERROR, SMALLEST_LAST
         elif isinstance(inner, Fixed):
             g = r.grid
             g.step, g.t0, g.n, g.i, g.on_grid = inner.step, inner.t0, inner.n, inner.i, inner.on_grid
