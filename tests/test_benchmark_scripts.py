@@ -1,6 +1,7 @@
 """The scripts of examples/benchmarks run briefly, and what they compare is one problem solved by many programs."""
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,26 @@ def test_slopes_of_the_equations_written_by_hand(script, title):
                 for s in (1, -1)
             ]
             np.testing.assert_allclose((ends[0] - ends[1]) / (2 * h), slope[:, i], atol=1e-7)
+
+
+@pytest.mark.parametrize("title", PROBLEMS)
+def test_equations_in_real_numbers_are_those_in_complex_ones(script, title):
+    eq = script("planar").Equations(script("problems").PROBLEMS[title])
+    q, v = np.random.default_rng(2).normal(size=(2, eq.n))
+    M, f, *G, re, im = script("index1").terms(
+        eq, np.asarray, np.cos(q)[:, None], np.sin(q)[:, None], v[:, None], alpha=0.0
+    )
+    vdot, lam = eq.acceleration(q, v)
+    G = np.vstack(G)
+    np.testing.assert_allclose(M @ vdot, f[:, 0] + G.T @ lam, atol=1e-9 * (1 + np.abs(f).max()))
+    np.testing.assert_allclose(G @ vdot, np.concatenate([re, im])[:, 0], atol=1e-9 * (1 + np.abs(vdot).max()))
+
+
+@pytest.mark.parametrize("name", ["GOVERNOR", "SPRING_CRANK", "CAR_AXIS"])
+def test_stiff_mechanisms_are_the_equations_written_by_hand(script, name):
+    problem = replace(getattr(script("stiff"), name), end=0.01)
+    run = script("stiff_peers").with_mbdae(problem, "radau9")(1e-9)
+    np.testing.assert_allclose(run.end, problem.reference(), rtol=0, atol=1e-10)
 
 
 def test_stages(script, capsys):

@@ -4,45 +4,21 @@ A solver is a function of a problem that returns a function of a tolerance or st
 not installed. That function runs once and returns a `Run`; only the solver's own loop is timed.
 """
 
-import importlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from common import backends
+from index1 import with_casadi, with_diffrax
 from planar import Bar, Equations, Problem
 from problems import DOUBLE_PENDULUM, pendulum_model
+from runs import SAMPLES, Array, Run, Runner, installed
 from scipy.integrate import solve_ivp
 
 import mbdae
-
-Array = np.ndarray
-SAMPLES = 20  # of MuJoCo and Exudyn, where |g| is looked at
-
-
-@dataclass(frozen=True)
-class Run:
-    """A run: seconds of the solver, angles against the parents at the end, largest |g| in m on the way."""
-
-    seconds: float
-    end: Array
-    g: float
-
-
-Runner = Callable[[float], Run | None]
-
-
-def installed(name: str) -> ModuleType | None:
-    """Import a program that may be missing."""
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        return None
 
 
 def order(problem: Problem, mech: mbdae.Mechanism) -> list[int]:
@@ -232,30 +208,56 @@ def with_exudyn(problem: Problem) -> Runner | None:
     return run
 
 
-TUNED = {"four-bar": 10.0}  # 1/s: the fastest of several
-METHODS = {"pherk5": ("pherk5", False), "pherk5, projected": ("pherk5", True)}
-METHODS |= {"pherk6, projected": ("pherk6", True), "herk5, projected": ("herk5", True)}
+TUNED = {"four-bar": 10.0}  # 1/s: the fastest of several; 100 1/s for the others
+SOFT = 10.0  # 1/s: Baumgarte's alpha of the equations with index 1
+METHODS = {"pherk5": {}, "pherk5, projected": {"project": True}, "pherk6, projected": {"project": True}}
+METHODS |= {"herk5, projected": {"project": True}, "radau5": {}, "pherk5, GGL": {"formulation": "ggl"}}
+ADAMS = {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
+Maker = Callable[[Problem], Runner | None]
 
 
-def solvers(problem: Problem) -> dict[str, tuple[Callable[[Problem], Runner | None], bool]]:
-    """Return by name: what makes the runner, and whether it takes steps instead of tolerances."""
-    out: dict[str, tuple[Callable[[Problem], Runner | None], bool]] = {}
+def backend_of(problem: Problem, **settings: Any) -> str:
+    """The fastest back end that has a method in a formulation."""
+    mech = problem.model()
+    try:
+        mbdae.solve(mech, (0, 1e-6), step=1e-6, backend=backends()[-1], **settings)
+    except mbdae.errors.InputError:
+        return "python"
+    return backends()[-1]
+
+
+def ours(problem: Problem) -> dict[str, tuple[Maker, bool]]:
+    """Methods of mbdae; those of which the compiled core has no form are named so."""
+    out: dict[str, tuple[Maker, bool]] = {}
     fast = backends()[-1]
-    for name, (method, project) in METHODS.items():
-        out[name] = partial(with_mbdae, method=method, project=project, backend=fast), False
+    for name, options in METHODS.items():
+        settings = {"method": name.split(",")[0], **options}
+        if "formulation" in settings and not problem.pins:
+            continue
+        backend = backend_of(problem, **settings)
+        title = name if backend == fast else f"{name}, in Python"
+        out[title] = partial(with_mbdae, backend=backend, **settings), False
     if problem is DOUBLE_PENDULUM:
         cut = partial(with_mbdae, method="pherk5", project=True, cut=True, backend=fast)
         out["pherk5, projected, elbow cut"] = cut, False
     if fast != "python":
         slow = partial(with_mbdae, method="pherk5", project=True, backend="python")
         out["pherk5, projected, in Python"] = slow, False
+    return out
+
+
+def solvers(problem: Problem) -> dict[str, tuple[Maker, bool]]:
+    """Return by name: what makes the runner, and whether it takes steps instead of tolerances."""
+    out = ours(problem)
     out["DOP853 on Pinocchio"] = partial(with_pinocchio, baumgarte=100.0), False
     if problem.title in TUNED:
         alpha = TUNED[problem.title]
         out[f"DOP853 on Pinocchio, alpha = {alpha:g}"] = partial(with_pinocchio, baumgarte=alpha), False
-    out |= {
+    return out | {
+        "diffrax Dopri8": (partial(with_diffrax, alpha=SOFT), False),
+        "casadi CVODES": (partial(with_casadi, solver="cvodes", alpha=SOFT, **ADAMS), False),
+        "casadi IDAS": (partial(with_casadi, solver="idas", alpha=SOFT), False),
         "solve_dae Radau": (with_solve_dae, False),
         "MuJoCo RK4": (with_mujoco, True),
         "Exudyn": (with_exudyn, True),
     }
-    return out

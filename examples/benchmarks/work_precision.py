@@ -12,8 +12,13 @@ pin.constraintDynamics with Baumgarte's alpha = beta = 100 1/s (Kp = 1e4, Kd = 2
 spring by hand in terms of its angle. solve_dae: Radau, atol = rtol, on the GGL form in absolute angles, written by hand
 in a few matrix products, with the exact Jacobian. MuJoCo: RK4, solref = (2 steps, 1), solimp = (0.9999, 0.9999, 0.001),
 tolerance 1e-14; its C loop is entered 20 times only. Exudyn: generalized alpha with spectral radius 1 on index 2,
-modified Newton to 1e-10, bodies in absolute coordinates. The double pendulum is a tree for mbdae, Pinocchio and MuJoCo;
-solve_dae keeps the elbow by a constraint, as "elbow cut" does in mbdae, and Exudyn all hinges. Largest |g| in m: over
+modified Newton to 1e-10, bodies in absolute coordinates. diffrax (Dopri8, compiled by JAX before it is timed) and
+casadi (CVODES with Adams' methods and functional iteration; IDAS with accelerations and lam as algebraic unknowns; both
+compiled to C where there is a compiler) solve equations with index 1 written by hand, with alpha = 10 1/s; 20 points
+are asked for. The double pendulum is a tree for mbdae, Pinocchio and MuJoCo;
+solve_dae keeps the elbow by a constraint, as "elbow cut" does in mbdae, and Exudyn all hinges. The
+stiff problems (stiff.py) go to mbdae, to IDAS as above but not compiled and with a and lam left out of its error test,
+and to solve_dae's Radau on equations with index 1, with slopes by differences. Largest |g| in m: over
 all steps; for MuJoCo and Exudyn over 20 times, and there without the hinges.
 
 Run: python examples/benchmarks/work_precision.py [--brief]
@@ -26,13 +31,17 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from common import brief, digits, machine, medians, ratio, table
-from peers import Runner, solvers
+from common import backends, brief, digits, machine, medians, ratio, table
+from peers import solvers
 from PIL import Image
 from planar import Problem
 from problems import PROBLEMS
+from runs import Runner
+from stiff import STIFF, Stiff
+from stiff_peers import stiff_solvers
 
 TARGETS = (1e-3, 1e-6, 1e-9)  # rad
+STIFF_TARGETS = (1e-4, 1e-6, 1e-8)  # rad and m
 DRIFT = 1e-9  # m
 CAP, LONG, SHORT = 5.0, 1.0, 0.05  # s: no run is longer; longer ones are timed once; shorter ones always repeated
 PICTURE = Path(__file__).parent.parent / "pictures" / "work_precision_peers.png"
@@ -113,7 +122,7 @@ def power(x: float) -> str:
 
 def report(problem: Problem, points: dict[str, list[Point]], targets: Sequence[float]) -> str:
     """One row for each solver; ratios are those of the times to the errors."""
-    ours = [n for n in points if n.startswith(("pherk", "herk"))]
+    ours = [n for n in points if n.startswith(("pherk", "herk", "radau"))]
     one = cells(points[next(n for n in ours if n.startswith("pherk5, projected"))], targets, DRIFT)
     rows = [cells(points[n], targets, DRIFT) for n in ours]
     best = [min((t for t in column if t), default=None) for column in zip(*rows, strict=True)]
@@ -129,6 +138,32 @@ def report(problem: Problem, points: dict[str, list[Point]], targets: Sequence[f
     return table([*header, kept, "time over pherk5, projected", "over mbdae's best with this \\|g\\|"], rows)
 
 
+def measure_stiff(problem: Stiff, targets: Sequence[float], cap: float, repeats: int) -> dict[str, list[Point]]:
+    """Points of each solver of a stiff problem; those that count are timed again, in turn."""
+    reference, runners, points = problem.reference(), {}, {}
+    for name, make in stiff_solvers(problem).items():
+        if (runner := make(problem)) is None:
+            print(f"{name} is not installed: left out", file=sys.stderr)
+            continue
+        print(f"{problem.title}: {name}", file=sys.stderr)
+        runners[name], points[name] = runner, list(curve(runner, TOLERANCES[4:], reference, min(targets), cap))
+    chosen = {(n, p.value): p for n, found in points.items() for e in targets if (p := cheapest(found, e))}
+    again = {key: (lambda key=key: runners[key[0]](key[1]).seconds) for key in chosen if chosen[key].seconds < LONG}
+    for key, seconds in medians(again, repeats).items():
+        chosen[key].seconds = seconds
+    return points
+
+
+def report_stiff(problem: Stiff, points: dict[str, list[Point]], targets: Sequence[float]) -> str:
+    """One row for each solver, beside radau5."""
+    base, rows = cells(points["radau5"], targets), []
+    for name, found in points.items():
+        times = cells(found, targets)
+        rows.append([name, ms(times), " / ".join(ratio(t, b) for t, b in zip(times, base, strict=True))])
+    errors = " / ".join(power(e) for e in targets)
+    return table([f"{problem.title}, {problem.end:g} s", f"ms to {errors} m or rad", "time over radau5"], rows)
+
+
 def draw(measured: dict[str, dict[str, list[Point]]], path: Path) -> None:
     """Error over time, a panel for each problem."""
     figure, axes = plt.subplots(
@@ -137,7 +172,7 @@ def draw(measured: dict[str, dict[str, list[Point]]], path: Path) -> None:
     names = list(dict.fromkeys(name for points in measured.values() for name in points))
     for ax, (title, points) in zip(axes[0], measured.items(), strict=True):
         for name, found in points.items():
-            i, ours = names.index(name), name.startswith(("pherk", "herk"))
+            i, ours = names.index(name), name.startswith(("pherk", "herk", "radau"))
             style = {
                 "color": f"C{i}" if i < 10 else "black",
                 "marker": "osD^v<>PX*"[i % 10],
@@ -158,11 +193,14 @@ def main(argv: Sequence[str] | None = None, picture: Path | None = None) -> dict
     """Print a table for each problem, draw the figure, and return the points."""
     short = brief(argv, __doc__)
     targets, cap, repeats = ((1e-2, 1e-4), 0.15, 1) if short else (TARGETS, CAP, 5)
-    print(machine("solve_dae", "mujoco", "exudyn"))
+    print(machine("solve_dae", "mujoco", "exudyn", "casadi", "diffrax"))
+    print(f"back end of mbdae: {backends()[-1]}, but for rows that say Python")
     measured = {}
     for title, problem in PROBLEMS.items():
         measured[title] = measure(problem, targets, cap, repeats)
         print("\n" + report(problem, measured[title], targets), flush=True)
+    for stiff in () if short else STIFF.values():
+        print("\n" + report_stiff(stiff, measure_stiff(stiff, STIFF_TARGETS, cap, repeats), STIFF_TARGETS), flush=True)
     if picture or not short:
         draw(measured, picture or PICTURE)
     return measured

@@ -1,0 +1,84 @@
+"""The solvers of the stiff problems of work_precision.py. The settings are told in that script."""
+
+from collections.abc import Callable
+from functools import partial
+from time import perf_counter
+
+import numpy as np
+from common import backends
+from runs import Array, Run, Runner, installed
+from stiff import Stiff
+
+import mbdae
+
+
+def with_mbdae(problem: Stiff, method: str, **options: object) -> Runner:
+    """Methods of mbdae under a tolerance."""
+    mech, start = problem.model()
+    at = [mech.model.joints[mech.model.getJointId(name)].idx_q for name in problem.joints]
+
+    def run(rtol: float) -> Run | None:
+        sol = mbdae.solve(mech, (0, problem.end), *start, method=method, rtol=rtol, atol=rtol, **options)
+        return Run(sol.stats["seconds"], sol.q[-1][at], 0.0) if sol.success else None
+
+    return run
+
+
+def with_idas(problem: Stiff) -> Runner | None:
+    """IDAS of casadi with accelerations and lam as algebraic unknowns."""
+    ca = installed("casadi")
+    if ca is None:
+        return None
+    (q0, v0), t = problem.start, ca.SX.sym("t")
+    n = len(q0)
+    q, v, a = (ca.SX.sym(name, n) for name in "qva")
+    M, f, G, b = problem.terms(ca, t, q, v)
+    lam, rows = ca.SX.sym("lam", len(b)), ca.vertcat(*(ca.horzcat(*row) for row in G)) if G else ca.SX(0, n)
+    mass = ca.vertcat(*(ca.horzcat(*row) for row in M))
+    alg = ca.vertcat(mass @ a - ca.vertcat(*f) - rows.T @ lam, rows @ a - ca.vertcat(*b) if b else ca.SX(0, 1))
+    dae = {"t": t, "x": ca.vertcat(q, v), "z": ca.vertcat(a, lam), "ode": ca.vertcat(v, a), "alg": alg}
+    fixed = {"max_num_steps": 100_000, "suppress_algebraic": True}
+    z0 = np.concatenate(problem.acceleration(0.0, np.array(q0), np.array(v0)))
+
+    def run(rtol: float) -> Run | None:
+        F = ca.integrator("F", "idas", dae, 0, problem.end, {"reltol": rtol, "abstol": rtol, **fixed})
+        try:
+            started = perf_counter()
+            x = F(x0=[*q0, *v0], z0=z0)["xf"]
+            seconds = perf_counter() - started
+        except RuntimeError:
+            return None
+        return Run(seconds, np.array(x)[list(problem.seen), 0], 0.0)
+
+    return run
+
+
+def with_solve_dae(problem: Stiff) -> Runner | None:
+    """Radau of solve_dae on the equations with index 1, lam as the rate of an unknown; slopes by differences."""
+    package = installed("solve_dae.integrate")
+    if package is None:
+        return None
+    (q0, v0), n = problem.start, len(problem.start[0])
+    a0, lam0 = problem.acceleration(0.0, np.array(q0), np.array(v0))
+    m = len(lam0)
+
+    def residual(t: float, y: Array, yp: Array) -> Array:
+        M, f, G, b = (np.array(x, float) for x in problem.terms(np, t, y[:n], y[n : 2 * n]))
+        G = G.reshape(m, n)
+        return np.concatenate([yp[:n] - y[n : 2 * n], M @ yp[n : 2 * n] - f - G.T @ yp[2 * n :], G @ yp[n : 2 * n] - b])
+
+    def run(rtol: float) -> Run | None:
+        y0, yp0 = np.concatenate([q0, v0, np.zeros(m)]), np.concatenate([v0, a0, lam0])
+        started = perf_counter()
+        sol = package.solve_dae(residual, (0, problem.end), y0, yp0, method="Radau", rtol=rtol, atol=rtol)
+        seconds = perf_counter() - started
+        return Run(seconds, sol.y[list(problem.seen), -1], 0.0) if sol.success else None
+
+    return run
+
+
+def stiff_solvers(problem: Stiff) -> dict[str, Callable[[Stiff], Runner | None]]:
+    """What makes the runner, by name."""
+    fast = backends()[-1]
+    ours = {name: partial(with_mbdae, method=name, backend=fast) for name in ("radau5", "radau9", "pherk5")}
+    return {**ours, "casadi IDAS": with_idas, "solve_dae Radau": with_solve_dae}
