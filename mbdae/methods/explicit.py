@@ -121,6 +121,10 @@ class ExplicitMethod:
 
     controlled_step = step
 
+    def steady(self, ny: int) -> float:
+        """As of `mbdae.methods.tableau.Tableau.steady`."""
+        return 1.0
+
 
 def _row(text: Text, n: int) -> Row:
     return [exact(x) for x in text] + [exact("0")] * (n - len(text))

@@ -22,10 +22,13 @@ pytestmark = pytest.mark.native
 TABLEAUS = [name for name, m in METHODS.items() if isinstance(m, Tableau)]
 SPANS = {  # s; 0.5 s for the others
     "andrews_squeezer": 0.015,
+    "cart_pole": 0.1,
     "delta_robot": 0.3,
     "flyball_governor": 0.002,
     "heavy_top": 0.1,
     "humanoid_stance": 0.02,
+    "sleeping_top": 0.05,
+    "spatial_slider_crank": 0.25,
 }
 
 
