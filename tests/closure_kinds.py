@@ -3,6 +3,7 @@
 A kind that is new is tried by all tests when it stands here.
 """
 
+from math import cos, pi, sin
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +16,13 @@ A, B = (0.3, -0.5, 0.8), (-0.4, 0.7, 0.2)
 TIP = ("tip_8", "tip_2")
 X, Y, Z = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
 TURN_X, TURN_Y, TURN_Z, BALL = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelSpherical
+OVAL = {"kind": "fourier", "x": (0.1, 0.5, 0.0, 0.02, 0.01), "y": (-0.2, 0.1, 0.4, 0.0, 0.03)}
+ROUND = [
+    (0.5 * cos(s) + 1.5, 0.4 * sin(s) + 0.02 * cos(2 * s) + 1.2)
+    for s in (0.0, 0.5, 1.1, 1.8, 2.4, 3.0, 3.7, 4.4, 5.0, 5.6)
+]
+LAW = [(x, 0.2 * sin(x)) for x in (0.0, 0.7, 1.3, 2.4, 3.2, 3.9, 4.8, 5.6)] + [(2 * pi, 0.0)]
+RISING = [(x, y + x / 2) for x, y in LAW[:-1]] + [(2 * pi, LAW[0][1] + pi)]
 
 
 class Kind(NamedTuple):
@@ -41,11 +49,24 @@ KINDS = {
     "parallel": Kind(Closure.parallel(*TIP, A, second_axis=B), (X, Y, Z, TURN_Z), "turn z, slide z, slide x"),
     "distance": Kind(Closure.distance("tip_2", "tip_4", 0.4), (TURN_Z, TURN_Y, BALL), None, "length = 0.5"),
     "coupling": Kind(Closure.coupling("revolute_0", "prismatic_2", (0.1, -1.5, 0.7, 0.3))),
+    "cam": Kind(Closure.cam("tip_8", "tip_2", OVAL, radius=0.2)),
+    "slot": Kind(Closure.slot("tip_2", "tip_5", OVAL)),
     "rolling": Kind(Closure.rolling("tip_8", "tip_2", 0.3, A, tyre=0.1)),
     "knife_edge": Kind(Closure.knife_edge("tip_8", "tip_2", A)),
     "gear": Kind(Closure.gear("tip_8", "tip_2", (0.2, 0.3), A)),
     "screw": Kind(Closure.screw("tip_8", "tip_2", 0.3, A)),
     "ratio": Kind(Closure.ratio("revolute_0", "helical_7", (0.1, -1.5, 0.7, 0.3), "prismatic_2")),
+}
+HIGHER = {  # further profiles and laws
+    "flat face": Closure.cam("tip_8", "tip_2", OVAL, axis=B),
+    "circle": Closure.cam("tip_5", "tip_1", {"kind": "circle", "radius": 0.3, "centre": (0.1, 0.2)}, radius=0.1),
+    "through points": Closure.cam("tip_2", "tip_5", {"kind": "points", "points": ROUND}, radius=0.1),
+    "flat on points": Closure.cam("tip_2", "tip_5", {"kind": "points", "points": ROUND}, axis=A),
+    "law": Closure.law("revolute_0", "helical_7", {"kind": "table", "points": LAW, "periodic": True}),
+    "open law": Closure.law("revolute_0", "prismatic_2", {"kind": "table", "points": LAW}),
+    "indexing": Closure.law("continuous_5", "helical_7", {"kind": "table", "points": RISING, "periodic": True}),
+    "eccentric": Closure.law("revolute_0", "continuous_5", {"kind": "harmonic", "amplitude": 0.3, "omega": 2.0}),
+    "sum": Closure.coupling("revolute_0", ("helical_7", "prismatic_2"), (0.1, -1.5, 0.7)),
 }
 ROLLING = {  # what else a rolling closure may be, and what is kept of velocity only
     "disc": Closure.rolling("tip_2", "tip_5", 0.3, A),

@@ -27,8 +27,9 @@ class Pieces:
     ) -> None:
         rows = [[float(c) for c in row] for row in coefficients]
         self.starts, self.breaks = [float(t) for t in starts], breaks
-        self._derivatives = [rows, [_derivative(row) for row in rows]]
-        self._derivatives.append([_derivative(row) for row in self._derivatives[1]])
+        self._derivatives = [rows]
+        for k in range(3):
+            self._derivatives.append([_derivative(row) for row in self._derivatives[k]])
 
     @classmethod
     def of(cls, c: PPoly, breaks: Sequence[float] = ()) -> "Pieces":
@@ -36,7 +37,7 @@ class Pieces:
         return cls(c.x[:-1], c.c.T, breaks)
 
     def at(self, t: float, k: int = 0) -> float:
-        """Return the k-th derivative, k = 0, 1, 2."""
+        """Return the k-th derivative, k = 0, 1, 2, 3."""
         i = max(0, bisect_right(self.starts, t) - 1)
         row, x = self._derivatives[k][i], t - self.starts[i]
         value = row[0]

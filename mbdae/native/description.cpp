@@ -104,21 +104,55 @@ std::vector<std::pair<Anchor, Anchor>> pairs(const nb::list& list, int joints) {
   return out;
 }
 
+std::shared_ptr<const Profile> profile(const nb::dict& d) {
+  auto p = std::make_shared<Profile>();
+  p->harmonic = get<bool>(d, "harmonic"), p->closed = get<bool>(d, "closed"), p->side = get<double>(d, "side");
+  p->starts = get<Numbers>(d, "starts"), p->numbers = get<Numbers>(d, "numbers"), p->degree = get<int>(d, "degree");
+  p->samples = get<Numbers>(d, "samples");
+  const auto search = get<Numbers>(d, "search");
+  const size_t n = p->numbers.size(), pieces = p->starts.size() - 1;
+  if (p->starts.size() < 2 || p->samples.empty() || search.size() != 3 || p->degree < 0 || n < 2 || n % 2 ||
+      !(p->starts.back() > p->starts[0]) || !std::is_sorted(p->starts.begin(), p->starts.end()) ||
+      (!p->harmonic && n != 2 * pieces * (static_cast<size_t>(p->degree) + 1)))
+    refuse("the numbers of a profile do not fit");
+  p->iterations = static_cast<int>(search[0]), p->rounding = search[1], p->sharp = search[2];
+  for (double s : p->samples) {
+    const Profile::Place x = p->at(s);
+    p->points.insert(p->points.end(), x.c, x.c + 2);
+  }
+  return p;
+}
+
 Row row(const nb::dict& d, const Sizes& n, int pair_count) {
   Row r;
   const RowKind k = kind(ROW_KINDS, get<std::string>(d, "kind"));
   r.kind = k.kind, r.has_a = k.a, r.has_b = k.b, r.positional = k.positional;
   if (r.between_joints()) {
     const auto joints = get<std::vector<std::vector<int>>>(d, "joints");
-    const size_t few = r.kind == Row::ratio ? 2 : 1;
-    if (joints.size() < few || joints.size() > few + 1) refuse("a row between joints has one to three of them");
+    const size_t few = r.kind == Row::coordinate ? 1 : 2, many = r.kind == Row::sum ? joints.size() : r.kind == Row::curved ? 2 : few + 1;
+    if (joints.size() < few || joints.size() > many) refuse("a row between joints has one to three of them");
     for (size_t i = 0; i < joints.size(); ++i) {
       if (joints[i].size() != 3) refuse("a joint is given by iq, nq, iv");
+      if (i && r.kind == Row::sum) {
+        const int q = joints[i][0], nq = joints[i][1], v = joints[i][2];
+        within({q, q + nq - 1}, n.nq, "coordinate"), within({v}, n.nv, "velocity");
+        if (nq != 1 && nq != 2) refuse("a joint of one velocity has one coordinate or two");
+        r.others.push_back({q, nq, v});
+        continue;
+      }
       r.iq[i] = joints[i][0], r.nq[i] = joints[i][1], r.iv[i] = joints[i][2];
       within({r.iq[i], r.iq[i] + r.nq[i] - 1}, n.nq, "coordinate"), within({r.iv[i]}, n.nv, "velocity");
       if (r.nq[i] != 1 && r.nq[i] != 2) refuse("a joint of one velocity has one coordinate or two");
     }
     r.c = get<Numbers>(d, "c"), r.period = get<double>(d, "period");
+    if (r.kind == Row::sum && r.c.size() != joints.size()) refuse("a sum has a coefficient for each joint");
+    if (r.kind == Row::curved) {
+      const auto law = get<nb::dict>(d, "law");
+      const auto fold = get<Numbers>(d, "fold");
+      Callbacks none;
+      if (get<std::string>(law, "kind") == "python" || fold.size() != 3) refuse("a law is pieces or a harmonic");
+      r.law = signal(law, none), std::copy(fold.begin(), fold.end(), r.fold);
+    }
     return r;
   }
   r.pair = get<int>(d, "pair");
@@ -131,6 +165,7 @@ Row row(const nb::dict& d, const Sizes& n, int pair_count) {
   if (k.a) axis("a", r.a);
   if (k.b) axis("b", r.b);
   if (k.length) r.length = get<double>(d, "length");
+  if (r.kind == Row::roller || r.kind == Row::flat_face) r.profile = profile(get<nb::dict>(d, "path"));
   if (r.kind == Row::height || r.kind == Row::grip) {
     r.shape.body = mbdae::kind(BODIES, get<std::string>(d, "body"));
     r.shape.surface = mbdae::kind(SURFACES, get<std::string>(d, "surface"));

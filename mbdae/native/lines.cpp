@@ -11,7 +11,21 @@ namespace {
 // The line of a row: a direction e through p; and their rates where both velocities are given.
 struct Line {
   double e[3], p[3], de[3], dp[3];
+  double g;  // of rows on profiles
 };
+
+// The x and y of to - from along the axes of a.
+void in_plane(const Pair& pair, const double* to, const double* from, double* out) {
+  for (int j = 0; j < 2; ++j) {
+    out[j] = 0;
+    for (int i = 0; i < 3; ++i) out[j] += pair.Ra[3 * i + j] * (to[i] - from[i]);
+  }
+}
+
+const double* in_world(const Pair& pair, double x, double y, double* out) {
+  for (int i = 0; i < 3; ++i) out[i] = pair.Ra[3 * i] * x + pair.Ra[3 * i + 1] * y;
+  return out;
+}
 
 Line line_of(const Row& r, const Pair& pair, const double* Va, const double* Vb, const Touch* touch) {
   Line out;
@@ -30,6 +44,35 @@ Line line_of(const Row& r, const Pair& pair, const double* Va, const double* Vb,
     return out;
   }
   std::copy(pair.pb, pair.pb + 3, out.p), at(Vb, pair.pb, out.dp);
+  if (r.kind == Row::roller) {
+    double x[2], rate[2], va[3], t[2], dt[2];
+    at(Va, pair.pb, va), in_plane(pair, out.p, pair.pa, x), in_plane(pair, out.dp, va, rate);
+    const Profile::Place c = r.profile->nearest(x);
+    const double off[2] = {x[0] - c.c[0], x[1] - c.c[1]}, size = norm(c.d, 2);
+    const double ds = dot(rate, c.d, 2) / (size * size - dot(off, c.dd, 2));
+    for (int i = 0; i < 2; ++i) t[i] = c.d[i] / size;
+    const double along = dot(t, c.dd, 2), side = r.profile->side;
+    for (int i = 0; i < 2; ++i) dt[i] = (c.dd[i] - t[i] * along) * ds / size;
+    cross(Va + 3, in_world(pair, side * t[1], -side * t[0], out.e), out.de);
+    in_world(pair, side * dt[1], -side * dt[0], more);
+    for (int i = 0; i < 3; ++i) out.de[i] += more[i];
+    out.g = side * (off[0] * t[1] - off[1] * t[0]) - r.length;
+    return out;
+  }
+  if (r.kind == Row::flat_face) {
+    double n[2], dn[2], spin[3], c[3];
+    turn(pair.Rb, r.b, out.e), cross(Vb + 3, out.e, out.de), cross(Va + 3, out.e, spin);
+    const double none[3] = {0, 0, 0};
+    in_plane(pair, out.e, none, n), in_plane(pair, out.de, spin, dn);
+    const Profile::Place p = r.profile->support(n);
+    const double ds = -dot(p.d, dn, 2) / dot(p.dd, n, 2);
+    in_world(pair, p.c[0], p.c[1], c), in_world(pair, p.d[0] * ds, p.d[1] * ds, more);
+    out.g = 0;
+    for (int i = 0; i < 3; ++i) out.p[i] = pair.pa[i] + c[i], out.g += out.e[i] * (pair.pb[i] - out.p[i]);
+    at(Va, out.p, out.dp);
+    for (int i = 0; i < 3; ++i) out.dp[i] += more[i];
+    return out;
+  }
   if (r.kind == Row::knife_edge) {
     turn(pair.Rb, r.b, out.e), cross(Vb + 3, out.e, out.de);
     return out;
@@ -63,6 +106,7 @@ double line_wrench(const Row& r, const Pair& pair, double* w) {
     if (r.kind == Row::screw) w[3 + i] -= r.length * l.e[i];
     g += l.e[i] * (l.p[i] - pair.pa[i]);
   }
+  if (r.profile) return l.g;
   return r.shape.surface == Shape::plane ? g : g - r.shape.curve;
 }
 

@@ -176,6 +176,15 @@ double Row::coordinate_value(const double* q, double* slope) const {
   const double x = angle(q + iq[0], nq[0]);
   double p = 0, curve = 0;
   *slope = 0;
+  if (kind == curved) {
+    const double at = folded(q, &p);
+    *slope = law.at(at, 1);
+    return x - p - law.at(at);
+  }
+  if (kind == sum) {
+    for (size_t k = 0; k < others.size(); ++k) p += c[k + 1] * angle(q + others[k][0], others[k][1]);
+    return x - c[0] - p;
+  }
   if (iv[1] < 0) {
     for (double k : c) p += k;
     return x - p;
@@ -189,7 +198,17 @@ double Row::coordinate_bias(const double* q, const double* v) const {
   return k < 0 ? 0 : -curvature(q) * v[iv[1]] * v[k];
 }
 
+double Row::folded(const double* q, double* rise) const {
+  const double x = angle(q + iq[1], nq[1]), turns = fold[1] > 0 ? std::floor((x - fold[0]) / fold[1]) : 0;
+  *rise = turns * fold[2];
+  return x - turns * fold[1];
+}
+
 double Row::curvature(const double* q) const {
+  if (kind == curved) {
+    double rise;
+    return law.at(folded(q, &rise), 2);
+  }
   double p, slope, curve;
   const int k = kind == ratio ? 2 : 1;
   horner(c, angle(q + iq[k], nq[k]), p, slope, curve);
@@ -218,6 +237,7 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
       std::set<int> columns;
       for (int i : r.iv)
         if (i >= 0) columns.insert(i), columns.insert(m.ancestors[i].begin(), m.ancestors[i].end());
+      for (const auto& x : r.others) columns.insert(x[2]), columns.insert(m.ancestors[x[2]].begin(), m.ancestors[x[2]].end());
       r.columns.assign(columns.begin(), columns.end());
       continue;
     }
@@ -226,7 +246,7 @@ Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
     r.columns = pair.columns;
     if (r.has_a) pair.turns_a = true;
     if (r.has_b) pair.turns_b = true;
-    if (touches(r)) pair.turns_a = pair.turns_b = true;
+    if (touches(r) || r.profile) pair.turns_a = pair.turns_b = true;
   }
   for (const Driver& d : drivers)
     if (d.speed) rows[d.row].positional = false;
@@ -245,6 +265,7 @@ void Constraints::value(const Mechanics& m, const double* q, const std::vector<i
       for (int c : row.columns) out[c] = 0;
       out[row.iv[0]] = 1;
       if (row.iv[1] >= 0) out[row.iv[1]] = -slope;
+      for (size_t k = 0; k < row.others.size(); ++k) out[row.others[k][2]] = -row.c[k + 1];
       continue;
     }
     Pair& pair = pairs[row.pair];

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <map>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "contact.hpp"
 #include "linear.hpp"
 #include "mechanics.hpp"
+#include "profile.hpp"
 #include "signals.hpp"
 
 namespace mbdae {
@@ -50,30 +52,36 @@ double unit_gap(const Pair& pair, double* n);  // distance, and the unit vector 
 
 struct Row {
   enum Kind {
-    dot_product_1, dot_product_2, distance, coordinate, ratio, height, grip, knife_edge, gear, screw
+    dot_product_1, dot_product_2, distance, coordinate, curved, sum, ratio,
+    height, grip, knife_edge, gear, screw, roller, flat_face
   } kind = distance;
   bool positional = true;  // there is a g; else it is 0
   int pair = -1;
   bool has_a = false, has_b = false;
   double a[3] = {0, 0, 0}, b[3] = {0, 0, 0};  // axes fixed in a and b
-  double length = 0;        // or lead of a screw, or share of a gear
+  double length = 0;        // or lead of a screw, share of a gear, radius of a roller
   Shape shape;              // of what rolls
+  std::shared_ptr<const Profile> profile;  // of what a roller or a flat face touches
   double share[2] = {0, 0};  // of the tangents ahead and to the left in a row of grip
   int iq[3] = {-1, -1, -1}, iv[3] = {-1, -1, -1}, nq[3] = {1, 1, 1};  // joints of a row between joints; -1: missing
   std::vector<double> c;                                              // its polynomial
+  std::vector<std::array<int, 3>> others;  // iq, nq, iv of the joints of a sum but for the first
+  Signal law;                              // of a curved row
+  double fold[3] = {0, 0, 0};              // start, length and rise of its period; length 0 without one
   double period = 0;
   std::vector<int> columns;  // where G may differ from 0, and all their ancestors, in rising order
 
   double wrench(const Pair& pair, double* w) const;                // g, and the wrench on b, (6,)
   double rate(const Pair& pair) const;                             // Gdot v
   void slopes(const Pair& pair, Turning& t) const;                 // the wrench, Da and Db
-  bool between_joints() const { return kind == coordinate || kind == ratio; }
+  bool between_joints() const { return kind >= coordinate && kind <= ratio; }
   double coordinate_value(const double* q, double* slope) const;   // g, and what v_j is multiplied by
   double coordinate_bias(const double* q, const double* v) const;  // Gdot v
   // Adds lam d(G^T)/dq to K (nv, nv) and d(G v)/dq to B (nv,).
   void coordinate_slopes(const double* q, const double* v, double lam, double* K, double* B, size_t width) const;
 
  private:
+  double folded(const double* q, double* rise) const;  // where x_j stands in a period of the law
   double curvature(const double* q) const;  // p''(x_j), or r'(x_k)
 };
 
@@ -87,12 +95,16 @@ inline const std::map<std::string, RowKind> ROW_KINDS = {
     {"dot_product_2", {Row::dot_product_2, true, false, false}},
     {"distance", {Row::distance, false, false, true}},
     {"coordinate", {Row::coordinate, false, false, false}},
+    {"curved", {Row::curved, false, false, false}},
+    {"sum", {Row::sum, false, false, false}},
     {"ratio", {Row::ratio, false, false, false, false}},
     {"height", {Row::height, false, false, false}},
     {"grip", {Row::grip, false, false, false, false}},
     {"knife_edge", {Row::knife_edge, false, true, false, false}},
     {"gear", {Row::gear, true, false, true, false}},
-    {"screw", {Row::screw, true, false, true, false}}};
+    {"screw", {Row::screw, true, false, true, false}},
+    {"roller", {Row::roller, false, false, true}},
+    {"flat_face", {Row::flat_face, false, true, false}}};
 
 struct Driver {
   int row;

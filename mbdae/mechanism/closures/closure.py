@@ -1,21 +1,23 @@
 """Closures: joint constraints and rolling between two frames, couplings between the coordinates of joints."""
 
 from collections.abc import Sequence
-from math import pi
 from typing import Any, Literal, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from ..signals import Harmonic
 from ..tables import Table
-from .contact import ConvexBody, Grip, Height
+from .contact import ConvexBody
+from .curves import Law, LawTable
 from .keys import BETWEEN_FRAMES, GRIPS, check_numbers, keys
-from .line_rows import Gear, KnifeEdge, Screw
-from .rows import Coordinate, Distance, FrameRows, JointRow, Ratio, between_frames, unit_axis
+from .primitives import primitives_of
+from .profiles import AnyProfile, Profile
+from .rows import FrameRows, JointRow, unit_axis
 
 Kind = Literal[
     "point", "revolute", "frame", "prismatic", "cylindrical", "universal", "in_plane", "in_line", "parallel",
-    "distance", "coupling", "rolling", "knife_edge", "gear", "screw", "ratio",
+    "distance", "coupling", "cam", "slot", "rolling", "knife_edge", "gear", "screw", "ratio",
 ]  # fmt: skip
 KINDS: tuple[str, ...] = get_args(Kind)
 Axis = tuple[float, float, float]
@@ -41,11 +43,13 @@ class Closure(Table):
     in_line      2     b's origin stays on the line through a's origin along the axis of a
     parallel     2     the axes keep one direction
     distance     1     the origins keep the distance ``length`` > 0 in m
-    coupling     1     q_i = c_0 + c_1 q_j + c_2 q_j^2 + ... (gears, racks, mimic joints)
+    coupling     1     q_i = c_0 + c_1 q_j + c_2 q_j^2 + ... or q_i = c_0 + c_1 q_j + c_2 q_k + ... or q_i = f(q_j)
     rolling      3     b rolls on a plane (z of a), sphere or cylinder of a: it touches and does not slip
     knife_edge   1     b's origin does not slip along the axis of b
     gear         1     wheels about parallel axes do not slip where the line of centres is divided as by their radii
     screw        1     b advances along the axis of a by ``lead`` per turn about it, beside a cylindrical closure
+    cam          1     a roller of b, or a flat face of it, touches a profile in the x-y plane of a
+    slot         1     b's origin stays on a curve in the x-y plane of a
     ratio        1     v_i = (c_0 + c_1 q_k + c_2 q_k^2 + ...) v_j (continuously variable transmissions)
     ===========  ====  ===============================================================================
 
@@ -68,11 +72,13 @@ class Closure(Table):
         joints: names of joints i and j of a coupling; of i, j and, where c_1, ... are given, k of a ratio.
         name: by default the names of both frames or joints.
         axis: an axis in the first frame, z when left out; of a wheel (its axle, to its left) and of a knife edge in
-            the second frame.
+            the second frame; of a cam's flat face through b's origin, in the second frame, away from the cam.
         second_axis: the axis in the second frame that goes with it; the same numbers when left out (universal: x).
         length: distance in m.
-        coefficients: c_0, c_1, ... of a coupling or a ratio.
-        radius: of a wheel or sphere in m, the outer one.
+        coefficients: c_0, c_1, ... of a ratio or a coupling: powers between two joints, else one for each joint.
+        curve: the law f of a coupling of two joints, in place of coefficients (cams by their law, indexing drives).
+        profile: of a cam, or of a slot, in the x-y plane of the first frame.
+        radius: of a wheel or sphere in m, the outer one; of a cam's roller about b's origin.
         tyre: radius of the section of a wheel's tyre in m: 0 when left out, a knife edge; ``radius`` for a sphere.
         semi_axes: of an ellipsoid along the axes of the second frame, in m.
         centre: of an ellipsoid in the second frame, in m; its origin when left out.
@@ -93,12 +99,14 @@ class Closure(Table):
 
     kind: Kind
     frames: tuple[str, str] | None = None
-    joints: tuple[str, ...] | None = Field(default=None, min_length=2, max_length=3)
+    joints: tuple[str, ...] | None = Field(default=None, min_length=2)
     name: str = ""
     axis: Axis | None = None
     second_axis: Axis | None = None
     length: float | None = Field(default=None, gt=0)
     coefficients: Polynomial | None = Field(default=None, min_length=1)
+    curve: Law | None = None
+    profile: Profile | None = None
     radius: float | None = Field(default=None, gt=0)
     tyre: float | None = Field(default=None, ge=0)
     semi_axes: tuple[float, float, float] | None = None
@@ -185,9 +193,25 @@ class Closure(Table):
         return cls(kind="distance", frames=(a, b), length=length, name=name)
 
     @classmethod
-    def coupling(cls, joint: str, other: str, coefficients: Polynomial, name: str = "") -> "Closure":
-        """Joint coordinates keep q_joint = c_0 + c_1 q_other + c_2 q_other^2 + ...: 1 row."""
-        return cls(kind="coupling", joints=(joint, other), coefficients=tuple(coefficients), name=name)
+    def coupling(cls, joint: str, other: str | Sequence[str], coefficients: Polynomial, name: str = "") -> "Closure":
+        """Joint coordinates keep q_joint = c_0 + c_1 q_other + c_2 q_other^2 + ...: 1 row; or a sum over several."""
+        others = (other,) if isinstance(other, str) else other
+        return cls(kind="coupling", joints=(joint, *others), coefficients=tuple(coefficients), name=name)
+
+    @classmethod
+    def law(cls, joint: str, other: str, curve: LawTable | Harmonic, name: str = "") -> "Closure":
+        """Joint coordinates keep q_joint = f(q_other): 1 row of a coupling."""
+        return cls(kind="coupling", joints=(joint, other), curve=curve, name=name)
+
+    @classmethod
+    def cam(cls, a: str, b: str, profile: AnyProfile, name: str = "", **more: Any) -> "Closure":
+        """A roller (``radius``) or a flat face (``axis``) of b touches a profile of a: 1 row."""
+        return cls(kind="cam", frames=(a, b), profile=profile, name=name, **more)
+
+    @classmethod
+    def slot(cls, a: str, b: str, profile: AnyProfile, name: str = "") -> "Closure":
+        """The origin of b stays on a curve in the x-y plane of a: 1 row."""
+        return cls(kind="slot", frames=(a, b), profile=profile, name=name)
 
     @classmethod
     def rolling(cls, a: str, b: str, radius: float, axis: Axis | None = None, name: str = "", **more: Any) -> "Closure":
@@ -229,23 +253,7 @@ class Closure(Table):
 
     def primitives(self) -> Sequence[FrameRows] | Sequence[JointRow]:
         """The primitive rows that this closure is composed of."""
-        c = self.coefficients or ()
-        if self.joints:
-            i, j, *k = self.joints
-            return (Ratio(i, j, k[0] if k else "", c),) if self.kind == "ratio" else (Coordinate(i, j, c),)
-        if self.kind == "distance":
-            return (Distance(float(self.length or 0)),)
-        if self.kind in BETWEEN_FRAMES:
-            return between_frames(*BETWEEN_FRAMES[self.kind], self.axis or Z, self._other_axis)
-        if self.kind == "rolling":
-            shape = self.shape
-            grip = Grip(shape, self.tangents)
-            return (*((Height(shape),) if self.contact is not False else ()), *((grip,) if grip.m else ()))
-        axis = unit_axis(self.axis or Z)
-        if self.kind == "gear":
-            a, b = self.radii or (1.0, 1.0)
-            return (Gear(axis, a / (a + b)),)
-        return (Screw(axis, (self.lead or 0.0) / (2 * pi)),) if self.kind == "screw" else (KnifeEdge(axis),)
+        return primitives_of(self)
 
     @property
     def tangents(self) -> tuple[float, ...]:
@@ -280,8 +288,9 @@ class Closure(Table):
         return bool((a * (relative @ b)).sum() < (a.shape[1] - 1) / 2)
 
     def _unit_axes(self) -> tuple[np.ndarray, np.ndarray]:
-        return unit_axis(self.axis or Z), unit_axis(self._other_axis)
+        return unit_axis(self.axis or Z), unit_axis(self.other_axis)
 
     @property
-    def _other_axis(self) -> Axis:
+    def other_axis(self) -> Axis:
+        """The axis in the second frame."""
         return self.second_axis or (X if self.kind == "universal" else self.axis or Z)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from fractions import Fraction
+from math import gcd, lcm
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from ...errors import InputError
 from ...system import Array
 from ..frames import find_joint
 from ..joints import subspace
-from .rows import Coordinate, JointRow, Ratio
+from .curves import fold_of, slopes_of
+from .rows import Coordinate, Curved, JointRow, Ratio, Sum
 
 LARGEST_DENOMINATOR = 1000
 
@@ -112,6 +114,65 @@ class CoordinatePart(JointPart):
         return _horner(self.polynomial, _coordinate(self._live[1].joint_q))[2:]
 
 
+class CurvedPart(CoordinatePart):
+    """g = x_i - f(x_j) with a law f.
+
+    Raises:
+        InputError: for a law that does not come back where an unbounded joint does.
+    """
+
+    kind = "curved"
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Curved, at: int, name: str) -> None:
+        JointPart.__init__(self, model, data, (row.joint, row.other), row, at, name)
+        self.law, turn, (_, length, rise) = row.law, 2 * np.pi, fold_of(row.law)
+        shares = [turn] if self.joints[0].nq == 2 else []
+        if self.joints[1].nq == 2:
+            n = turn / length if length else 0.0
+            if not length or abs(n - round(n)) > 1e-9:
+                what = "does not repeat itself in a turn" if length else "is not periodic"
+                raise InputError(f"{name!r}: a curve that {what} is not defined on an unbounded joint; bound the joint")
+            shares += [abs(rise * round(n))] if rise else []
+        self.period = _common(shares, name)
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        return {**super().plain(), "law": self.law.plain(), "fold": list(fold_of(self.law))}
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+        x, other = (_coordinate(j.joint_q) for j in self._live)
+        f = slopes_of(self.law, other)
+        return x - f.y, [1.0, -f.first]
+
+    def _curvature(self) -> tuple[float, float]:
+        return slopes_of(self.law, _coordinate(self._live[1].joint_q))[2:]
+
+
+class SumPart(JointPart):
+    """g = x_i - c_0 - c_1 x_j - c_2 x_k - ..., between three joints or more."""
+
+    kind = "sum"
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Sum, at: int, name: str) -> None:
+        super().__init__(model, data, row.joints, row, at, name)
+        self.columns = [j.idx_v for j in self.joints]
+        self.shares = [1.0, *(-c for c in row.coefficients[1:])]
+        turns = [2 * np.pi * abs(c) for j, c in zip(self.joints, self.shares, strict=True) if j.nq == 2]
+        self.period = _common(turns, name)
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+        x = [_coordinate(j.joint_q) for j in self._live]
+        return float(np.dot(self.shares, x)) - self.polynomial[0], self.shares
+
+    def bias(self, v: Array) -> float:  # noqa: D102
+        return 0.0
+
+    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:
+        """G is constant."""
+
+    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:
+        """Gdot is zero."""
+
+
 class RatioPart(JointPart):
     """0 = v_i - r(x_k) v_j, r a polynomial.
 
@@ -155,6 +216,10 @@ class RatioPart(JointPart):
 
 def joint_part(model: pin.Model, data: pin.Data, row: JointRow, at: int, name: str) -> JointPart:
     """Bind a row between joints to a workspace."""
+    if isinstance(row, Sum):
+        return SumPart(model, data, row, at, name)
+    if isinstance(row, Curved):
+        return CurvedPart(model, data, row, at, name)
     if isinstance(row, Ratio):
         return RatioPart(model, data, row, at, name)
     return CoordinatePart(model, data, row, at, name)
@@ -177,15 +242,22 @@ def _period(unbounded: list[bool], coefficients: Sequence[float], name: str) -> 
     turn = 2 * np.pi
     if len(unbounded) == 1 or not unbounded[1]:
         return turn if unbounded[0] else 0.0
-    ratio = coefficients[1]
     if any(coefficients[2:]):
         raise InputError(f"{name!r}: powers of an unbounded joint's angle are not defined; bound the joint")
-    if not unbounded[0]:
-        return turn * abs(ratio)
-    fraction = Fraction(ratio).limit_denominator(LARGEST_DENOMINATOR)
-    if abs(float(fraction) - ratio) > 1e-12 * abs(ratio):
-        raise InputError(
-            f"{name!r}: the ratio {ratio!r} of two unbounded joints is no fraction with a denominator up to "
-            f"{LARGEST_DENOMINATOR}: the angles do not tell how far it is kept; bound one joint"
-        )
-    return turn / fraction.denominator
+    return _common([turn * abs(coefficients[1])] + ([turn] if unbounded[0] else []), name)
+
+
+def _common(shares: Sequence[float], name: str) -> float:
+    """The largest number of which all are multiples, 0 for none: up to its multiples a sum of angles is known."""
+    shares = [s for s in shares if s]
+    if not shares:
+        return 0.0
+    ratios = [Fraction(s / shares[-1]).limit_denominator(LARGEST_DENOMINATOR) for s in shares]
+    for share, ratio in zip(shares, ratios, strict=True):
+        if abs(float(ratio) * shares[-1] - share) > 1e-12 * share:
+            raise InputError(
+                f"{name!r}: the ratio {share / shares[-1]!r} of two unbounded joints is no fraction with a denominator "
+                f"up to {LARGEST_DENOMINATOR}: the angles do not tell how far it is kept; bound one joint"
+            )
+    down = lcm(*(r.denominator for r in ratios))
+    return shares[-1] * gcd(*(int(r * down) for r in ratios)) / down

@@ -19,7 +19,9 @@ BETWEEN_FRAMES: dict[str, tuple[str, str]] = {  # kind: which gaps vanish, which
 }
 OTHER_KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, and further ones
     "distance": (("frames", "length"), ()),
-    "coupling": (("joints", "coefficients"), ()),
+    "coupling": (("joints",), ("coefficients", "curve")),
+    "cam": (("frames", "profile"), ("radius", "axis")),
+    "slot": (("frames", "profile"), ()),
     "rolling": (
         ("frames",),
         ("radius", "tyre", "axis", "semi_axes", "centre", "grip", "contact", "surface", "surface_radius"),
@@ -49,10 +51,20 @@ def check_numbers(closure: "Closure") -> None:
     Raises:
         ValueError: if they do not.
     """
-    n = len(closure.coefficients or ())
-    if closure.kind == "coupling" and (len(closure.joints or ()) > 2 or n < 2):
-        raise ValueError("a coupling has two joints, and two coefficients or more")
-    if closure.kind == "ratio" and (n > 1) != (len(closure.joints or ()) > 2):
+    n, joints = len(closure.coefficients or ()), len(closure.joints or ())
+    if closure.kind == "coupling" and (closure.coefficients is None) == (closure.curve is None):
+        raise ValueError("a coupling needs one of coefficients and curve")
+    if closure.kind == "coupling" and (closure.curve is None and n != joints if joints > 2 else n == 1):
+        raise ValueError("a coupling of two joints has two coefficients or more, one of several joints one for each")
+    if closure.curve and joints > 2:
+        raise ValueError("curve belongs to couplings of two joints")
+    if closure.kind == "ratio" and joints > 3:
+        raise ValueError("a ratio has two or three joints")
+    if closure.kind == "cam" and closure.profile:
+        if (closure.radius is None) == (closure.axis is None):
+            raise ValueError("a cam needs one of radius, of its roller, and axis, of its flat face")
+        closure.profile.path.refuse(closure.radius)
+    if closure.kind == "ratio" and (n > 1) != (joints > 2):
         raise ValueError("a ratio needs a third joint for coefficients c_1, ..., and has none without")
     if closure.kind == "gear" and not (closure.radii and all(closure.radii) and sum(closure.radii)):
         raise ValueError("radii must not be zero, nor their sum")

@@ -19,6 +19,8 @@ import numpy as np
 
 from ..frames import Pair, cross, skew, unit_gap
 from ..pair_slopes import carried, line_slopes, skews
+from ..signals import Harmonic
+from .curves import LawTable
 
 Vector = tuple[float, float, float]
 
@@ -222,4 +224,35 @@ class Ratio(NamedTuple):
     positional: bool = False
 
 
-JointRow = Coordinate | Ratio
+class Curved(NamedTuple):
+    """One row g = q_i - f(q_j) with a law of motion f, between joints of one coordinate each.
+
+    Attributes:
+        joint: name of joint i.
+        other: name of joint j.
+        law: f, in rad or m of joint i.
+    """
+
+    joint: str
+    other: str
+    law: LawTable | Harmonic
+    coefficients: tuple[float, ...] = ()
+    m: int = 1
+    positional: bool = True
+
+
+class Sum(NamedTuple):
+    """One row g = q_i - c_0 - c_1 q_j - c_2 q_k - ..., between joints of one coordinate each.
+
+    Attributes:
+        joints: names of joints i, j, k, ...
+        coefficients: c_0, c_1, ..., as many as joints.
+    """
+
+    joints: tuple[str, ...]
+    coefficients: tuple[float, ...]
+    m: int = 1
+    positional: bool = True
+
+
+JointRow = Coordinate | Curved | Ratio | Sum

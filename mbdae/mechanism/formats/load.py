@@ -259,9 +259,9 @@ def restore(description: Mapping[str, Any]) -> Mechanism:
 
 def _plain(file: MechanismFile) -> dict[str, Any]:
     """The file as JSON data; closures and bodies without their defaults: not every kind takes every key."""
-    tables = {"closure": file.closure, "body": file.body}
-    short = {key: [x.model_dump(mode="json", exclude_defaults=True) for x in table] for key, table in tables.items()}
-    return {**file.model_dump(mode="json"), **short}
+    bodies = [x.model_dump(mode="json", exclude_defaults=True) for x in file.body]
+    closures = [x.model_dump(mode="json", exclude_none=True) for x in file.closure]
+    return {**file.model_dump(mode="json"), "body": bodies, "closure": closures}
 
 
 def _functions(mech: Mechanism) -> list[dict[str, Any]]:

@@ -30,7 +30,8 @@ SPEEDS = {
         frames=("tip_2", "tip_7"), speed={"kind": "harmonic", "amplitude": 0.7, "omega": 3.0}
     ),
 }
-CASES = {**CLOSURES, **closure_kinds.ROLLING, **SPEEDS, **{f"driver of a {k}": d for k, d in DRIVERS.items()}}
+OTHERS = {**closure_kinds.ROLLING, **closure_kinds.HIGHER, **SPEEDS}
+CASES = {**CLOSURES, **OTHERS, **{f"driver of a {k}": d for k, d in DRIVERS.items()}}
 
 
 def mechanism(spec):
@@ -131,7 +132,7 @@ WRONG = {
     'kind = "point"\nframes = ["a", "b"]\naxis = [0, 0, 1]': "axis does not belong to a point closure; known: kind, fr",
     'kind = "in_plane"\nframes = ["a", "b"]\nsecond_axis = [0, 0, 1]': "second_axis does not belong to a in_plane",
     'kind = "coupling"\nframes = ["a", "b"]\ncoefficients = [0, 1]': "frames does not belong to a coupling closure",
-    'kind = "coupling"\njoints = ["a", "b"]': "a coupling closure needs coefficients",
+    'kind = "coupling"\njoints = ["a", "b"]': "a coupling needs one of coefficients and curve",
     'kind = "coupling"\njoints = ["a", "a"]\ncoefficients = [0, 1]': "joins joint 'a' with itself",
     'kind = "point"\njoints = ["a", "b"]': "joints does not belong to a point closure",
     'kind = "point"': "a point closure needs frames",
@@ -148,10 +149,16 @@ def test_wrong_keys_are_named(text):
     assert "\n" not in str(e.value)
 
 
+def in_toml(value):
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{k} = {in_toml(v)}" for k, v in value.items()) + " }"
+    return repr(value).replace("'", '"')
+
+
 @pytest.mark.parametrize("kind", CLOSURES)
 def test_a_file_says_the_same_as_the_constructor(kind):
-    described = CLOSURES[kind].model_dump(mode="json", exclude_defaults=True)
-    lines = [f"{k} = {v!r}".replace("'", '"') for k, v in described.items()]
+    described = CLOSURES[kind].model_dump(mode="json", exclude_none=True)
+    lines = [f"{k} = {in_toml(v)}" for k, v in described.items()]
     assert read_toml("[[closure]]\n" + "\n".join(lines), "test.toml").closure == (CLOSURES[kind],)
 
 
@@ -192,7 +199,8 @@ def test_undefined_couplings_are_refused_by_name():
 
 def test_a_saved_run_keeps_every_kind(tmp_path):
     model = tree(JOINTS, PARENTS, seed=3)
-    mech = Mechanism(model, closures=[CLOSURES["coupling"], CLOSURES["in_plane"]], drivers=[DRIVERS["joint"]])
+    higher = [closure_kinds.HIGHER[name].model_copy(update={"name": name}) for name in ("open law", "through points")]
+    mech = Mechanism(model, closures=[CLOSURES["coupling"], CLOSURES["in_plane"], *higher], drivers=[DRIVERS["joint"]])
     sol = mbdae.solve(mech, (0, 0.05), rtol=1e-6)
     sol.save(tmp_path / "run.npz")
     again = mbdae.Solution.load(tmp_path / "run.npz")

@@ -15,6 +15,8 @@ from mbdae.mechanism.formulations.derivatives import hidden_slopes, jacobians
 from mbdae.mechanism.frames import wrench_matrix
 
 PAIRS = [("tip_3", "tip_5"), ("tip_5", "tip_3"), ("tip_2", "tip_5"), ("ground", "tip_5"), ("tip_0", "tip_3")]
+KINDS_ALONE = {name: kind.closure for name, kind in closure_kinds.KINDS.items()}
+EVERY = {**closure_kinds.ROLLING, **KINDS_ALONE, **closure_kinds.HIGHER}
 CLOSURES = [
     closure.model_copy(
         update={
@@ -23,7 +25,7 @@ CLOSURES = [
         }
     )
     for (name, closure), pair in zip(
-        {**{name: kind.closure for name, kind in closure_kinds.KINDS.items()}, **closure_kinds.ROLLING}.items(),
+        EVERY.items(),
         cycle([*PAIRS, ("tip_3", "world")]),
         strict=False,
     )

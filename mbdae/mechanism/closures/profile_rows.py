@@ -1,0 +1,73 @@
+"""Contacts with a profile in the x-y plane of the first frame: rollers, pins in slots, flat faces.
+
+    roller, pin    g = side (x - c).n - r at the nearest c, n the profile's normal in its plane;  along n through p_b
+    flat face      g = n.(p_b - c), n the face's normal, c the profile's farthest point along it;  along n through c
+
+Neither g changes when the contact moves along the profile, so that the rates of both are those of the lines.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from ...system import Array
+from ..frames import Pair
+from .line_rows import LineRows, Lines, still
+from .profiles import PlaneCurve
+from .rows import moved, turned
+
+
+class Roller(LineRows):
+    """A roller about b's origin with a radius in m touches a profile of a; of radius 0 its origin stays on it."""
+
+    m, positional = 1, True
+
+    def __init__(self, path: PlaneCurve, radius: float) -> None:
+        self.path, self.radius = path, radius
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "roller", "length": self.radius, "path": self.path.plain()}]
+
+    def residual(self, pair: Pair) -> Array:  # noqa: D102
+        x = pair.Ra.T.dot(pair.pb - pair.pa)[:2]
+        c = self.path.nearest(x)
+        n = np.array([c.d[1], -c.d[0]]) * (self.path.side / np.sqrt(c.d.dot(c.d)))
+        return np.array([(x - c.c).dot(n) - self.radius])
+
+    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+        pb, vb, Ra = pair.pb[:, None], moved(pair.Vb, pair.pb), pair.Ra
+        x = Ra.T.dot(pair.pb - pair.pa)[:2]
+        rate = Ra.T.dot(vb - moved(pair.Va, pair.pb))[:2, 0]
+        _, c, d, dd = self.path.nearest(x)
+        ds = rate.dot(d) / (d.dot(d) - (x - c).dot(dd))
+        size = np.sqrt(d.dot(d))
+        t = d / size
+        dt = (dd - t * t.dot(dd)) * (ds / size)
+        side = self.path.side
+        e = Ra[:, :2].dot(side * np.array([[t[1]], [-t[0]]]))
+        return Lines(e, pb, turned(pair.Va, e) + Ra[:, :2].dot(side * np.array([[dt[1]], [-dt[0]]])), vb)
+
+
+class FlatFace(LineRows):
+    """A flat face of b through its origin, with a normal of b (3,) away from the profile of a, touches that."""
+
+    m, positional = 1, True
+
+    def __init__(self, path: PlaneCurve, normal: Array) -> None:
+        self.path, self.normal = path, normal[:, None]
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        return [{"kind": "flat_face", "b": self.normal[:, 0].tolist(), "path": self.path.plain()}]
+
+    def residual(self, pair: Pair) -> Array:  # noqa: D102
+        e, p = self.lines(still(pair))[:2]
+        return np.array([(e * (pair.pb[:, None] - p)).sum()])
+
+    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+        Ra, e = pair.Ra, pair.Rb.dot(self.normal)
+        de = turned(pair.Vb, e)
+        n, dn = Ra.T.dot(e)[:2, 0], Ra.T.dot(de - turned(pair.Va, e))[:2, 0]
+        _, c, d, dd = self.path.support(n)
+        ds = -d.dot(dn) / dd.dot(n)
+        p = pair.pa[:, None] + Ra[:, :2].dot(c[:, None])
+        return Lines(e, p, de, moved(pair.Va, p[:, 0]) + Ra[:, :2].dot(d[:, None] * ds))
