@@ -11,7 +11,11 @@ from mbdae import Driver, Mechanism, inverse_dynamics, kinematics
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.start import Start
 
-COMMANDS = ("inverse four_bar run.npz -a crank", "inverse slider_crank --drive crank --speed 10 --points 30")
+COMMANDS = (
+    "run four_bar -t 0.2 -o bar.npz",
+    "inverse four_bar bar.npz -a crank",
+    "inverse slider_crank --drive crank --speed 10 --points 30",
+)
 ARM = [f"panda_joint{i}" for i in range(1, 8)]
 
 
