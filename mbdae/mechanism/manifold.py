@@ -9,6 +9,7 @@ because Pinocchio's closed forms lose digits at small angles.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -22,6 +23,8 @@ LARGEST_TURN = 3.0  # rad within one step: below pi, so that both ends of a step
 SERIES = [-2 * (-1) ** k * float(zeta(2 * k)) / (2 * np.pi) ** (2 * k) for k in range(1, TERMS)]  # B_2k/(2k)!
 SAME_POINT = 1e-15  # of 1 + |q|: configurations so near are one
 SERIES_END = 1e-17  # of a sum: smaller terms end it
+WIDTH = 1e-2  # of differences of the numbers of q, which are linear in x, or its sines and cosines
+WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # of central differences of order six
 
 Ad = Callable[[np.ndarray], np.ndarray]
 
@@ -47,6 +50,18 @@ BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and where the rotation s
     "JointModelFreeFlyer": (_se3, slice(3, 6)),
     "JointModelPlanar": (_se2, slice(2, 3)),
 }
+
+
+class Turned(NamedTuple):
+    """How a step in coordinates x turns variations: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (nv, nv) each.
+
+    A = Ad(exp -x) and R = J^-1 is the right Jacobian of exp.
+    """
+
+    A: np.ndarray
+    R: np.ndarray
+    J: np.ndarray
+    T: np.ndarray
 
 
 class Manifold:
@@ -138,6 +153,39 @@ class Manifold:
                 out[s] += b * dterm
         return out
 
+    def turned(self, x: np.ndarray, v: np.ndarray) -> Turned:
+        """Return the slopes of q (+) x and of J(x) v."""
+        unit = np.eye(len(v))
+        if not self.blocks:
+            return Turned(unit, unit, unit, np.zeros_like(unit))
+        out = Turned(unit.copy(), unit.copy(), unit.copy(), np.zeros_like(unit))
+        for _, s, ad, _ in self.blocks:
+            X, one = ad(x[s]), unit[s, s]
+            out.R[s, s] = right_jacobian(X)
+            out.A[s, s] -= X @ out.R[s, s]
+            out.J[s, s] = inverse_jacobian(X, one)
+            dX = np.array([ad(e) for e in one])
+            square, dsquare = X @ X, dX @ X + X @ dX
+            T, term, dterm = 0.5 * dX @ v[s], v[s], np.zeros_like(one)
+            for b in SERIES:
+                term, dterm = square @ term, dsquare @ term + dterm @ square.T
+                T += b * dterm
+                if np.abs(dterm).max() * abs(b) <= SERIES_END * np.abs(T).max():
+                    break
+            out.T[s, s] = T.T
+        return out
+
+    def coordinate_slopes(self, q: np.ndarray) -> np.ndarray:
+        """Return the slopes of the numbers of q (+) x with respect to x at x = 0, (nq, nv)."""
+        unit = np.eye(self.model.nv)
+        if self.flat:
+            return unit
+
+        def moved(x: np.ndarray) -> np.ndarray:
+            return sum((w / WIDTH) * pin.integrate(self.model, q, k * WIDTH * x) for k, w in WEIGHTS.items())
+
+        return np.array([moved(e) - moved(-e) for e in unit]).T
+
     def velocity(self, x: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """Return v = J(x)^-1 x', (nv,)."""
         if not self.blocks:
@@ -149,6 +197,18 @@ class Manifold:
                 term = -(X @ term) / (k + 1)
                 out[s] += term
         return out
+
+
+def right_jacobian(X: np.ndarray) -> np.ndarray:
+    """Return sum_k (-X)^k/(k + 1)!, the right Jacobian of exp for X = ad_x."""
+    term = np.eye(len(X))
+    out = term.copy()
+    for k in range(1, 2 * TERMS):
+        term = term @ X / -(k + 1)
+        out += term
+        if np.abs(term).max() <= SERIES_END:
+            break
+    return out
 
 
 def inverse_jacobian(X: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from ...system import Array, Counts, State, Step
 from ..closures.independent_rows import probe
 from ..manifold import GROUPS
 from .compiled_parts import constraints_of, laws_of, limits_of, samplers_of
+from .derivatives import Jacobians
 from .ggl import GGLSystem
 from .index1 import Index1System
 from .index2 import Index2System
@@ -124,6 +125,22 @@ class Compiled(Index2System):
         if left.any():
             g[left], rates[left], energies[left] = super().residuals(t[left], y[left])
         return g, rates, energies
+
+    def slopes(self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> Jacobians:
+        """See `Index2System.slopes`."""
+        self.expand()
+        if not np.array_equal(rows, self.core.rows):
+            return super().slopes(t, q, u, vdot, lam, rows)
+        whole = np.zeros(self.ng)
+        whole[rows] = lam
+        found = self.core.slopes(t, q, u, vdot, whole)
+        if found is None:
+            return super().slopes(t, q, u, vdot, lam, rows)
+        M, K, D, G, B, g_t = found
+        E, nv = np.eye(len(u)), self.nv
+        E[:nv, :nv] = M
+        L = np.vstack([G.T, np.zeros((len(u) - nv - 1, len(G))), -g_t])
+        return Jacobians(E, K, D, L, G, B)
 
     def pivot_ratio(self, t: float, y: Array) -> float:
         """See `Index2System.pivot_ratio`."""

@@ -16,7 +16,7 @@ from ...system import Array, Counts, State, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..workspace import make_data
-from . import interpolation, projection, residuals
+from . import derivatives, interpolation, projection, residuals
 from .chart import Index2Chart
 from .inertial import Inertial
 
@@ -216,8 +216,7 @@ class Index2System(System):
         """Return q (nq,) and v (nv,)."""
         return y[: self.nq], y[self.nq : self.nq + self.nv]
 
-    def inner(self, y: Array) -> Array:
-        """Return the states s (ns,) of actuators and controllers."""
+    def inner(self, y: Array) -> Array:  # noqa: D102
         return y[self.nq + self.nv : -1]
 
     def breakpoint(self, t: float, sign: float) -> float:  # noqa: D102
@@ -283,6 +282,7 @@ class Index2System(System):
             out[: self.nv] = x[: self.nv] - (y1[: self.nq] - y0[: self.nq])
         return out
 
+    slopes = derivatives.jacobians
     restore = projection.restore
     residuals = residuals.residuals
     interpolant = interpolation.interpolant

@@ -8,7 +8,8 @@ from chains import random_q, tree
 from mbdae import Bushing, Closure, Driver, JointFriction, JointPID, Mechanism, SpringDamper, Wrench
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.template import Template
-from mbdae.mechanism.formulations.parameters import WEIGHTS, Parameters
+from mbdae.mechanism.formulations.parameter import WEIGHTS
+from mbdae.mechanism.formulations.parameters import Parameters
 
 KINDS = ["free", "revolute", "spherical", "universal", "planar", "prismatic", "continuous", "composite", "euler"]
 PARENTS = [0, 1, 2, 3, 1, 5, 0, 7, 8]
