@@ -220,3 +220,48 @@ class System(Protocol):
         self, t: float, h: float, ends: tuple[Array, Array], rates: tuple[Array, Array], order: int
     ) -> Callable[[float], Array]:
         """Return theta -> y (n,) on a step, of the wanted order, from y (n,) and y' (ny,) at both ends."""
+
+
+class StageVariation(Protocol):
+    """How x' = F of a stage moves; m variations or cotangents stand side by side."""
+
+    def forward(self, dx: Array, dxhat: Array, dy: Array, dp: Array, clock: Array | None = None) -> Array:
+        """Return dx' (ny, m) of those of x, of the known part of xhat, of y_n and of k parameters, (..., m).
+
+        ``clock`` are the variations of t, that and the factor, (3, m).
+        """
+
+    def reverse(self, F: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the cotangents of x, xhat, y_n and the parameters, of that of x', (ny, m)."""
+
+
+class Variations(Protocol):
+    """The slopes of what a run is made of, with respect to (dy, dp): y in its tangent (ny,) and k parameters.
+
+    Attributes:
+        ny: length of tangent vectors.
+        k: number of parameters.
+    """
+
+    ny: int
+    k: int
+
+    def stage(
+        self, chart: Any, times: tuple[float, float], x: Array, xhat: Array, factor: float, F: Array, lam: Array
+    ) -> StageVariation:
+        """Take the slopes of a stage at t and that that was just computed: x' (ny,) and the unknown z (m,)."""
+
+    def first(self, dy: Array, carry: Array) -> Array:
+        """Return dx' of an explicit first stage, (ny, m)."""
+
+    def first_reverse(self, F: Array) -> tuple[Array, Array]:
+        """Return the cotangents of y and of the carry."""
+
+    def carried(self, F: Array) -> Array:
+        """Return the variation of what is carried, of that of x' of the last stage."""
+
+    def carried_reverse(self, carry: Array) -> Array:
+        """Return the cotangent of x', (ny, m)."""
+
+    def end(self, x: Array) -> tuple[Array, Array]:
+        """Return the slopes of y (+) x with respect to y and x, (ny, ny) each."""

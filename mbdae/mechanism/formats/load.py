@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -205,6 +206,14 @@ def describe(mech: Mechanism) -> dict[str, Any]:
         duration=mech.duration,
     )
     return {"name": mech.title, "file": _plain(file), "model": written(mech.model), "functions": functions}
+
+
+def remembered(mech: Mechanism) -> Recipe:
+    """The files that a mechanism was made from, without what is only seen."""
+    said: dict[str, Any] = mech.source or {}
+    file = MechanismFile.model_validate(said["file"])
+    parts = [replace(restored(record()), visuals=None) for record in said["parts"]]
+    return Recipe(file, said["name"], parts, mech.motors, mech.left_out, said["parameters"])
 
 
 class _Functions(Table):

@@ -10,7 +10,7 @@ Names may hold dots themselves; the longest that fits counts.
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import lru_cache
@@ -57,6 +57,7 @@ class Template:
         plain, _ = split(self.path)
         found = find(plain)
         self.parameters = parameter_names(found) if found.suffix == PARAMETRIC else ()
+        self.functions: Sequence[Any] = ()
         self._read = lru_cache(KEPT)(lambda text: _light(read(self.path, json.loads(text))))
         self._made = lru_cache(KEPT)(lambda text: self._make(*json.loads(text)))
 
@@ -83,7 +84,7 @@ class Template:
             if root == "start":
                 check_start(mech, name)
             elif root == "joint":
-                _split_joint(rest, joints)
+                split_joint(rest, joints)
             else:
                 _check(recipe.file, name)
 
@@ -107,7 +108,7 @@ class Template:
         for name, value in changed.items():
             if not name.startswith("joint."):
                 file = replaced(file, name, value, name)
-        return make(recipe._replace(file=file, parts=parts), remembered=False)
+        return make(recipe._replace(file=file, parts=parts), self.functions, remembered=False)
 
 
 def check_start(mech: Mechanism, name: str) -> None:
@@ -155,7 +156,7 @@ def replaced(thing: Any, path: str, value: Any, whole: str) -> Any:
     """
     if not path:
         return value
-    key, rest = _head(thing, path, whole)
+    key, rest = head(thing, path, whole)
     if isinstance(thing, Table):
         said = {k: getattr(thing, k) for k in thing.model_fields_set if k in type(thing).model_fields}
         try:
@@ -170,7 +171,7 @@ def replaced(thing: Any, path: str, value: Any, whole: str) -> Any:
     return (*thing[:at], replaced(thing[at], rest, value, whole), *thing[at + 1 :])
 
 
-def _head(thing: Any, path: str, whole: str) -> tuple[str, str]:
+def head(thing: Any, path: str, whole: str) -> tuple[str, str]:
     """The first key of a path, which may hold dots, and the rest; entries of lists are numbered."""
     if isinstance(thing, dict):  # joint = value: which joints there are is known to the model
         return path, ""
@@ -208,13 +209,13 @@ def _check(file: MechanismFile, name: str) -> None:
     at: Any = file
     rest = name
     while rest:
-        key, rest = _head(at, rest, name)
+        key, rest = head(at, rest, name)
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
     if isinstance(at, Table) or _names(at if isinstance(at, tuple) else ()):
         raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(_keys(at))}")
 
 
-def _split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
+def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     """The joint and what of it a path names."""
     names = list(joints)
     found = [n for n in names if path.startswith(f"{n}.")]
@@ -225,7 +226,7 @@ def _split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     key, _, index = rest.partition(".")
     if key not in JOINT:
         raise UnknownNameError(f"entry of joint.{joint}", rest, JOINT)
-    _ = index and _head(getattr(Body(name=joint, parent=""), key), index, f"joint.{path}")
+    _ = index and head(getattr(Body(name=joint, parent=""), key), index, f"joint.{path}")
     return joint, rest
 
 
@@ -237,8 +238,8 @@ def _changed(part: Part, prefix: str, moved: Mapping[str, Any]) -> Part:
         names = [prefix + n for n in joint_names(model)]
         if not any(path.startswith(f"{n}.") for n in names):
             continue
-        joint, rest = _split_joint(path, names)
-        body = bodies.get(joint) or _as_body(model, joint.removeprefix(prefix))
+        joint, rest = split_joint(path, names)
+        body = bodies.get(joint) or as_body(model, joint.removeprefix(prefix))
         bodies[joint] = replaced(body, rest, value, f"joint.{path}")
         at = model.getJointId(joint.removeprefix(prefix))
         if rest.startswith("rpy"):
@@ -250,7 +251,7 @@ def _changed(part: Part, prefix: str, moved: Mapping[str, Any]) -> Part:
     return replace(part, model=model)
 
 
-def _as_body(model: pin.Model, joint: str) -> Body:
+def as_body(model: pin.Model, joint: str) -> Body:
     """A joint and the body behind it, in the words of a mechanism file."""
     at = model.getJointId(joint)
     place, inertia = model.jointPlacements[at], model.inertias[at]

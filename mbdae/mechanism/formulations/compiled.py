@@ -142,6 +142,12 @@ class Compiled(Index2System):
         L = np.vstack([G.T, np.zeros((len(u) - nv - 1, len(G))), -g_t])
         return Jacobians(E, K, D, L, G, B)
 
+    def rate_slopes(self, t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
+        """See `Index2System.rate_slopes`."""
+        u = np.concatenate([v, np.zeros(self.ns + 1)])
+        found = self.slopes(t, q, u, np.zeros(self.nv), np.zeros(len(rows)), rows)
+        return found.G, found.B
+
     def pivot_ratio(self, t: float, y: Array) -> float:
         """See `Index2System.pivot_ratio`."""
         found = self.core.ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)

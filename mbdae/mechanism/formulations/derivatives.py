@@ -55,6 +55,12 @@ def jacobians(s: "Index2System", t: float, q: Array, u: Array, vdot: Array, lam:
     return Jacobians(E, K, D, L, G, B[rows])
 
 
+def rate_slopes(s: "Index2System", t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
+    """Return G and d(G v)/dq of the rows in use, (r, nv) each."""
+    G = s.jacobian(q)
+    return G[rows], s.constraints.slopes(v, np.zeros(s.ng))[1][rows]
+
+
 def hidden_slopes(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
     """Return the slopes of gamma with respect to q and v, over all rows, (ng, nv) each."""
     s.jacobian(q)

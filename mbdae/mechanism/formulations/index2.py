@@ -282,7 +282,7 @@ class Index2System(System):
             out[: self.nv] = x[: self.nv] - (y1[: self.nq] - y0[: self.nq])
         return out
 
-    slopes = derivatives.jacobians
+    slopes, rate_slopes = derivatives.jacobians, derivatives.rate_slopes
     restore = projection.restore
     residuals = residuals.residuals
     interpolant = interpolation.interpolant

@@ -41,26 +41,44 @@ def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> 
         return y
     q, v = system.split(y)
     U = system.inertia(t, q)
-    g, G = system.closures(None, t)
+    (*_, q), g, G, move = approach(system, t, q, U, tight)
     system.counts.state_projections += 1
-    move, kept = 0.0, system.constraints.positional
-    for _ in range(ITERATIONS):
-        if not tight and np.linalg.norm(g) <= ROUNDING * (1 + np.abs(q).max()):
-            break
-        x = _smallest(U, G[kept], g[kept])
-        move = float(np.abs(x).max())
-        nearer = system.manifold.integrate(q, -x)
-        residual = system.closures(nearer, t)
-        if not np.linalg.norm(residual[0]) < FALLING * np.linalg.norm(g):
-            break
-        q, (g, G) = nearer, residual
     if not np.linalg.norm(g) <= OPEN and not move <= STALLED * (1 + np.abs(q).max()):
         gap = largest_error(system.mechanism, g)
         raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
     rate = G @ v + system.g_t(t)
-    if tight or np.linalg.norm(rate) > ROUNDING * (1 + np.abs(v).max()):
+    if tight or felt(rate, v):
         v = v - _smallest(U, G, rate)
     return np.concatenate([q, v, y[system.nq + system.nv :]])
+
+
+def approach(
+    system: "Index2System", t: float, q: Array, U: Array, tight: bool = False
+) -> tuple[list[Array], Array, Array, float]:
+    """Take Gauss-Newton steps from q; kinematics stand there.
+
+    Returns:
+        The configurations from q to the end; g and G there; the largest component of the last step that was tried.
+    """
+    g, G = system.closures(None, t)
+    path, move, kept = [q], 0.0, system.constraints.positional
+    for _ in range(ITERATIONS):
+        if not tight and not felt(g, q):
+            break
+        x = _smallest(U, G[kept], g[kept])
+        move = float(np.abs(x).max())
+        nearer = system.manifold.integrate(path[-1], -x)
+        residual = system.closures(nearer, t)
+        if not np.linalg.norm(residual[0]) < FALLING * np.linalg.norm(g):
+            break
+        path.append(nearer)
+        g, G = residual
+    return path, g, G, move
+
+
+def felt(residual: Array, x: Array) -> bool:
+    """Say whether a residual is more than rounding."""
+    return bool(np.linalg.norm(residual) > ROUNDING * (1 + np.abs(x).max()))
 
 
 def _smallest(U: Array, G: Array, r: Array) -> Array:

@@ -1,0 +1,238 @@
+"""The steps of a run once more, and how they move: what tangents and adjoints of runs go along.
+
+A run's nodes tell its steps: each leads from one node to the next with the size that was accepted. Where two nodes
+stand at one time but for roundings there was a jump. Beside the nodes a trace keeps what the method carried, and where
+it was found anew: so much for each step, and nothing of its stages, which are computed again when they are asked for.
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from .. import backend
+from ..errors import InputError, StepError
+from ..mechanism import Mechanism, NotCompiled
+from ..mechanism.formulations.parameters import Parameters
+from ..mechanism.formulations.variation import Variations
+from ..methods import Tableau
+from ..methods import method as find_method
+from ..methods.tangent import StepSlopes
+from ..solution.solution import Solution
+from ..system import Array, State, Step, System
+from .jumps import MARGIN
+from .steppers.adaptive import Adaptive
+from .steppers.fixed import Fixed
+
+JUMP = 6 * MARGIN  # roundings of t: nodes nearer than that stand before and after a jump
+REPEATED = 1e-7  # of 1 + |y|: what a step that is repeated may differ from the one that was taken
+
+
+class _Standing(NamedTuple):
+    """What a stepper asks of a run to judge a projection."""
+
+    system: System
+    state: State
+
+
+class Linear(NamedTuple):
+    """A part of a run that is linear in (dy, dp), a matrix (ny, ny + k) of y, or of the carry."""
+
+    matrix: Array
+    renews: bool
+
+    def forward(self, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
+        """Return the variations of y and of the carry."""
+        found = self.matrix @ np.concatenate([dy, dp])
+        return (dy, found) if self.renews else (found, carry)
+
+    def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
+        """Return the cotangents of y, of the carry and of the parameters."""
+        back = self.matrix.T @ (carry if self.renews else y)
+        ny = len(y)
+        return (y + back[:ny], np.zeros_like(carry), back[ny:]) if self.renews else (back[:ny], carry, back[ny:])
+
+
+Part = StepSlopes | Linear
+
+
+class Trace:
+    """A run of a half-explicit method, to be gone along again.
+
+    Args:
+        sol: the run.
+        parameters: numbers of its mechanism that vary.
+
+    Attributes:
+        ts: times of the nodes, (n,).
+        ys: points there, (n, ...).
+        system: a workspace.
+        slopes: what moves.
+        n_carry: length of what the method carries.
+
+    Raises:
+        InputError: for a run of another kind, or one whose steps cannot be repeated.
+    """
+
+    def __init__(self, sol: Solution, parameters: Parameters) -> None:
+        mech, settings = _checked(sol), sol.settings
+        self.sol, self.project = sol, bool(settings.get("project"))
+        self.tableau = cast(Tableau, find_method(settings["method"]))
+        self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
+        self.system = _bound(mech)
+        self.slopes = Variations(self.system, parameters)
+        self.controlled = "step" not in settings
+        if self.controlled:
+            self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
+        else:
+            self.stepper = Fixed(settings["step"], self.ts[0], self.ts[-1])
+        self.changes = {i: rows for i, rows in sol.in_use}
+        self.near = JUMP * float(np.spacing(max(abs(self.ts[0]), abs(self.ts[-1]), 1e-3)))
+        self.n_carry = self.system.ny - self.system.nv if self.tableau.explicit_first else 0
+        self.carries = np.zeros((len(self.ts), self.n_carry))
+        self.renewed = np.zeros(len(self.ts), bool)
+        self._walk()
+
+    def jumps(self, i: int) -> bool:
+        """Say whether nodes i and i + 1 stand before and after a jump."""
+        return bool(abs(self.ts[i + 1] - self.ts[i]) <= self.near)
+
+    def hold(self, i: int) -> None:
+        """Let the workspace solve for the rows that were in use at node i."""
+        rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
+        if rows and rows != self.system.in_use:
+            self.system.hold(rows)
+
+    def state(self, i: int) -> State:
+        """Where the step from node i starts."""
+        return State(self.ys[i], self.carries[i] if self.n_carry else None)
+
+    def start(self) -> Iterator[Part]:
+        """What leads from a given start to the first node."""
+        self.hold(0)
+        t, y = float(self.ts[0]), self.ys[0]
+        if len(self.system.mechanism.states):
+            yield Linear(self.slopes.jumped(t, y), False)
+        if self.project:
+            yield Linear(self.slopes.restored(t, y), False)
+        yield from self._renewal(t, y)
+
+    def parts(self, i: int) -> Iterator[Part]:
+        """What leads from node i to the next one, each part with the slopes where it was."""
+        self.hold(i)
+        t, t1, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i + 1]
+        if self.jumps(i):
+            y = self.ys[i]
+            yield Linear(self.slopes.jumped(t1, y), False)
+            y = self.system.jump(t1, y)
+        else:
+            y = self.ys[i]
+            for part in self.steps(i, t1 - t):
+                yield part
+                y = part.state.y
+            if self.project:
+                yield Linear(self.slopes.restored(t1, y), False)
+                y = self.system.restore(t1, y)
+                if self.renewed[i + 1]:
+                    yield from self._renewal(t1, y)
+        if i + 1 in self.changes:
+            self.hold(i + 1)
+            yield Linear(self.slopes.settled(t1, y), False)
+        if i + 1 in self.changes or self.jumps(i):
+            yield from self._renewal(t1, y1)
+
+    def steps(self, i: int, h: float) -> list[StepSlopes]:
+        """The step of size h from node i; two half ones where the method has no error estimate of its own."""
+        self.hold(i)
+        t, state = float(self.ts[i]), self.state(i)
+        if not self._halved:
+            return [StepSlopes(self.system, self.slopes, self.tableau, t, h, state)]
+        first = StepSlopes(self.system, self.slopes, self.tableau, t, h / 2, state)
+        return [first, StepSlopes(self.system, self.slopes, self.tableau, t + h / 2, h / 2, first.state)]
+
+    def short(self, i: int, h: float) -> tuple[Array, list[Part]]:
+        """The point (n,) where a step of size h from node i ends, brought back where the run is, and its parts."""
+        steps = self.steps(i, h)
+        y, t = steps[-1].state.y, float(self.ts[i]) + h
+        if not self.project:
+            return y, list(steps)
+        return self.system.restore(t, y), [*steps, Linear(self.slopes.restored(t, y), False)]
+
+    @property
+    def _halved(self) -> bool:
+        return self.controlled and not self.tableau.b_embedded
+
+    def _renewal(self, t: float, y: Array) -> Iterator[Part]:
+        if self.n_carry:
+            nv, n = self.system.nv, self.slopes.ny + self.slopes.k
+            yield Linear(self.slopes.rate(t, y).rate[nv:, :n], True)
+
+    def _walk(self) -> None:
+        """Find what the method carried from node to node, and see that the steps are those of the run."""
+        if not self.n_carry:
+            return
+        self.hold(0)
+        self.carries[0] = self._anew(0, self.ys[0])
+        for i in range(len(self.ts) - 1):
+            self.hold(i)
+            t1, y1 = float(self.ts[i + 1]), self.ys[i + 1]
+            anew = self.jumps(i) or i + 1 in self.changes
+            if not self.jumps(i):
+                step = self._repeat(i, t1 - float(self.ts[i]))
+                y, self.carries[i + 1] = step.state.y, step.state.carry
+                if self.project:
+                    closed = self.system.restore(t1, y)
+                    move = self.system.difference(y, closed)
+                    standing: Any = _Standing(self.system, self.state(i))
+                    self.renewed[i + 1] = not self.stepper.tolerates(standing, closed, move)
+                    if self.renewed[i + 1]:
+                        self.carries[i + 1] = self._anew(i + 1, closed)
+                    y = closed
+                if np.abs(self.system.difference(y, y1)).max() > REPEATED * (1 + np.abs(y1).max()) and not anew:
+                    where = f"the step from t = {self.ts[i]:.9g} s cannot be repeated"
+                    raise InputError(f"{where}: not a step of the method, or one with other forces")
+            if anew:
+                self.hold(i + 1)
+                self.carries[i + 1] = self._anew(i + 1, y1)
+
+    def _anew(self, i: int, y: Array) -> Any:
+        return self.system.carry(*self.system.derivative(float(self.ts[i]), y))
+
+    def _repeat(self, i: int, h: float) -> Step:
+        t, state = float(self.ts[i]), self.state(i)
+        try:
+            if not self._halved:
+                return self.tableau.step(self.system, t, h, state)
+            half = self.tableau.step(self.system, t, h / 2, state)
+            return self.tableau.step(self.system, t + h / 2, h / 2, half.state)
+        except StepError as e:
+            raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
+
+
+def _checked(sol: Solution) -> Mechanism:
+    """The mechanism of a run whose steps can be gone along.
+
+    Raises:
+        InputError: names what is missing.
+    """
+    mech, s = sol.mechanism, sol.settings
+    if s.get("formulation") != "index2" or not isinstance(find_method(s["method"]), Tableau):
+        raise InputError(
+            "derivatives of runs are those of half-explicit methods in formulation 'index2', "
+            f"got {s['method']!r} in {s.get('formulation')!r}"
+        )
+    if not sol.ended:
+        raise InputError(f"the run stopped before its end ({sol.status}): {sol.message}")
+    if sol.singular:
+        raise InputError(f"the run passes a singular configuration at t = {sol.singular[0].t:.9g} s: no derivative")
+    return mech
+
+
+def _bound(mech: Mechanism) -> Any:
+    native = backend.load()
+    if native:
+        try:
+            return mech.system(native=native)
+        except NotCompiled:
+            pass
+    return mech.system()

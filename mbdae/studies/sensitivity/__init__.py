@@ -1,0 +1,1 @@
+"""Derivatives of runs: tangents, gradients and what they are made of."""

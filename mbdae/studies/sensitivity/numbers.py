@@ -1,0 +1,67 @@
+"""The numbers of a mechanism by which a run is differentiated, by dotted names, and what makes mechanisms."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+from ... import backend
+from ...errors import InputError
+from ...mechanism import Mechanism
+from ...mechanism.formats.remembered import Remembered, number
+from ...mechanism.formats.template import Template
+from ...mechanism.formulations.parameters import Parameters
+from ..sweep.run import Made
+
+Names = Sequence[str] | Mapping[str, float]
+Model = str | Template | Callable[..., Mechanism] | None
+
+
+class Maker(Protocol):
+    """What makes mechanisms with other numbers."""
+
+    def make(self, values: Mapping[str, Any]) -> Mechanism:
+        """The mechanism with these values."""
+
+
+def maker(mech: Mechanism, model: Model) -> Maker:
+    """What makes mechanisms like one: its own files, a file, or a function.
+
+    Raises:
+        InputError: where a mechanism was not read from files and no model is given.
+    """
+    if isinstance(model, Template):
+        return model
+    if isinstance(model, str):
+        return Template(model)
+    return Remembered(mech) if model is None else Made(model)
+
+
+def bound(mech: Mechanism, names: Names, model: Model, t: float) -> tuple[dict[str, float], Parameters]:
+    """The values of parameters, and their slopes; those that open dependent rows are refused.
+
+    Raises:
+        UnknownNameError: for a name that leads nowhere.
+        InputError: for a name without a number, or a parameter without a derivative.
+    """
+    if isinstance(names, str):
+        raise InputError(f"parameters are a list of names, or name = value, got {names!r}")
+    if not names:
+        return {}, Parameters(lambda values: mech, {})
+    make = maker(mech, model)
+    if isinstance(names, Mapping):
+        values = {name: float(value) for name, value in names.items()}
+    elif isinstance(make, Template):
+        values = {name: number(make, name) for name in names}
+    else:
+        raise InputError("the parameters of a function that makes a mechanism are given as name = value")
+    parameters = Parameters(make.make, values, backend.load())
+    _compare(mech, parameters.mech)
+    if parameters.mech.ng:
+        parameters.refuse(t, parameters.mech.start_at(t)[0])
+    return values, parameters
+
+
+def _compare(mech: Mechanism, other: Mechanism) -> None:
+    """See that a mechanism that was made with the values is like the one that ran."""
+    same = [(m.nq, m.nv, m.ng, list(m.states), m.joint_names) for m in (mech, other)]
+    if same[0] != same[1]:
+        raise InputError("the model makes another mechanism than the one that ran")

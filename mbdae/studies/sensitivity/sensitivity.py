@@ -1,0 +1,198 @@
+"""How a run moves with its parameters and its start: the tangent, exact for the numbers that the run printed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...errors import require
+from ...integrate.trace import Trace
+from ...solution.solution import Solution
+from ...system import Array
+from .ending import ending
+from .numbers import Model, Names, bound
+
+__all__ = ["sensitivity"]
+
+SAME = 1e-9  # of 1 + |y|: where a run began at its mechanism's own start
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Derivatives of a run with respect to k numbers: parameters, and then (q, v, s) of the start where asked for.
+
+    Attributes:
+        parameters: names and values.
+        columns: names of the k columns.
+        t: times, (n,); at a jump there are two.
+        y: points, (n, ...): those of the run at its nodes, and between them those of short steps of its method.
+        dy: their derivatives, (n, 2 nv + ns + 1, k), those of q in the tangent.
+        dt: derivatives of the times, (n, k): of the end at a terminal event.
+    """
+
+    parameters: dict[str, float]
+    columns: tuple[str, ...]
+    t: Array
+    y: Array
+    dy: Array
+    dt: Array
+    trace: Trace = field(repr=False)
+    places: Array = field(repr=False)
+
+    @property
+    def q(self) -> Array:
+        """Derivatives of q in the tangent, (n, nv, k), in rad or m over the unit of the parameter."""
+        return self.dy[:, : self.trace.system.nv]
+
+    @property
+    def v(self) -> Array:
+        """Derivatives of v, (n, nv, k)."""
+        return self.dy[:, self.trace.system.nv : 2 * self.trace.system.nv]
+
+    @property
+    def s(self) -> Array:
+        """Derivatives of the states of actuators and controllers, (n, ns, k)."""
+        return self.dy[:, 2 * self.trace.system.nv : -1]
+
+    @property
+    def work(self) -> Array:
+        """Derivatives of the work of non-conservative forces and drivers, (n, k)."""
+        return self.dy[:, -1]
+
+    @cached_property
+    def lam(self) -> Array:
+        """Derivatives of the multipliers of all rows, (n, ng, k), from the hidden constraint."""
+        trace, out = self.trace, np.zeros((len(self.t), self.trace.system.ng, len(self.columns)))
+        for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
+            trace.hold(int(self.places[i]))
+            found = trace.slopes.rate(float(t), y).lam
+            out[i] = found @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
+        return out
+
+    @property
+    def dp(self) -> Array:
+        """The parameters among the columns, (k_p, k)."""
+        return np.eye(len(self.parameters), len(self.columns))
+
+    def signal(self, name: str) -> Array:
+        """Derivatives of a signal of `mbdae.Solution.signals`, (n, k).
+
+        Raises:
+            UnknownNameError: for a signal that does not exist.
+            InputError: for one without a derivative.
+        """
+        from .signal_slopes import SignalSlopes
+
+        slopes = SignalSlopes(self.trace, name)
+        out = np.zeros((len(self.t), len(self.columns)))
+        for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
+            trace_row = slopes.row(int(self.places[i]), float(t), y)
+            out[i] = trace_row @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {
+            "parameters": self.parameters,
+            "columns": list(self.columns),
+            "t": self.t.tolist(),
+            "q": self.q.tolist(),
+            "v": self.v.tolist(),
+        }
+
+    def __str__(self) -> str:
+        size = {name: float(np.abs(self.dy[-1, :-1, i]).max()) for i, name in enumerate(self.columns)}
+        lines = [f"  {name:40s} {x:12.4e}" for name, x in size.items()]
+        return "\n".join([f"largest derivative of (q, v, s) at t = {self.t[-1]:g} s", *lines])
+
+
+def sensitivity(
+    sol: Solution,
+    parameters: Names = (),
+    *,
+    start: bool = False,
+    model: Model = None,
+    event: Callable[..., float] | None = None,
+) -> Sensitivity:
+    """Differentiate a run of a half-explicit method with respect to numbers of its mechanism and to its start.
+
+    The steps that were taken stand, with their sizes and rows: the derivative is that of the computed numbers, and
+    exact for them to rounding (`mbdae.methods.tangent`). Where the run began at its mechanism's own start, that is
+    assembled anew with the parameters; a start that was given stays. Sampling instants and times of jumps are data.
+
+    Args:
+        sol: the run. At times of ``t_eval`` between its nodes, derivatives are those of short steps of the method.
+        parameters: dotted names, as of sweeps (``force.spring.stiffness``, ``joint.crank.mass``, ``start.v.crank``), or
+            name = value where the model does not tell.
+        start: differentiate with respect to (q, v, s) at the start, too, q in its tangent, all of them free.
+        model: what makes the mechanism with other numbers, see `mbdae.sweep`: a file or a function; what the mechanism
+            was read from when left out.
+        event: the function of the terminal event in which the run ended: its time moves, too.
+
+    Raises:
+        InputError: for a run of another kind, or a parameter without a derivative.
+        UnknownNameError: for a name that leads nowhere.
+    """
+    require(sol, Solution, "sensitivity takes a Solution (see mbdae.solve)")
+    values, numbers = bound(sol.mechanism, parameters, model, float(sol.nodes[0][0]))
+    trace = Trace(sol, numbers)
+    end = ending(trace, event)
+    columns = (*values, *(_start_columns(trace) if start else ()))
+    dp = np.eye(len(values), len(columns))
+    dy, carry = begun(trace, dp, start), np.zeros((trace.n_carry, len(columns)))
+    for part in trace.start():
+        dy, carry = part.forward(dy, carry, dp)
+    n = len(sol.t)
+    after = sol.before(sol.t) if sol.steps else np.arange(n)
+    out, points, dt = np.zeros((n, *dy.shape)), sol.y.copy(), np.zeros((n, len(columns)))
+    order, at = np.argsort(after, kind="stable"), 0
+    for i in range(len(trace.ts)):
+        while at < n and after[order[at]] == i:
+            k = order[at]
+            points[k], out[k] = _between(trace, i, float(sol.t[k]), dy, carry, dp)
+            at += 1
+        if i + 1 == len(trace.ts):
+            break
+        last = end if i + 2 == len(trace.ts) else None
+        if last:
+            dh = last.move(dy, carry, dp)
+            dt[sol.t == trace.ts[-1]] = dh
+            dy, carry = last.forward(dy, carry, dp, dh)
+        else:
+            for part in trace.parts(i):
+                dy, carry = part.forward(dy, carry, dp)
+    return Sensitivity(values, columns, np.asarray(sol.t), points, out, dt, trace, after)
+
+
+def begun(trace: Trace, dp: Array, start: bool) -> Array:
+    """Variations of the start, (ny, k)."""
+    own = trace.system.mechanism.point(t=float(trace.ts[0]))
+    k, ny = trace.slopes.k, trace.slopes.ny
+    dy = np.zeros((ny, dp.shape[1]))
+    nq, nv = trace.system.nq, trace.system.nv
+    if k and np.abs(own[: nq + nv] - trace.ys[0][: nq + nv]).max() <= SAME * (1 + np.abs(own).max()):
+        dy[:, :k] = trace.slopes.start(float(trace.ts[0]), trace.ys[0])
+    if start:
+        dy[:-1, k:] = np.eye(ny - 1)
+    return dy
+
+
+def _between(trace: Trace, i: int, t: float, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
+    """The point at a time behind node i, and its derivatives."""
+    if t == trace.ts[i]:
+        return trace.ys[i], dy
+    y, parts = trace.short(i, t - float(trace.ts[i]))
+    for part in parts:
+        dy, carry = part.forward(dy, carry, dp)
+    return y, dy
+
+
+def _start_columns(trace: Trace) -> list[str]:
+    mech, out = trace.system.mechanism, []
+    for letter in "qv":
+        for name in mech.joint_names:
+            n = sum(mech.coordinate_joint(i) == name for i in range(mech.nv))
+            out += [f"{letter}0.{name}" + (f".{j + 1}" if n > 1 else "") for j in range(n)]
+    return [*out, *(f"s0.{name}" for name in mech.states)]
