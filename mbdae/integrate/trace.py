@@ -14,7 +14,7 @@ from .. import backend
 from ..errors import InputError, StepError
 from ..mechanism import Mechanism, NotCompiled
 from ..mechanism.formulations.parameters import Parameters
-from ..mechanism.formulations.variation import Variations
+from ..mechanism.formulations.variations import IndexTwoVariations
 from ..methods import Tableau
 from ..methods import method as find_method
 from ..methods.tangent import StepSlopes
@@ -80,7 +80,7 @@ class Trace:
         self.tableau = cast(Tableau, find_method(settings["method"]))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
         self.system = _bound(mech)
-        self.slopes = Variations(self.system, parameters)
+        self.slopes = IndexTwoVariations(self.system, parameters)
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)

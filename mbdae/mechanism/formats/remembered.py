@@ -51,14 +51,15 @@ def number(template: Template, name: str) -> float:
             at, rest = _joint(recipe, name.removeprefix("joint."))
         while rest:
             key, rest = head(at, rest, name)
-            if isinstance(at, dict):
-                at = at.get(key)
-            else:
-                at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
+            at = at.get(key) if isinstance(at, dict) else _entry(at, key)
     at = at.value if isinstance(at, Constant) else at
     if isinstance(at, bool) or not isinstance(at, int | float):
         raise InputError(f"{name!r} is no number, but {at!r:.60}: give its value, name = value")
     return float(at)
+
+
+def _entry(at: Any, key: str) -> Any:
+    return at[int(key)] if isinstance(at, tuple) else getattr(at, key)
 
 
 def _joint(recipe: Recipe, path: str) -> tuple[Body, str]:

@@ -48,6 +48,11 @@ class Ending:
         fixed = self.forward(dy, carry, dp, np.zeros(dy.shape[1]))[0]
         return -(self.by_y @ fixed) / rise
 
+    def held(self, y: Array, carry: Array, k: int, late: float) -> Array:
+        """Return the cotangent of y behind the step with its size held, of that with dt_e, and of t_e itself."""
+        by_size = self.by_size(y, carry, k)[:, 0]
+        return y - self.by_y[:, None] * (float(y[:, 0] @ by_size) + late) / (self.by_t + self.by_y @ by_size)
+
 
 def ending(trace: Trace, event: Callable[..., float] | None) -> Ending | None:
     """The last step of a run that ended in an event; None for others.

@@ -13,6 +13,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from .ending import ending
 from .numbers import Model, Names, bound
+from .signal_slopes import SignalSlopes
 
 __all__ = ["sensitivity"]
 
@@ -83,13 +84,11 @@ class Sensitivity:
             UnknownNameError: for a signal that does not exist.
             InputError: for one without a derivative.
         """
-        from .signal_slopes import SignalSlopes
-
-        slopes = SignalSlopes(self.trace, name)
+        slopes = SignalSlopes(self.trace, [name])
         out = np.zeros((len(self.t), len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
-            trace_row = slopes.row(int(self.places[i]), float(t), y)
-            out[i] = trace_row @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
+            row = slopes.rows(int(self.places[i]), float(t), y)[0]
+            out[i] = row @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out
 
     def to_dict(self) -> dict[str, Any]:
@@ -139,13 +138,13 @@ def sensitivity(
     values, numbers = bound(sol.mechanism, parameters, model, float(sol.nodes[0][0]))
     trace = Trace(sol, numbers)
     end = ending(trace, event)
-    columns = (*values, *(_start_columns(trace) if start else ()))
+    columns = (*values, *(start_columns(trace) if start else ()))
     dp = np.eye(len(values), len(columns))
     dy, carry = begun(trace, dp, start), np.zeros((trace.n_carry, len(columns)))
     for part in trace.start():
         dy, carry = part.forward(dy, carry, dp)
     n = len(sol.t)
-    after = sol.before(sol.t) if sol.steps else np.arange(n)
+    after = places(sol)
     out, points, dt = np.zeros((n, *dy.shape)), sol.y.copy(), np.zeros((n, len(columns)))
     order, at = np.argsort(after, kind="stable"), 0
     for i in range(len(trace.ts)):
@@ -164,6 +163,11 @@ def sensitivity(
             for part in trace.parts(i):
                 dy, carry = part.forward(dy, carry, dp)
     return Sensitivity(values, columns, np.asarray(sol.t), points, out, dt, trace, after)
+
+
+def places(sol: Solution) -> Array:
+    """The node at or before each time of a run, (n,)."""
+    return sol.before(sol.t) if sol.steps else np.arange(len(sol.t))
 
 
 def begun(trace: Trace, dp: Array, start: bool) -> Array:
@@ -189,7 +193,7 @@ def _between(trace: Trace, i: int, t: float, dy: Array, carry: Array, dp: Array)
     return y, dy
 
 
-def _start_columns(trace: Trace) -> list[str]:
+def start_columns(trace: Trace) -> list[str]:
     mech, out = trace.system.mechanism, []
     for letter in "qv":
         for name in mech.joint_names:

@@ -1,0 +1,85 @@
+"""Costs of runs: functions of signals with their derivatives."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...mechanism.callbacks import function_name
+from ...solution.solution import Solution
+from ...system import Array
+from ..sweep.outputs import columns
+
+__all__ = ["Squares"]
+
+
+class Signals(Mapping[str, Array]):
+    """The signals of a run by name, each computed when it is asked for."""
+
+    def __init__(self, sol: Solution) -> None:
+        self.sol, self.found = sol, {}  # type: Solution, dict[str, Array]
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.found:
+            self.found |= columns(self.sol, {name})
+        return self.found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.sol.signals())
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+
+Cost = Callable[[Mapping[str, Array]], tuple[float, Mapping[str, Array]]]
+
+
+@dataclass(frozen=True)
+class Squares:
+    """The cost 1/2 sum ((signal - data)/sigma)^2 over signals and times of a run.
+
+    Attributes:
+        data: for each signal its values at the times of the run, (n,); nan where there is none.
+        sigma: noise level of all signals, or of each by name, in their units.
+    """
+
+    data: Mapping[str, Any]
+    sigma: float | Mapping[str, float] = 1.0
+
+    def __call__(self, signals: Mapping[str, Array]) -> tuple[float, dict[str, Array]]:
+        """Return the cost and its derivatives with respect to the signals."""
+        value, slopes = 0.0, {}
+        for name, known in self.data.items():
+            sigma = self.sigma[name] if isinstance(self.sigma, Mapping) else self.sigma
+            known = np.asarray(known, float)
+            if known.shape != signals[name].shape:
+                raise InputError(f"data of {name!r} have shape {known.shape}, the run has {signals[name].shape} times")
+            left = np.nan_to_num((signals[name] - known) / sigma) if np.isnan(known).any() else signals[name] - known
+            left = left if np.isnan(known).any() else left / sigma
+            value, slopes[name] = value + 0.5 * float(left @ left), left / sigma
+        return value, slopes
+
+
+def evaluated(cost: Cost, sol: Solution) -> tuple[float, dict[str, Array]]:
+    """A cost and its derivatives, checked.
+
+    Raises:
+        InputError: for a cost that is not finite, or derivatives of the wrong shape.
+    """
+    name = "Squares" if isinstance(cost, Squares) else function_name(cost)
+    if not callable(cost):
+        raise InputError(f"a cost is a function of signals that returns (value, slopes), got {cost!r:.60}")
+    found = cost(Signals(sol))
+    if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], Mapping)):
+        raise InputError(f"cost {name!r} returns (value, {{signal: its derivative (n,)}}), got {found!r:.60}")
+    value, slopes = float(found[0]), {key: np.asarray(x, float) for key, x in found[1].items()}
+    if not np.isfinite(value):
+        raise InputError(f"cost {name!r} is {value}")
+    for key, x in slopes.items():
+        if x.shape != (len(sol.t),) or not np.isfinite(x).all():
+            raise InputError(
+                f"cost {name!r}: its derivative with respect to {key!r} must be {len(sol.t)} finite numbers"
+            )
+    return value, slopes
