@@ -1,0 +1,71 @@
+"""Runs with the steps of another run, and derivatives by differences: what tangents are compared with."""
+
+import numpy as np
+
+import mbdae
+from mbdae.mechanism.formats.remembered import number
+from mbdae.mechanism.formats.template import Template
+from mbdae.system import State
+
+SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+
+
+def difference(mech, a, b):
+    """Variation from points a to b in the tangent, (n, ny)."""
+    turns = [mech.manifold.difference(x[: mech.nq], y[: mech.nq]) for x, y in zip(a, b, strict=True)]
+    return np.hstack([np.array(turns), b[:, mech.nq :] - a[:, mech.nq :]])
+
+
+def quotient(run, value, width, mech=None):
+    """Derivative of order six of run(value + k h), points (n, ...) or other numbers."""
+    h = width * (abs(value) or 1.0)
+    found = {k: run(value + k * h) for k in (-3, -2, -1, 1, 2, 3)}
+    if mech is None:
+        return sum(w / h * (found[k] - found[-k]) for k, w in SIXTH.items())
+    base = run(value)
+    return sum(w / h * (difference(mech, base, found[k]) - difference(mech, base, found[-k])) for k, w in SIXTH.items())
+
+
+def best(found, run, value, widths=(3e-4, 1e-3, 3e-3), mech=None):
+    """The least relative error of what was found against quotients of several widths: the others truncate or round."""
+    errors = []
+    for width in widths:
+        expected = quotient(run, value, width, mech)
+        errors.append(np.abs(found - expected).max() / max(1.0, np.abs(expected).max()))
+    return min(errors)
+
+
+def runs_of(model, name, T, **options):
+    """The template of a model, the value of a parameter, and value -> run."""
+    template = Template(model)
+
+    def run(value):
+        sol = mbdae.solve(template.make({name: value}), (0.0, T), **options)
+        assert sol.ended, sol.message
+        return sol
+
+    return template, number(template, name), run
+
+
+def retraced(trace, mech):
+    """Points of a mechanism with the steps of a traced run, (n, ...)."""
+    system, tableau, t = mech.system(), trace.tableau, trace.ts
+    y = mech.point()
+    if trace.project:
+        y = system.restore(t[0], y)
+    carry = system.carry(*system.derivative(t[0], y)) if trace.n_carry else None
+    out, state = [y], State(y, carry)
+    for i, h in enumerate(np.diff(t)):
+        rows = next((r for first, r in reversed(trace.sol.in_use) if first <= i), None)
+        if rows:
+            system.hold(rows)
+        parts = (h / 2, h / 2) if trace.controlled and not tableau.b_embedded else (h,)
+        at = t[i]
+        for part in parts:
+            state, at = tableau.step(system, at, part, state).state, at + part
+        if trace.project:
+            y = system.restore(t[i + 1], state.y)
+            carry = system.carry(*system.derivative(t[i + 1], y)) if trace.renewed[i + 1] else state.carry
+            state = State(y, carry)
+        out.append(state.y)
+    return np.array(out)

@@ -1,0 +1,108 @@
+"""Gradients by the adjoint against tangents, to rounding; costs, and what is refused."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from frozen import quotient, runs_of
+
+import mbdae
+from mbdae.errors import InputError
+from mbdae.mechanism.formats.library import model_names
+
+COMMANDS = ()
+T = {"andrews_squeezer": 0.01, "humanoid_stance": 0.02, "flyball_governor": 0.02, "stewart_platform": 0.1}
+
+
+def compare(sol, names, signals, **options):
+    """<w, J u> = <J^T w, u> for random weights of signals."""
+    found, rng = mbdae.sensitivity(sol, names, **options), np.random.default_rng(0)
+    weights = {name: rng.standard_normal(len(sol.t)) for name in signals}
+
+    def cost(values):
+        return sum(float(w @ values[name]) for name, w in weights.items()), weights
+
+    adjoint = np.array(list(mbdae.gradient(sol, cost, names, **options).gradient.values()))
+    tangent = sum(w @ found.signal(name) for name, w in weights.items())
+    size = sum(np.abs(w) @ np.abs(found.signal(name)) for name, w in weights.items())
+    assert (np.abs(tangent - adjoint) <= 1e-13 * size.max()).all()
+    assert size.max() > 0
+
+
+@pytest.mark.parametrize("model", model_names())
+def test_every_model(model):
+    mech = mbdae.load(model)
+    sol = mbdae.solve(mech, (0.0, T.get(model, 0.2)), rtol=1e-5)
+    assert sol.ended, sol.message
+    signals = [f"q.{mech.joint_names[0]}", *(f"v.{name}" for name in mech.joint_names[-2:]), "energy"]
+    known = sol.signals()
+    names = [name for name in known if name.startswith((*signals, "s."))]
+    rows = [f"lam.{mech.row_closure(0)}.1"] if mech.ng else []
+    compare(sol, ["gravity.2"], [*names, *rows, "work"], start=True)
+
+
+@pytest.mark.parametrize("method", ["herk2", "herk4", "pherk5", "arnold4", "hedop5"])
+@pytest.mark.parametrize("options", [{"step": 0.03}, {"rtol": 1e-4}, {"step": 0.03, "project": True}])
+def test_methods_and_steps(method, options):
+    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.6), method=method, **options)
+    compare(sol, ["joint.crank.mass", "start.q.crank"], ["q.crank", "lam.pin.1"], start=True)
+
+
+def test_jumps_events_and_times_between_nodes():
+    hold = mbdae.Sampled(lambda t, q, v: -5 * v[:1], rate=10, joints="crank", name="hold")
+    mech = mbdae.load("four_bar", forces=[hold])
+    times = np.linspace(0.0, 0.7, 9)
+    compare(mbdae.solve(mech, (0.0, 0.7), rtol=1e-4, t_eval=times), ["joint.crank.mass"], ["q.crank"], start=True)
+    event = mbdae.Event(lambda t, q, v: q[0] - 1.0, terminal=True)
+    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 2.0), rtol=1e-4, events=event)
+    compare(sol, ["joint.crank.mass"], ["q.coupler", "t", "v.crank"], start=True, event=event)
+
+
+def test_squares():
+    name, data = "joint.coupler.mass", np.linspace(1.2, 0.9, 9)
+    template, value, run = runs_of("four_bar", name, 0.4, step=0.05)
+    data[3] = np.nan
+    cost = mbdae.Squares({"q.crank": data}, sigma=0.1)
+    found = mbdae.gradient(run(value), cost, [name], model=template)
+
+    def of(x):
+        left = (run(x).q[:, 0] - data) / 0.1
+        return 0.5 * np.nansum(left**2)
+
+    assert found.value == pytest.approx(of(value), rel=1e-14)
+    assert found.gradient[name] == pytest.approx(quotient(of, value, 1e-3), rel=1e-9)
+    assert name in str(found)
+    assert found.to_dict()["value"] == found.value
+
+
+def test_what_is_refused():
+    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.1), step=0.05)
+    n = len(sol.t)
+
+    def explodes(signals):
+        return np.nan, {"q.crank": np.ones(n)}
+
+    with pytest.raises(InputError, match="cost 'explodes' is nan"):
+        mbdae.gradient(sol, explodes, ["joint.crank.mass"])
+    with pytest.raises(InputError, match="'Gv' has no gradient"):
+        mbdae.gradient(sol, lambda s: (0.0, {"Gv": np.ones(n)}), ["joint.crank.mass"])
+    with pytest.raises(InputError, match=f"must be {n} finite numbers"):
+        mbdae.gradient(sol, lambda s: (0.0, {"q.crank": np.ones(2)}), ["joint.crank.mass"])
+    with pytest.raises(InputError, match=r"returns \(value"):
+        mbdae.gradient(sol, lambda s: 0.0, ["joint.crank.mass"])
+    with pytest.raises(InputError, match="opens closures that depend"):
+        mbdae.gradient(sol, lambda s: (0.0, {}), ["joint.rocker.rpy.0"])
+
+
+def test_memory_of_an_adjoint():
+    """It grows by little more than the run's own numbers: below 1 GB for a million steps."""
+    peaks = []
+    for n in (20, 120):
+        sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 2e-3 * n), step=2e-3, method="pherk5")
+        cost = mbdae.Squares({"q.crank": np.zeros(len(sol.t))})
+        mbdae.gradient(sol, cost, ["joint.crank.mass"])
+        tracemalloc.start()
+        mbdae.gradient(sol, cost, ["joint.crank.mass"])
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert (peaks[1] - peaks[0]) / 100 < 1000

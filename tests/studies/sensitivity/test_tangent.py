@@ -1,0 +1,159 @@
+"""Derivatives of runs against Richardson differences of `solve` with fixed steps, and of runs with frozen steps."""
+
+import numpy as np
+import pytest
+from frozen import best, quotient, retraced, runs_of
+
+import mbdae
+from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.formats.library import model_names
+from mbdae.methods import METHODS, Tableau
+
+COMMANDS = ()
+METHODS_HERE = [name for name, method in METHODS.items() if isinstance(method, Tableau)]
+SHORT = {"andrews_squeezer": (0.01, 1e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.02, 2e-3),
+         "flyball_governor": (0.01, 2e-4), "jansen_walker": (0.1, 5e-3), "n_four_bar": (0.3, 0.02)}  # fmt: skip
+FOUR_BAR = ("joint.crank.mass", "joint.coupler.com.0", "joint.rocker.xyz.0", "frame.coupler_tip.xyz.0", "start.v.crank")
+
+
+@pytest.mark.parametrize("method", METHODS_HERE)
+@pytest.mark.parametrize(("model", "name", "T", "step"), [("four_bar", "joint.crank.mass", 0.6, 0.05),
+                                                          ("pendulum", "gravity.2", 1.0, 0.05)])  # fmt: skip
+def test_every_method(model, name, T, step, method):
+    template, value, run = runs_of(model, name, T, step=step, method=method)
+    found = mbdae.sensitivity(run(value), [name], model=template)
+    mech = found.trace.sol.mechanism
+    assert best(found.dy[..., 0], lambda x: run(x).y, value, mech=mech) < 1e-11
+
+
+@pytest.mark.parametrize("name", FOUR_BAR)
+def test_every_sort_of_parameter(name):
+    template, value, run = runs_of("four_bar", name, 0.6, step=0.05, method="pherk5", project=True)
+    sol = run(value)
+    found = mbdae.sensitivity(sol, [name], model=template)
+    assert best(found.dy[..., 0], lambda x: run(x).y, value, mech=sol.mechanism) < 1e-11
+    assert np.abs(found.v[-1]).max() > 0.1
+
+
+@pytest.mark.parametrize("model", model_names())
+def test_every_model(model):
+    """Gravity, and a velocity of the start that closures allow; projected."""
+    mech = mbdae.load(model)
+    T, step = SHORT.get(model, (0.2, 0.02))
+    q, v = mech.start
+    free = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
+    free /= max(np.abs(free).max(), 1e-3)  # drivers may leave no freedom
+
+    def run(x):
+        return mbdae.solve(mech, (0.0, T), q, v + x * free, step=step, method="pherk5", project=mech.ng > 0)
+
+    sol = run(0.0)
+    assert sol.ended, sol.message
+    found = mbdae.sensitivity(sol, start=True)
+    along = found.dy[:, :, mech.nv : 2 * mech.nv] @ free
+    assert best(along, lambda x: run(x).y, 0.0, mech=mech) < 1e-9
+    template, value, run = runs_of(model, "gravity.2", T, step=step, method="pherk5", project=mech.ng > 0)
+    sol = run(value)
+    found = mbdae.sensitivity(sol, ["gravity.2"], model=template)
+    assert best(found.dy[..., 0], lambda x: run(x).y, value, mech=sol.mechanism) < 1e-9
+
+
+@pytest.mark.parametrize("method", ["pherk6", "herk4", "herk5"])
+def test_controlled_runs_with_frozen_steps(method):
+    """herk4 steps twice by h/2; rows in use stand."""
+    name = "joint.crank.mass"
+    template, value, run = runs_of("four_bar", name, 0.7, rtol=1e-5, method=method)
+    found = mbdae.sensitivity(run(value), [name], model=template)
+    assert np.abs(retraced(found.trace, template.make({name: value})) - found.y).max() < 1e-11
+    error = best(found.dy[..., 0], lambda x: retraced(found.trace, template.make({name: x})), value,
+                 mech=found.trace.sol.mechanism)  # fmt: skip
+    assert error < 1e-11
+
+
+def test_rows_that_are_chosen_anew():
+    mech = mbdae.load("bricard")
+    sol = mbdae.solve(mech, (0.0, 6.0), step=0.05, method="pherk5")
+    assert len(sol.in_use) > 1
+    q, v = mech.start
+    found = mbdae.sensitivity(sol, start=True)
+    free = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
+    along = found.dy[:, :, mech.nv : 2 * mech.nv] @ free
+
+    def run(x):
+        out = mbdae.solve(mech, (0.0, 6.0), q, v + x * free, step=0.05, method="pherk5")
+        assert out.in_use == sol.in_use
+        return out.y
+
+    assert best(along, run, 0.0, (1e-5, 1e-4), mech=mech) < 1e-9
+
+
+SIGNALS = ("q.crank", "v.coupler", "lam.pin.1", "lam.pin.3", "kinetic", "potential", "energy", "t")
+
+
+def test_signals():
+    name = "joint.coupler.mass"
+    template, value, run = runs_of("four_bar", name, 0.4, step=0.05, method="pherk6", project=True)
+    found = mbdae.sensitivity(run(value), [name], model=template)
+    for signal in SIGNALS:
+        assert best(found.signal(signal)[:, 0], lambda x, s=signal: run(x).signals()[s], value) < 1e-10, signal
+    np.testing.assert_allclose(found.signal("lam.pin.1"), found.lam[:, 0])
+
+
+def test_an_event_moves():
+    name = "start.q.crank"
+    event = mbdae.Event(lambda t, q, v: q[0] - 1.0, terminal=True)
+    template, value, run = runs_of("four_bar", name, 2.0, step=0.05, method="pherk6", events=event)
+    found = mbdae.sensitivity(run(value), [name], model=template, event=event)
+    for part, of in ((found.dy[-1, :-1, 0], lambda x: run(x).y[-1][:-1]), (found.dt[-1], lambda x: run(x).t[-1:])):
+        assert best(part, of, value) < 1e-11
+    assert abs(found.q[-1, 0, 0]) < 1e-13
+    with pytest.raises(InputError, match="event="):
+        mbdae.sensitivity(run(value), [name], model=template)
+
+
+def test_a_sampled_controller():
+    """Its torques jump; q and v just before tell them."""
+    hold = mbdae.Sampled(lambda t, q, v, x: (-5 * v[:1] - np.sin(q[0]) - x, x + 0.1 * q[:1]), rate=10,
+                         joints="crank", memory={"sum": 0.2}, name="hold")  # fmt: skip
+    mech = mbdae.load("four_bar", forces=[hold])
+    q, _ = mech.start
+
+    def run(x):
+        start = mech.assemble(q, {"crank": x})
+        return mbdae.solve(mech, (0.0, 0.55), *start, step=0.02, method="pherk5")
+
+    sol = run(0.3)
+    found = mbdae.sensitivity(sol, start=True)
+    dv = quotient(lambda x: mech.assemble(q, {"crank": x})[1], 0.3, 1e-2)
+    along = found.dy[:, :, mech.nv : 2 * mech.nv] @ dv
+    assert best(along, lambda x: run(x).y, 0.3, (1e-3, 3e-3, 1e-2), mech=mech) < 1e-11
+    assert np.abs(found.s).max() > 0.1
+
+
+def test_times_between_nodes():
+    """Short steps of the method: near the dense output, and differentiable."""
+    mech = mbdae.load("four_bar")
+    times = np.linspace(0.0, 0.5, 7)
+    sol = mbdae.solve(mech, (0.0, 0.5), step=0.05, method="pherk6", t_eval=times)
+    found = mbdae.sensitivity(sol, ["joint.crank.mass"])
+    assert 0 < np.abs(found.y - sol.y).max() < 1e-5
+    dense = mbdae.sensitivity(mbdae.solve(mech, (0.0, 0.5), step=0.05, method="pherk6"), ["joint.crank.mass"])
+    np.testing.assert_array_equal(found.dy[0], dense.dy[0])
+    np.testing.assert_allclose(found.dy[-1], dense.dy[-1], rtol=1e-13)
+
+
+def test_what_has_no_derivative_is_refused_by_name():
+    mech = mbdae.load("four_bar")
+    sol = mbdae.solve(mech, (0.0, 0.1), step=0.05)
+    with pytest.raises(InputError, match=r"'joint\.rocker\.rpy\.0' opens closures that depend on each other"):
+        mbdae.sensitivity(sol, ["joint.rocker.rpy.0"])
+    with pytest.raises(UnknownNameError, match="no_joint"):
+        mbdae.sensitivity(sol, ["joint.no_joint.mass"])
+    with pytest.raises(InputError, match="'Gv' has no gradient"):
+        mbdae.sensitivity(sol, ["joint.crank.mass"]).signal("Gv")
+    with pytest.raises(UnknownNameError, match="signal"):
+        mbdae.sensitivity(sol, ["joint.crank.mass"]).signal("q.nothing")
+    with pytest.raises(InputError, match="half-explicit"):
+        mbdae.sensitivity(mbdae.solve(mech, (0.0, 0.1), step=0.05, method="radau5"), ["joint.crank.mass"])
+    with pytest.raises(InputError, match="not read from files"):
+        mbdae.sensitivity(mbdae.solve(mbdae.Mechanism(mech.model), (0.0, 0.1), step=0.05), ["gravity.2"])
