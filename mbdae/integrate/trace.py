@@ -19,13 +19,14 @@ from ..methods import Tableau
 from ..methods import method as find_method
 from ..methods.tangent import StepSlopes
 from ..solution.solution import Solution
-from ..system import Array, State, Step, System
+from ..system import Array, State, System
 from .jumps import MARGIN
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 
 JUMP = 6 * MARGIN  # roundings of t: nodes nearer than that stand before and after a jump
 REPEATED = 1e-7  # of 1 + |y|: what a step that is repeated may differ from the one that was taken
+SYNCHRONOUS = 1e-10  # of 1 + |y|: more than that, roundings have grown so far that the run's own point counts
 
 
 class _Standing(NamedTuple):
@@ -168,43 +169,48 @@ class Trace:
             yield Linear(self.slopes.rate(t, y).rate[nv:, :n], True)
 
     def _walk(self) -> None:
-        """Find what the method carried from node to node, and see that the steps are those of the run."""
+        """Find what the method carried from node to node, and see that the steps are those of the run.
+
+        Points and what is carried go on together, as in the run: where it is stiff, roundings in one that the other
+        does not share grow from step to step.
+        """
         if not self.n_carry:
             return
         self.hold(0)
-        self.carries[0] = self._anew(0, self.ys[0])
+        y, self.carries[0] = self.ys[0], self._anew(0, self.ys[0])
         for i in range(len(self.ts) - 1):
             self.hold(i)
-            t1, y1 = float(self.ts[i + 1]), self.ys[i + 1]
-            anew = self.jumps(i) or i + 1 in self.changes
+            y1 = self.ys[i + 1]
             if not self.jumps(i):
-                step = self._repeat(i, t1 - float(self.ts[i]))
-                y, self.carries[i + 1] = step.state.y, step.state.carry
-                if self.project:
-                    closed = self.system.restore(t1, y)
-                    move = self.system.difference(y, closed)
-                    standing: Any = _Standing(self.system, self.state(i))
-                    self.renewed[i + 1] = not self.stepper.tolerates(standing, closed, move)
-                    if self.renewed[i + 1]:
-                        self.carries[i + 1] = self._anew(i + 1, closed)
-                    y = closed
-                if np.abs(self.system.difference(y, y1)).max() > REPEATED * (1 + np.abs(y1).max()) and not anew:
+                y, self.carries[i + 1], self.renewed[i + 1] = self._repeat(i, y)
+                apart = np.abs(self.system.difference(y, y1)).max()
+                if not apart <= REPEATED * (1 + np.abs(y1).max()) and i + 1 not in self.changes:
                     where = f"the step from t = {self.ts[i]:.9g} s cannot be repeated"
                     raise InputError(f"{where}: not a step of the method, or one with other forces")
-            if anew:
+                if not apart <= SYNCHRONOUS * (1 + np.abs(y1).max()):
+                    y = y1
+            if self.jumps(i) or i + 1 in self.changes:
                 self.hold(i + 1)
-                self.carries[i + 1] = self._anew(i + 1, y1)
+                y, self.carries[i + 1] = y1, self._anew(i + 1, y1)
 
     def _anew(self, i: int, y: Array) -> Any:
         return self.system.carry(*self.system.derivative(float(self.ts[i]), y))
 
-    def _repeat(self, i: int, h: float) -> Step:
-        t, state = float(self.ts[i]), self.state(i)
+    def _repeat(self, i: int, y: Array) -> tuple[Array, Any, bool]:
+        """Take the step from node i once more, from a point there; return point and carry, and whether that is new."""
+        t, h, start = float(self.ts[i]), float(self.ts[i + 1] - self.ts[i]), State(y, self.carries[i])
         try:
-            if not self._halved:
-                return self.tableau.step(self.system, t, h, state)
-            half = self.tableau.step(self.system, t, h / 2, state)
-            return self.tableau.step(self.system, t + h / 2, h / 2, half.state)
+            if self._halved:
+                half = self.tableau.step(self.system, t, h / 2, start)
+                state = self.tableau.step(self.system, t + h / 2, h / 2, half.state).state
+            else:
+                state = self.tableau.step(self.system, t, h, start).state
+            if not self.project:
+                return state.y, state.carry, False
+            closed, standing = self.system.restore(t + h, state.y), _Standing(self.system, start)
+            if self.stepper.tolerates(standing, closed, self.system.difference(state.y, closed)):
+                return closed, state.carry, False
+            return closed, self._anew(i + 1, closed), True
         except StepError as e:
             raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
 
