@@ -36,7 +36,7 @@ class _Standing(NamedTuple):
     state: State
 
 
-class Linear(NamedTuple):
+class LinearPart(NamedTuple):
     """A part of a run that is linear in (dy, dp), a matrix (ny, ny + k) of y, or of the carry."""
 
     matrix: Array
@@ -54,7 +54,7 @@ class Linear(NamedTuple):
         return (y + back[:ny], np.zeros_like(carry), back[ny:]) if self.renews else (back[:ny], carry, back[ny:])
 
 
-Part = StepSlopes | Linear
+Part = StepSlopes | LinearPart
 
 
 class Trace:
@@ -113,9 +113,9 @@ class Trace:
         self.hold(0)
         t, y = float(self.ts[0]), self.ys[0]
         if len(self.system.mechanism.states):
-            yield Linear(self.slopes.jumped(t, y), False)
+            yield LinearPart(self.slopes.jumped(t, y), False)
         if self.project:
-            yield Linear(self.slopes.restored(t, y), False)
+            yield LinearPart(self.slopes.restored(t, y), False)
         yield from self._renewal(t, y)
 
     def parts(self, i: int) -> Iterator[Part]:
@@ -124,7 +124,7 @@ class Trace:
         t, t1, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i + 1]
         if self.jumps(i):
             y = self.ys[i]
-            yield Linear(self.slopes.jumped(t1, y), False)
+            yield LinearPart(self.slopes.jumped(t1, y), False)
             y = self.system.jump(t1, y)
         else:
             y = self.ys[i]
@@ -132,13 +132,13 @@ class Trace:
                 yield part
                 y = part.state.y
             if self.project:
-                yield Linear(self.slopes.restored(t1, y), False)
+                yield LinearPart(self.slopes.restored(t1, y), False)
                 y = self.system.restore(t1, y)
                 if self.renewed[i + 1]:
                     yield from self._renewal(t1, y)
         if i + 1 in self.changes:
             self.hold(i + 1)
-            yield Linear(self.slopes.settled(t1, y), False)
+            yield LinearPart(self.slopes.settled(t1, y), False)
         if i + 1 in self.changes or self.jumps(i):
             yield from self._renewal(t1, y1)
 
@@ -157,7 +157,7 @@ class Trace:
         y, t = steps[-1].state.y, float(self.ts[i]) + h
         if not self.project:
             return y, list(steps)
-        return self.system.restore(t, y), [*steps, Linear(self.slopes.restored(t, y), False)]
+        return self.system.restore(t, y), [*steps, LinearPart(self.slopes.restored(t, y), False)]
 
     @property
     def _halved(self) -> bool:
@@ -166,7 +166,7 @@ class Trace:
     def _renewal(self, t: float, y: Array) -> Iterator[Part]:
         if self.n_carry:
             nv, n = self.system.nv, self.slopes.ny + self.slopes.k
-            yield Linear(self.slopes.rate(t, y).rate[nv:, :n], True)
+            yield LinearPart(self.slopes.rate(t, y).rate[nv:, :n], True)
 
     def _walk(self) -> None:
         """Find what the method carried from node to node, and see that the steps are those of the run.

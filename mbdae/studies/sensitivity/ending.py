@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import InputError
-from ...integrate.trace import Linear, Part, Trace
+from ...integrate.trace import LinearPart, Part, Trace
 from ...system import Array
 
 WIDTH = 1e-3  # of differences of event functions, which are the user's
@@ -29,9 +29,9 @@ class Ending:
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array) -> tuple[Array, Array]:
         """Return the variations behind the step, whose size moves by dh, (m,)."""
-        steps = [p for p in self.parts if not isinstance(p, Linear)]
+        steps = [p for p in self.parts if not isinstance(p, LinearPart)]
         for part in self.parts:
-            if isinstance(part, Linear):
+            if isinstance(part, LinearPart):
                 dy, carry = part.forward(dy, carry, dp)
             else:
                 dy, carry = part.forward(dy, carry, dp, dh / len(steps))

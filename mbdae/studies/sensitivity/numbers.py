@@ -1,6 +1,6 @@
 """The numbers of a mechanism by which a run is differentiated, by dotted names, and what makes mechanisms."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from ... import backend
@@ -12,27 +12,27 @@ from ...mechanism.formulations.parameters import Parameters
 from ..sweep.run import Made
 
 Names = Sequence[str] | Mapping[str, float]
-Model = str | Template | Callable[..., Mechanism] | None
+Model = Any  # str | Maker | Callable[..., Mechanism] | None
 
 
-class Maker(Protocol):
+class Makes(Protocol):
     """What makes mechanisms with other numbers."""
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:
         """The mechanism with these values."""
 
 
-def maker(mech: Mechanism, model: Model) -> Maker:
+def maker(mech: Mechanism | None, model: Model) -> Makes:
     """What makes mechanisms like one: its own files, a file, or a function.
 
     Raises:
         InputError: where a mechanism was not read from files and no model is given.
     """
-    if isinstance(model, Template):
-        return model
     if isinstance(model, str):
         return Template(model)
-    return Remembered(mech) if model is None else Made(model)
+    if model is None and mech is not None:
+        return Remembered(mech)
+    return model if hasattr(model, "make") else Made(model)
 
 
 def bound(mech: Mechanism, names: Names, model: Model, t: float) -> tuple[dict[str, float], Parameters]:

@@ -1,0 +1,34 @@
+"""Measured and computed signals of a fit, and what remains."""
+
+from typing import TYPE_CHECKING
+
+from ..figures import WIDTH, plain, settled, sheet
+from .result import Fit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLOURS = ("#0072B2", "#D55E00")
+HEIGHT = 2.2  # inches of a signal
+
+
+@settled
+def compared(fit: Fit) -> "Figure":
+    """Draw each signal of each run, measured and computed, and its residuals in noise levels beside it."""
+    panels = [(i, name) for i, signals in enumerate(fit.measured) for name in signals]
+    figure = sheet(WIDTH, HEIGHT * len(panels) + 0.3)
+    axes = figure.subplots(len(panels), 2, squeeze=False, width_ratios=(2, 1))
+    for (left, right), (i, name) in zip(axes, panels, strict=True):
+        t = fit.times[i]
+        left.plot(t, fit.measured[i][name], ".", color=COLOURS[1], markersize=3, label="measured")
+        left.plot(t, fit.computed[i][name], color=COLOURS[0], label="computed")
+        left.set_ylabel(plain(name if len(fit.names) == 1 else f"{name}, {fit.names[i]}"))
+        left.set_xlabel("$t$ (s)")
+        right.plot(t, fit.residuals[i][name], ".", color=COLOURS[0], markersize=3)
+        right.axhline(0.0, color="0.4", linewidth=0.7)
+        right.set_ylabel("residual / noise level")
+        right.set_xlabel("$t$ (s)")
+    axes[0][0].legend()
+    ratio = fit.chi2 / fit.dof if fit.dof else float("nan")
+    figure.suptitle(plain(f"Fit of {fit.model}: chi^2 / degrees of freedom = {ratio:.3g}"), fontsize=9)
+    return figure

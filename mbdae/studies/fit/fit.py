@@ -1,0 +1,172 @@
+"""Parameters of a mechanism from measured signals: least squares with exact derivatives, over growing spans.
+
+    minimise  sum_k r_k^2,   r_k = (signal(t_k; p) - data_k) / sigma,   low <= p <= high
+
+by a trust region with bounds (Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (1999)), with the Jacobian of
+`mbdae.sensitivity`. Over long spans the sum has false minima: motions that fell out of step by whole periods. So the
+first samples are fitted first, then more of them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import chi2 as chi2_distribution
+
+from ...errors import InputError
+from ...mechanism import Mechanism
+from ...mechanism.formats.remembered import number
+from ...mechanism.formats.template import Template
+from ...system import Array
+from ..sensitivity.numbers import Makes, maker
+from ..sweep.outputs import columns
+from .data import records
+from .misfit import Misfit
+from .result import TIED, Fit
+
+__all__ = ["fit"]
+
+SPANS = (0.16, 0.4, 1.0)  # of the samples
+TOLERANCE = 1e-10  # of the search, relative
+LOST = 1e-9  # of the largest singular value of the Jacobian, in scales of the parameters: no information
+SHARE = 0.1  # of a null vector: parameters with as much are in the combination that is not told
+Parameters = Mapping[str, Any]
+
+
+class Unknown(NamedTuple):
+    """A parameter to be found: where the search starts, and its bounds."""
+
+    start: float
+    low: float
+    high: float
+
+
+def fit(
+    model: str | Path | Mechanism | Callable[..., Mechanism],
+    parameters: Parameters,
+    data: Any,
+    *,
+    signals: Sequence[str] = (),
+    sigma: float | Mapping[str, float] | None = None,
+    scales: Mapping[str, float] | None = None,
+    t_span: Sequence[float] | None = None,
+    spans: Sequence[float] = SPANS,
+    known: Sequence[Mapping[str, float]] | Mapping[str, float] = (),
+    progress: Callable[[str], None] | None = None,
+    **settings: Any,
+) -> Fit:
+    """Find numbers of a mechanism from measurements of its motion.
+
+    Args:
+        model: what `mbdae.load` takes, a mechanism that was loaded, or a function that makes one.
+        parameters: dotted names, as of sweeps, with (low, high) or (start, low, high); the search starts from the
+            model's own number where no start is given and it lies between the bounds, else half way.
+        data: a table ``{"t": ..., "q.slider": ...}`` with columns named as the signals of `mbdae.Solution.signals`, a
+            CSV or Parquet file, or a list of them: several runs with the same parameters.
+        signals: columns that count; all when left out.
+        sigma: noise level of all signals, or by name, in their units. Without, standard deviations follow from what
+            remains of the data, and nothing can be said against the minimum.
+        scales: by which size a parameter typically changes; a tenth of its range when left out.
+        t_span: where runs start, and the latest time of data; 0 and the last of them when left out.
+        spans: shares of the samples that are fitted one after another; ``(1,)`` for all at once.
+        known: other numbers of each run, for instance start values: a table for each, or one for all.
+        progress: told what is done, in words.
+        settings: arguments of `mbdae.solve`: method, rtol, step, ...
+
+    Raises:
+        InputError: for data outside the span, signals without a gradient, bounds that are none.
+        UnknownNameError: for names that lead nowhere.
+    """
+    found = records(data, signals)
+    loaded = model if isinstance(model, Mechanism) else None
+    make = maker(loaded, None if loaded else str(model) if isinstance(model, Path) else model)
+    tables = [dict(known)] * len(found) if isinstance(known, Mapping) else [dict(x) for x in known]
+    if tables and len(tables) != len(found):
+        raise InputError(f"known has {len(tables)} tables for {len(found)} runs")
+    unknown = {name: _unknown(make, name, given) for name, given in parameters.items()}
+    if not unknown:
+        raise InputError("a fit needs parameters: name = (low, high) or (start, low, high)")
+    problem = Misfit(make, list(unknown), found, tables or [{}] * len(found), sigma, t_span, settings)
+    low, high = (np.array([getattr(u, key) for u in unknown.values()]) for key in ("low", "high"))
+    scale = np.array([float((scales or {}).get(name, (u.high - u.low) / 10)) for name, u in unknown.items()])
+    if not (scale > 0).all():
+        raise InputError("scales of parameters must be positive")
+    x = np.clip([u.start for u in unknown.values()], low, high)
+    message, converged = "", False
+    for share in problem.shares(spans, len(x)):
+        problem.share = share
+        if progress:
+            progress(f"{share:.0%} of the samples")
+        result = least_squares(
+            problem.residuals, x, problem.jacobian, (low, high), x_scale=scale,
+            ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE,
+        )  # fmt: skip
+        x, message, converged = result.x, result.message, result.status > 0
+    return _result(problem, x, low, high, scale, converged, message)
+
+
+def _unknown(make: Makes, name: str, given: Any) -> Unknown:
+    """A parameter with its bounds.
+
+    Raises:
+        InputError: for what are no bounds.
+    """
+    try:
+        numbers = [float(x) for x in given]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) not in (2, 3) or not np.isfinite(numbers).all() or not numbers[-2] < numbers[-1]:
+        raise InputError(
+            f"parameter {name!r} takes (low, high) or (start, low, high) with low < high, got {given!r:.60}"
+        )
+    *start, low, high = numbers
+    if not start:
+        own = (low + high) / 2
+        if isinstance(make, Template):
+            try:
+                own = number(make, name)
+            except InputError as e:
+                if "is no number" not in str(e):
+                    raise
+        start = [own if low < own < high else (low + high) / 2]
+    if not low <= start[0] <= high:
+        raise InputError(f"parameter {name!r} starts at {start[0]:g}, outside its bounds {low:g} to {high:g}")
+    return Unknown(start[0], low, high)
+
+
+def _result(problem: Misfit, x: Array, low: Array, high: Array, scale: Array, converged: bool, message: str) -> Fit:
+    r, J, names = problem.residuals(x), problem.jacobian(x) * scale, problem.names
+    _, sizes, V = np.linalg.svd(J, full_matrices=False)
+    kept = sizes > LOST * sizes.max(initial=0.0)
+    lost = V[~kept] if len(V) == len(x) else np.eye(len(x))
+    chi2, dof = float(r @ r), len(r) - len(x)
+    covariance = (V[kept].T / sizes[kept] ** 2) @ V[kept] * np.outer(scale, scale)
+    if not problem.given and dof > 0:
+        covariance *= chi2 / dof
+    deviation = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlations = covariance / np.outer(deviation, deviation)
+    untold = [tuple(n for n, share in zip(names, row, strict=True) if abs(share) > SHARE) for row in lost]
+    for group in untold:
+        deviation[[names.index(n) for n in group]] = np.inf
+    untold += [(n,) for n, d, width in zip(names, deviation, high - low, strict=True) if width < d < np.inf]
+    for i in range(len(names)):
+        untold += [(names[j], names[i]) for j in range(i) if abs(correlations[i, j]) > TIED
+                   and min(deviation[i] / (high - low)[i], deviation[j] / (high - low)[j]) > 1e-2]  # fmt: skip
+    near = TOLERANCE * (high - low) + 1e-6 * scale
+    at_bounds = [n for n, at in zip(names, (x - low < near) | (high - x < near), strict=True) if at]
+    computed = [{name: columns(sol, {name})[name] for name in record.columns}
+                for record, sol in zip(problem.found, problem.solved(x), strict=True)]  # fmt: skip
+    residuals = [{name: (c[name] - record.columns[name]) / problem.sigma[name] for name in c}
+                 for c, record in zip(computed, problem.found, strict=True)]  # fmt: skip
+    probability = float(chi2_distribution.sf(chi2, dof)) if problem.given and dof > 0 else np.nan
+    return Fit(
+        problem.solved(x)[0].mechanism.title,
+        dict(zip(names, x.tolist(), strict=True)),
+        dict(zip(names, deviation.tolist(), strict=True)),
+        covariance, correlations, chi2, dof, probability, list(dict.fromkeys(untold)), at_bounds, residuals, computed,
+        [record.columns for record in problem.found], [record.t for record in problem.found],
+        [record.name for record in problem.found], problem.runs, problem.gradients, converged, message,
+    )  # fmt: skip

@@ -1,0 +1,127 @@
+"""Residuals of measurements against runs, and their exact derivatives."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, MbdaeError, UnknownNameError
+from ...integrate.solve import solve
+from ...mechanism import Mechanism
+from ...system import Array
+from ..sensitivity.numbers import Makes
+from ..sensitivity.sensitivity import sensitivity
+from ..sensitivity.signal_slopes import PEAKS
+from ..sweep.outputs import columns, signal_names
+from .data import Record
+
+FEWEST = 3  # samples of a span for each parameter
+RTOL = 1e-8  # of runs
+
+
+class Misfit:
+    """Residuals of all runs and their derivatives, of the first share of the samples."""
+
+    def __init__(
+        self,
+        make: Makes,
+        names: list[str],
+        found: list[Record],
+        known: list[dict[str, float]],
+        sigma: float | Mapping[str, float] | None,
+        t_span: Sequence[float] | None,
+        settings: dict[str, Any],
+    ) -> None:
+        self.make, self.names, self.found, self.known = make, names, found, known
+        self.given, self.share, self.runs, self.gradients = sigma is not None, 1.0, 0, 0
+        self.settings = {**({} if "step" in settings else {"rtol": RTOL}), **settings}
+        start = 0.0 if t_span is None else float(t_span[0])
+        end = max(r.t[-1] for r in found) if t_span is None else float(t_span[1])
+        self.start = start
+        for r in found:
+            outside = r.t[(r.t < start) | (r.t > end)]
+            if len(outside):
+                raise InputError(f"{r.name}: t = {outside[0]:g} s is outside the span, {start:g} to {end:g} s")
+        every = [name for r in found for name in r.columns]
+        levels = sigma if isinstance(sigma, Mapping) else dict.fromkeys(every, 1.0 if sigma is None else sigma)
+        for name in every:
+            if not (name in levels and 0 < levels[name] < np.inf):
+                raise InputError(f"the noise level of {name!r} must be given and positive: sigma={{{name!r}: ...}}")
+        self.sigma = {name: float(levels[name]) for name in every}
+        self._last: tuple[Any, list[Any]] = (None, [])
+        self._size = 0
+
+    def shares(self, spans: Sequence[float], k: int) -> list[float]:
+        """The shares of the samples, those with enough of them, and all at last."""
+        n = min(sum(int(np.isfinite(x).sum()) for x in r.columns.values()) for r in self.found)
+        if not all(0 < s <= 1 for s in spans):
+            raise InputError(f"spans are shares of the samples between 0 and 1, got {list(spans)}")
+        return [*(s for s in sorted(set(spans)) if s < 1 and s * n >= FEWEST * k), 1.0]
+
+    def solved(self, x: Array) -> list[Any]:
+        """The runs of all data with these parameters; what fails raises."""
+        key = (tuple(x), self.share)
+        if self._last[0] != key:
+            values, out = dict(zip(self.names, map(float, x), strict=True)), []
+            for record, known in zip(self.found, self.known, strict=True):
+                mech = self.make.make({**known, **values})
+                times = record.t[: max(1, round(self.share * len(record.t)))]
+                span = (self.start, float(times[-1]))
+                _refuse_signals(mech, record)
+                sol = solve(mech, span, t_eval=times, **self.settings) if times[-1] > self.start else None
+                if sol is None or not sol.ended:
+                    raise InputError(f"{record.name}: {sol.message if sol else 'no time passes'}")
+                self.runs += 1
+                out.append(sol)
+            self._last = key, out
+        return self._last[1]
+
+    def residuals(self, x: Array) -> Array:
+        """(signal - data)/sigma of all values that were measured; inf where a run fails."""
+        try:
+            parts = [self.left(record, columns(sol, set(record.columns)), len(sol.t))
+                     for record, sol in zip(self.found, self.solved(x), strict=True)]  # fmt: skip
+        except MbdaeError:
+            if self._last[0] is None:
+                raise
+            return np.full(self._size, np.inf)
+        out = np.concatenate(parts)
+        self._size = len(out)
+        return out
+
+    def left(self, record: Record, computed: Mapping[str, Array], n: int) -> Array:
+        """Residuals of one run at its first n times, one signal behind the other."""
+        parts = [(computed[name] - data[:n]) / self.sigma[name] for name, data in record.columns.items()]
+        left = np.concatenate(parts)
+        return left[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))]
+
+    def jacobian(self, x: Array) -> Array:
+        """Derivatives of the residuals, (n, k)."""
+        values, rows = dict(zip(self.names, map(float, x), strict=True)), []
+        for record, known, sol in zip(self.found, self.known, self.solved(x), strict=True):
+            found = sensitivity(sol, values, model=_With(self.make, known))
+            self.gradients += 1
+            n = len(sol.t)
+            block = np.vstack([found.signal(name) / self.sigma[name] for name in record.columns])
+            rows.append(block[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))])
+        return np.vstack(rows)
+
+
+class _With:
+    """Mechanisms with some numbers known."""
+
+    def __init__(self, make: Makes, known: Mapping[str, float]) -> None:
+        self.inner, self.known = make, known
+
+    def make(self, values: Mapping[str, Any]) -> Mechanism:
+        """The mechanism with these values, and what is known."""
+        return self.inner.make({**self.known, **values})
+
+
+def _refuse_signals(mech: Mechanism, record: Record) -> None:
+    known = [name for name in signal_names(mech) if not name.startswith(("force.", "torque.", "effort."))]
+    for name in record.columns:
+        if name in PEAKS:
+            raise InputError(f"{record.name}: signal {name!r} has no gradient: it is a largest magnitude over rows")
+        if name not in known:
+            raise UnknownNameError(f"signal of {record.name}", name, known)

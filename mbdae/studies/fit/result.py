@@ -1,0 +1,142 @@
+"""What a fit returns: values, how well the data tell them, and what remains of the data."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...files import write_whole
+from ...system import Array
+
+__all__: list[str] = []
+
+IMPROBABLE = 1e-6  # of chi-squared: residuals that are hardly noise
+TIED = 0.999  # correlation: two parameters of which the data tell a combination
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Parameters from measurements.
+
+    Attributes:
+        model: title.
+        values: the parameters where the sum of squares is least.
+        deviations: their standard deviations; inf where the data do not tell.
+        covariance: (k, k), (J^T J)^-1 of residuals in noise levels.
+        correlations: (k, k).
+        chi2: sum of squares of residuals in noise levels.
+        dof: values measured less parameters.
+        probability: of a larger chi2 if nothing but noise were left; nan without known noise levels.
+        untold: groups of parameters of which the data tell nothing, or a combination only.
+        at_bounds: parameters that stand at a bound.
+        residuals: for each run, by signal, (computed - measured) / sigma, (n,).
+        computed: for each run, by signal, (n,).
+        measured: alike.
+        times: for each run, (n,).
+        names: of the runs.
+        runs: number of runs that were computed, those with derivatives among them.
+        gradients: number of runs with derivatives.
+        converged: whether the search came to an end.
+        message: how it ended.
+    """
+
+    model: str
+    values: dict[str, float]
+    deviations: dict[str, float]
+    covariance: Array
+    correlations: Array
+    chi2: float
+    dof: int
+    probability: float
+    untold: list[tuple[str, ...]]
+    at_bounds: list[str]
+    residuals: list[dict[str, Array]] = field(repr=False)
+    computed: list[dict[str, Array]] = field(repr=False)
+    measured: list[dict[str, Array]] = field(repr=False)
+    times: list[Array] = field(repr=False)
+    names: list[str] = field(repr=False)
+    runs: int = 0
+    gradients: int = 0
+    converged: bool = True
+    message: str = ""
+
+    @property
+    def refuted(self) -> bool:
+        """Whether what remains of the data is no noise: a false minimum, or a model that is not the machine."""
+        return bool(self.probability < IMPROBABLE)
+
+    @property
+    def success(self) -> bool:
+        """Whether the search ended, residuals may be noise, and the data tell every parameter."""
+        return self.converged and not self.refuted and not self.untold
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        plain = ("model", "values", "deviations", "chi2", "dof", "probability", "at_bounds", "runs", "gradients",
+                 "converged", "message")  # fmt: skip
+        return {
+            **{key: getattr(self, key) for key in plain},
+            "refuted": self.refuted,
+            "untold": [list(group) for group in self.untold],
+            "covariance": self.covariance.tolist(),
+            "correlations": self.correlations.tolist(),
+            "data": [
+                {"name": name, "t": t.tolist()}
+                | {key: {x: a.tolist() for x, a in part.items()} for key, part in parts.items()}
+                for name, t, parts in zip(self.names, self.times, self._parts(), strict=True)
+            ],
+        }
+
+    def _parts(self) -> list[dict[str, dict[str, Array]]]:
+        both = zip(self.measured, self.computed, self.residuals, strict=True)
+        return [{"measured": m, "computed": c, "residuals": r} for m, c, r in both]
+
+    def save(self, path: str | Path) -> None:
+        """Write everything as JSON.
+
+        Raises:
+            InputError: for another suffix, or a path that cannot be written.
+        """
+        if Path(path).suffix != ".json":
+            raise InputError(f"a fit is saved as .json, got {str(path)!r}")
+        with write_whole(path) as temporary:
+            temporary.write_text(json.dumps(_finite(self.to_dict()), allow_nan=False), encoding="utf-8")
+
+    def plot(self, path: str | Path) -> None:
+        """Draw measured and computed signals, and residuals, as .png, .svg or .pdf."""
+        from .. import figures
+        from .figure import compared
+
+        figures.save(compared(self), str(path))
+
+    def __str__(self) -> str:
+        lines = [f"fit of {self.model}: {self.runs} runs, {self.gradients} with derivatives"]
+        for name, value in self.values.items():
+            mark = " (at its bound)" if name in self.at_bounds else ""
+            lines.append(f"  {name:36s} {value:14.8g} +- {self.deviations[name]:.2g}{mark}")
+        ratio = self.chi2 / self.dof if self.dof else np.nan
+        lines.append(f"  chi^2 / degrees of freedom = {self.chi2:.4g} / {self.dof} = {ratio:.3g}")
+        names = list(self.values)
+        pairs = [(abs(self.correlations[i, j]), i, j) for i in range(len(names)) for j in range(i)]
+        for size, i, j in sorted(pairs, reverse=True)[:3]:
+            if np.isfinite(size) and size > 0.5:
+                lines.append(f"  correlation of {names[j]} and {names[i]}: {self.correlations[i, j]:+.3f}")
+        for group in self.untold:
+            what = "the data do not tell" if len(group) == 1 else "the data tell a combination only of"
+            lines.append(f"  {what} {', '.join(group)}")
+        if self.refuted:
+            lines.append("  residuals are no noise: a false minimum, noise levels too low, or another mechanism")
+        if not self.converged:
+            lines.append(f"  the search did not end: {self.message}")
+        return "\n".join(lines)
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _finite(x) for key, x in data.items()}
+    if isinstance(data, list):
+        return [_finite(x) for x in data]
+    return None if isinstance(data, float) and not np.isfinite(data) else data
