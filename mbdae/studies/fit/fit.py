@@ -30,6 +30,7 @@ __all__ = ["fit"]
 
 SPANS = (0.16, 0.4, 1.0)  # of the samples
 TOLERANCE = 1e-10  # of the search, relative
+ROUGH = 1e-4  # alike, of the shorter spans
 LOST = 1e-9  # of the largest singular value of the Jacobian, in scales of the parameters: no information
 SHARE = 0.1  # of a null vector: parameters with as much are in the combination that is not told
 Parameters = Mapping[str, Any]
@@ -96,12 +97,12 @@ def fit(
     x = np.clip([u.start for u in unknown.values()], low, high)
     message, converged = "", False
     for share in problem.shares(spans, len(x)):
-        problem.share = share
+        problem.share, tolerance = share, TOLERANCE if share == 1 else ROUGH
         if progress:
             progress(f"{share:.0%} of the samples")
         result = least_squares(
             problem.residuals, x, problem.jacobian, (low, high), x_scale=scale,
-            ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE,
+            ftol=tolerance, xtol=tolerance, gtol=tolerance,
         )  # fmt: skip
         x, message, converged = result.x, result.message, result.status > 0
     return _result(problem, x, low, high, scale, converged, message)

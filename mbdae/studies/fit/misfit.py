@@ -13,7 +13,7 @@ from ..sensitivity.numbers import Makes
 from ..sensitivity.sensitivity import sensitivity
 from ..sensitivity.signal_slopes import PEAKS
 from ..sweep.outputs import columns, signal_names
-from .data import Record
+from .data import Measurement
 
 FEWEST = 3  # samples of a span for each parameter
 RTOL = 1e-8  # of runs
@@ -26,7 +26,7 @@ class Misfit:
         self,
         make: Makes,
         names: list[str],
-        found: list[Record],
+        found: list[Measurement],
         known: list[dict[str, float]],
         sigma: float | Mapping[str, float] | None,
         t_span: Sequence[float] | None,
@@ -89,7 +89,7 @@ class Misfit:
         self._size = len(out)
         return out
 
-    def left(self, record: Record, computed: Mapping[str, Array], n: int) -> Array:
+    def left(self, record: Measurement, computed: Mapping[str, Array], n: int) -> Array:
         """Residuals of one run at its first n times, one signal behind the other."""
         parts = [(computed[name] - data[:n]) / self.sigma[name] for name, data in record.columns.items()]
         left = np.concatenate(parts)
@@ -118,7 +118,7 @@ class _With:
         return self.inner.make({**self.known, **values})
 
 
-def _refuse_signals(mech: Mechanism, record: Record) -> None:
+def _refuse_signals(mech: Mechanism, record: Measurement) -> None:
     known = [name for name in signal_names(mech) if not name.startswith(("force.", "torque.", "effort."))]
     for name in record.columns:
         if name in PEAKS:

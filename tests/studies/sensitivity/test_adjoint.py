@@ -10,7 +10,6 @@ import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.library import model_names
 
-COMMANDS = ()
 T = {"andrews_squeezer": 0.01, "humanoid_stance": 0.02, "flyball_governor": 0.02, "stewart_platform": 0.1}
 
 

@@ -6,7 +6,6 @@ import pytest
 import mbdae
 from mbdae.methods import METHODS
 
-COMMANDS = ()
 STEP = 1e-30
 LINKS = ("crank", "coupler", "rocker")
 

@@ -9,7 +9,6 @@ from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.library import model_names
 from mbdae.methods import METHODS, Tableau
 
-COMMANDS = ()
 METHODS_HERE = [name for name, method in METHODS.items() if isinstance(method, Tableau)]
 SHORT = {"andrews_squeezer": (0.01, 1e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.02, 2e-3),
          "flyball_governor": (0.01, 2e-4), "jansen_walker": (0.1, 5e-3), "n_four_bar": (0.3, 0.02)}  # fmt: skip

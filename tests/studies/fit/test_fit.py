@@ -1,0 +1,161 @@
+"""Numbers from measurements: the truth within its standard deviations, false minima, what data do not tell, errors."""
+
+import json
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.formats.library import find
+from mbdae.mechanism.formats.remembered import number
+from mbdae.mechanism.formats.template import Template
+
+COMMANDS = (
+    "run four_bar -t 0.4 --step 0.02 -o fit.csv",
+    "fit four_bar fit.csv -p gravity.2=-12:-8 -s q.crank --step 0.02 -o fit.json --plot fit.svg",
+)
+STEP = {"step": 0.02, "method": "pherk5"}
+CRANK = {"force.spring.stiffness": 80.0, "force.damper.damping": 0.02, "joint.slider.mass": 0.8}
+FORCES = """
+[[force]]
+kind = "joint_spring"
+name = "spring"
+joint = "slider"
+stiffness = 70.0
+rest = 0.4
+[[force]]
+kind = "joint_damping"
+name = "damper"
+joint = "crank"
+damping = 0.01
+"""
+
+
+def measured(model, values, times, names, **settings):
+    sol = mbdae.solve(Template(str(model)).make(values), (0.0, times[-1]), t_eval=times, **settings)
+    return {"t": times, **{name: sol.signals()[name] for name in names}}
+
+
+def crank(folder, more=""):
+    """The slider-crank with a spring and a damper."""
+    plain = find("slider_crank")
+    text = plain.read_text().replace('"slider_crank.urdf"', f'"{plain.parent / "slider_crank.urdf"}"')
+    path = folder / "crank.toml"
+    path.write_text(text + FORCES + more)
+    return path
+
+
+def test_three_parameters_of_a_noisy_slider_crank(tmp_path):
+    """Starts off by factors 0.5 to 2.5; noise of 0.1 mm."""
+    path, times = crank(tmp_path), np.linspace(0.04, 2.0, 50)
+    data = measured(path, CRANK, times, ["q.slider"], **STEP)
+    data["q.slider"] += 1e-4 * np.random.default_rng(1).standard_normal(50)
+    starts = {"force.spring.stiffness": (40.0, 10, 1000), "force.damper.damping": (0.05, 0, 1)}
+    found = mbdae.fit(path, {**starts, "joint.slider.mass": (1.52, 0.1, 5)}, data, sigma=1e-4, **STEP)
+    assert found.success, found
+    assert found.runs < 60
+    assert 0.5 < found.chi2 / found.dof < 1.6
+    for name, value in CRANK.items():
+        assert abs(found.values[name] - value) < 3.5 * found.deviations[name], (name, found)
+    assert found.correlations[0, 2] > 0.9
+
+
+def test_eight_parameters_of_four_bar_from_clean_data():
+    names = ["frame.coupler_tip.xyz.0", "frame.rocker_tip.xyz.0", "joint.rocker.xyz.0", "joint.coupler.mass",
+             "joint.rocker.com.0", "gravity.2", "start.q.crank", "start.v.crank"]  # fmt: skip
+    template = Template("four_bar")
+    truth = {name: number(template, name) for name in names}
+    truth["start.v.crank"] = 0.5
+    data = measured("four_bar", truth, np.linspace(0.05, 0.8, 16), ["q.crank", "q.coupler", "q.rocker"], **STEP)
+    bounds = {name: sorted((0.8 * x, 1.3 * x)) for name, x in truth.items()}
+    given = {name: (1.02 * x, *bounds[name]) for name, x in truth.items()}
+    found = mbdae.fit("four_bar", given, data, spans=(1.0,), **STEP)
+    assert found.converged
+    assert not found.at_bounds
+    for name, value in truth.items():
+        assert abs(found.values[name] - value) < 1e-8 * abs(value), found
+
+
+def test_a_false_minimum_is_refuted():
+    """Gravity from a crank that is out of step by periods: whole spans at once lead astray, growing ones do not."""
+    data = measured("pendulum", {"gravity.2": -9.81}, np.linspace(0.5, 10.0, 20), ["q.ball.x"], step=0.1)
+    given = {"gravity.2": (-24.0, -40.0, -1.0)}
+    whole = mbdae.fit("pendulum", given, data, sigma=1e-3, spans=(1.0,), step=0.1)
+    assert whole.refuted
+    assert not whole.success
+    assert "no noise" in str(whole)
+    growing = mbdae.fit("pendulum", given, data, sigma=1e-3, step=0.1)
+    assert growing.success
+    assert growing.values["gravity.2"] == pytest.approx(-9.81, abs=1e-6)
+
+
+def test_what_the_data_do_not_tell_is_named(tmp_path):
+    """Two springs side by side, and a spring that never moves."""
+    path = crank(
+        tmp_path, '[[force]]\nkind = "joint_spring"\nname = "other"\njoint = "slider"\nstiffness = 20\nrest = 0.4'
+    )
+    values = {"force.spring.stiffness": 60.0, "force.other.stiffness": 20.0}
+    data = measured(path, values, np.linspace(0.1, 0.5, 5), ["q.slider"], **STEP)
+    bounds = {name: (10, 200) for name in values}
+    found = mbdae.fit(path, bounds, data, sigma=1e-4, spans=(1.0,), **STEP)
+    assert found.untold == [("force.spring.stiffness", "force.other.stiffness")]
+    assert not found.success
+    assert np.isinf(found.deviations["force.other.stiffness"])
+    assert sum(found.values.values()) == pytest.approx(80.0, rel=1e-5)
+    assert "combination only of force.spring.stiffness, force.other.stiffness" in str(found)
+
+
+def test_several_runs_with_starts_of_their_own(tmp_path):
+    known = [{"start.q.crank": 1.2}, {"start.q.crank": 0.9}]
+    tables = [
+        measured("four_bar", {**x, "gravity.2": -9.5}, np.linspace(0.1, 0.4, 4), ["q.crank"], **STEP) for x in known
+    ]
+    for i, table in enumerate(tables):
+        np.savetxt(
+            tmp_path / f"{i}.csv", np.column_stack(list(table.values())), delimiter=",", header="t,q.crank", comments=""
+        )
+    files = [str(tmp_path / f"{i}.csv") for i in range(2)]
+    found = mbdae.fit(mbdae.load("four_bar"), {"gravity.2": (-12, -8)}, files, known=known, **STEP)
+    assert found.values["gravity.2"] == pytest.approx(-9.5, abs=1e-7)
+    found.save(tmp_path / "fit.json")
+    assert json.loads((tmp_path / "fit.json").read_text())["values"] == found.values
+    found.plot(tmp_path / "fit.png")
+    assert (tmp_path / "fit.png").stat().st_size > 1000
+
+
+def test_parquet(tmp_path):
+    pytest.importorskip("pyarrow")
+    import pyarrow.parquet
+
+    data = measured("four_bar", {"gravity.2": -9.5}, np.linspace(0.1, 0.4, 4), ["q.crank"], **STEP)
+    pyarrow.parquet.write_table(pyarrow.table(data), tmp_path / "data.parquet")
+    found = mbdae.fit("four_bar", {"gravity.2": (-12, -8)}, tmp_path / "data.parquet", **STEP)
+    assert found.values["gravity.2"] == pytest.approx(-9.5, abs=1e-7)
+
+
+DATA = {"t": [0.1, 0.2, 0.3], "q.crank": [1.2, 1.1, 1.0]}
+WRONG = [
+    ({"t_span": (0.0, 0.25)}, {}, InputError, r"data 1: t = 0\.3 s is outside the span, 0 to 0\.25 s"),
+    ({"data": {**DATA, "t": [-0.1, 0.2, 0.3]}}, {}, InputError, "is outside the span"),
+    ({"data": {"t": [0.1], "Gv": [0.0]}}, {}, InputError, "'Gv' has no gradient"),
+    ({"data": {"t": [0.1], "q.nothing": [0.0]}}, {}, UnknownNameError, "nothing"),
+    ({"data": {"q.crank": [0.0]}}, {}, InputError, "no column 't'"),
+    ({"data": {"t": [0.2, 0.1], "q.crank": [0.0, 0.0]}}, {}, InputError, "times must rise"),
+    ({"data": "nothing.csv"}, {}, InputError, r"nothing\.csv cannot be read"),
+    ({"signals": ["q.slider"]}, {}, InputError, "no column 'q.slider'"),
+    ({"sigma": {"q.slider": 1.0}}, {}, InputError, "noise level of 'q.crank'"),
+    ({}, {"gravity.2": (-8, -12)}, InputError, r"'gravity\.2' takes \(low, high\)"),
+    ({}, {"gravity.2": (-20, -12, -8)}, InputError, "outside its bounds"),
+    ({}, {"gravity.x": (-12, -8)}, UnknownNameError, "gravity"),
+    ({}, {"joint.rocker.rpy.0": (-1, 1)}, InputError, "opens closures that depend on each other"),
+    ({"known": [{}, {}]}, {}, InputError, "2 tables for 1 runs"),
+    ({"spans": (2.0,)}, {}, InputError, "shares of the samples"),
+]
+
+
+@pytest.mark.parametrize(("options", "parameters", "error", "words"), WRONG)
+def test_what_is_wrong_is_said_by_name(options, parameters, error, words):
+    arguments = {"data": DATA, **STEP, **options}
+    with pytest.raises(error, match=words):
+        mbdae.fit("four_bar", parameters or {"gravity.2": (-12, -8)}, arguments.pop("data"), **arguments)
