@@ -46,7 +46,7 @@ class Corrections:
         start, dq = q, out[:nv].copy()
         for q in path[:-1]:
             (g, G), Q = s.closures(q, t), self.parameters.of_rows(t, q, np.zeros(nv))[1]
-            x, dx = self._correction(t, start, q, g, G, G @ dq + Q @ dp, out[:nv], dq)
+            x, dx = self._correction(t, start, q, g, G, G @ dq + Q @ dp, out[:nv], dq, s.constraints.positional)
             turn = s.manifold.turned(-x, x)
             dq = turn.A @ dq - turn.R @ dx
         q, G = path[-1], s.jacobian(path[-1])
@@ -70,11 +70,22 @@ class Corrections:
         return out
 
     def _correction(
-        self, t: float, q0: Array, q: Array, r: Array, G: Array, dr: Array, dq0: Array, dq: Array
+        self,
+        t: float,
+        q0: Array,
+        q: Array,
+        r: Array,
+        G: Array,
+        dr: Array,
+        dq0: Array,
+        dq: Array,
+        kept: Array | None = None,
     ) -> tuple[Array, Array]:
         """The correction x (nv,) of r (ng,), and its slopes, of those of r, q0 and q, (..., ny + k)."""
         s, nv, rows, p = self.system, self.system.nv, np.array(self.system.in_use, int), self.parameters
         still, inner = np.zeros(nv), np.zeros(s.ns)
+        if kept is not None:  # rows of velocity only have no g
+            rows = rows[kept[rows]]
         M, before, _ = (a.copy() for a in s.inertial.slopes(q0, still, still))
         saddle = Saddle(M, G[rows], G[rows])
         x, eta = (a[:, 0] for a in saddle.solve(np.zeros((nv, 1)), r[rows, None]))

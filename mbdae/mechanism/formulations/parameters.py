@@ -148,7 +148,8 @@ class Parameters:
         Raises:
             InputError: names the parameter.
         """
-        g, G = self.of_rows(t, q, np.zeros(self.system.nv))[1], self.system.jacobian(q)
+        kept = self.system.constraints.positional
+        g, G = self.of_rows(t, q, np.zeros(self.system.nv))[1][kept], self.system.jacobian(q)[kept]
         for p, column in zip(self.all, g.T, strict=True):
             left = column + G @ np.linalg.lstsq(G, -column, rcond=1e-9)[0]
             if np.abs(left).max(initial=0.0) > REACHED * np.abs(column).max(initial=0.0):

@@ -168,7 +168,8 @@ class IndexTwoVariations(Corrections):
         free_q, free_v = (np.setdiff1d(np.arange(nv), h) for h in held)
         G = s.jacobian(q)
         g = self.parameters.of_rows(t, q, np.zeros(nv))[1]
-        out[free_q] -= np.linalg.pinv(G[:, free_q], rcond=1e-8) @ (G @ out[:nv] + g)
+        kept = s.constraints.positional
+        out[free_q] -= np.linalg.pinv(G[np.ix_(kept, free_q)], rcond=1e-8) @ (G @ out[:nv] + g)[kept]
         pin.computeJointJacobians(s.model, s.data, q)
         B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
         left = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
