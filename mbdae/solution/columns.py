@@ -145,24 +145,6 @@ def coordinates(sol: "Solution") -> dict[str, Array]:
     return {**q, **v}
 
 
-def coordinate_places(mech: "Mechanism") -> dict[str, tuple[str, int, bool]]:
-    """For the columns of `coordinates` their side, ``"q"`` or ``"v"``, and number in it.
-
-    True where a number of q grows as its tangent does: then the number is that of the tangent, as on the side of v.
-    """
-    out: dict[str, tuple[str, int, bool]] = {}
-    for side in (0, 1):
-        for name in mech.joint_names:
-            joint, kind = find_joint(mech.model, name), mech.joint_kind(name)
-            plain = (joint.nq, joint.nv) in ((1, 1), (2, 1))
-            n = 1 if plain else (joint.nq, joint.nv)[side]
-            parts = PARTS[kind][side] if kind in PARTS and not plain else tuple(str(k + 1) for k in range(n))
-            first = joint.idx_v if plain or side else joint.idx_q
-            for k, part in enumerate(parts):
-                out["qv"[side] + f".{name}" + (f".{part}" if n > 1 else "")] = ("qv"[side], first + k, plain)
-    return out
-
-
 def units(mech: "Mechanism") -> dict[str, str]:
     """Units of the columns ``q.*`` and ``v.*`` of `signals`: rad or m, and per s; 1 for parts of quaternions."""
     out = {}

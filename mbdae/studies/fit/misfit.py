@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, MbdaeError, UnknownNameError
+from ...errors import InputError, MbdaeError
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...system import Array
 from ..sensitivity.numbers import Makes
 from ..sensitivity.sensitivity import sensitivity
-from ..sensitivity.signal_slopes import PEAKS
-from ..sweep.outputs import columns, signal_names
+from ..sensitivity.signal_slopes import differentiable
+from ..sweep.outputs import columns
 from .data import Measurement
 
 FEWEST = 3  # samples of a span for each parameter
@@ -67,7 +67,8 @@ class Misfit:
                 mech = self.make.make({**known, **values})
                 times = record.t[: max(1, round(self.share * len(record.t)))]
                 span = (self.start, float(times[-1]))
-                _refuse_signals(mech, record)
+                for name in record.columns:
+                    differentiable(mech, name)
                 sol = solve(mech, span, t_eval=times, **self.settings) if times[-1] > self.start else None
                 if sol is None or not sol.ended:
                     raise InputError(f"{record.name}: {sol.message if sol else 'no time passes'}")
@@ -116,12 +117,3 @@ class _With:
     def make(self, values: Mapping[str, Any]) -> Mechanism:
         """The mechanism with these values, and what is known."""
         return self.inner.make({**self.known, **values})
-
-
-def _refuse_signals(mech: Mechanism, record: Measurement) -> None:
-    known = [name for name in signal_names(mech) if not name.startswith(("force.", "torque.", "effort."))]
-    for name in record.columns:
-        if name in PEAKS:
-            raise InputError(f"{record.name}: signal {name!r} has no gradient: it is a largest magnitude over rows")
-        if name not in known:
-            raise UnknownNameError(f"signal of {record.name}", name, known)

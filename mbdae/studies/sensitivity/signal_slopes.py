@@ -4,18 +4,33 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError
+from ...errors import InputError
 from ...integrate.trace import Trace
 from ...mechanism import Mechanism
-from ...solution.columns import coordinate_places, row_names
+from ...solution.signal_value import RESIDUALS, SignalValue, find_signal
 from ...system import Array
 
 ENERGIES = {"kinetic": (1.0, 0.0), "potential": (0.0, 1.0), "energy": (1.0, 1.0)}
-PEAKS = ("g", "Gv")  # largest magnitudes over rows
+KNOWN = ("t", "y", "angle", "lam", "force", *ENERGIES)
+
+
+def differentiable(mech: Mechanism, name: str) -> SignalValue:
+    """The signal of that name.
+
+    Raises:
+        UnknownNameError: for a signal that does not exist.
+        InputError: for one that has no gradient.
+    """
+    found = find_signal(mech, name)
+    if found.kind in RESIDUALS:
+        raise InputError(f"signal {name!r} has no gradient: it is the largest magnitude over all rows")
+    if found.kind not in KNOWN:
+        raise InputError(f"signal {name!r} has no gradient: its derivative is not known")
+    return found
 
 
 class SignalSlopes:
-    """Rows of derivatives of signals of `mbdae.Solution.signals`.
+    """Rows of derivatives of signals of `mbdae.Solution.signals`, and of forces and efforts.
 
     Args:
         trace: a run.
@@ -27,42 +42,33 @@ class SignalSlopes:
     """
 
     def __init__(self, trace: Trace, names: Sequence[str]) -> None:
-        self.trace, self.names = trace, list(names)
-        mech: Mechanism = trace.system.mechanism
-        self.places = coordinate_places(mech)
-        self.states = {f"s.{name}": i for i, name in enumerate(mech.states)}
-        self.multipliers = {name: i for i, name in enumerate(row_names(mech))}
-        known = ["t", *self.places, *self.states, *self.multipliers, *ENERGIES, "work"]
-        for name in self.names:
-            if name in PEAKS:
-                raise InputError(f"signal {name!r} has no gradient: it is the largest magnitude over all rows")
-            if name not in known:
-                raise UnknownNameError("signal", name, known)
+        self.trace = trace
+        self.signals = [differentiable(trace.system.mechanism, name) for name in names]
 
     def rows(self, i: int, t: float, y: Array) -> Array:
         """Return the derivatives at a point behind node i with respect to (y, p, t), (len(names), ny + k + 1)."""
         trace, s = self.trace, self.trace.system
-        ny, width = s.ny, s.ny + trace.slopes.k + 1
-        out, (q, v) = np.zeros((len(self.names), width)), s.split(y)
-        N = lam = energies = None
-        for row, name in zip(out, self.names, strict=True):
-            if name in self.places:
-                side, number, plain = self.places[name]
-                if side == "v" or plain:
-                    row[number + (s.nv if side == "v" else 0)] = 1.0
-                else:
-                    N = s.manifold.coordinate_slopes(q) if N is None else N
-                    row[: s.nv] = N[number]
-            elif name in self.states:
-                row[2 * s.nv + self.states[name]] = 1.0
-            elif name in self.multipliers:
-                if lam is None:
-                    trace.hold(i)
-                    lam = trace.slopes.rate(t, y).lam
-                row[:] = lam[self.multipliers[name]]
-            elif name in ENERGIES:
-                energies = trace.slopes.energy(q, v) if energies is None else energies
-                row[:-1] = np.array(ENERGIES[name]) @ energies
+        out, (q, v) = np.zeros((len(self.signals), s.ny + trace.slopes.k + 1)), s.split(y)
+        kinds = {signal.kind for signal in self.signals}
+        N = s.manifold.coordinate_slopes(q) if "y" in kinds else np.empty(0)
+        energies = trace.slopes.energy(q, v) if kinds & set(ENERGIES) else np.empty(0)
+        lam = slopes = np.empty(0)
+        if kinds & {"lam", "force"}:
+            trace.hold(i)
+            lam, slopes = s.derivative(t, y)[1], trace.slopes.rate(t, y).lam
+        for row, signal in zip(out, self.signals, strict=True):
+            if signal.kind == "t":
+                row[-1] = 1.0
+            elif signal.kind in ENERGIES:
+                row[:-1] = np.array(ENERGIES[signal.kind]) @ energies
+            elif signal.kind in ("lam", "force"):
+                own = lam[list(signal.rows)]
+                weights = np.ones(1) if signal.kind == "lam" else own / (np.linalg.norm(own) or 1.0)
+                row[:] = weights @ slopes[list(signal.rows)]
+            elif signal.kind == "angle":
+                row[signal.rate] = 1.0
+            elif signal.i < s.nq:
+                row[: s.nv] = N[signal.i]
             else:
-                row[width - 1 if name == "t" else ny - 1] = 1.0
+                row[signal.i - s.nq + s.nv] = 1.0
         return out
