@@ -153,11 +153,12 @@ class IndexTwoVariations(Corrections):
         s, out, nv = self.system, np.zeros((self.ny, self.k)), self.system.nv
         mech = self.parameters.mech
         base, (q, v) = mech.point(t=t), s.split(given)
+        refused: dict[int, AssemblyError] = {}
         for i, p in enumerate(self.parameters.all):
             try:
                 out[:, i] = p.quotient({k: s.difference(base, m.point(t=t)) for k, m in p.near.items()})
-            except AssemblyError as e:
-                raise InputError(f"the start cannot be assembled beside this value of {p.name!r}: {e}") from None
+            except AssemblyError as e:  # as far apart as that; none is needed where what is held decides all
+                refused[i] = e
         if not s.ng or not mech.start_values.assemble:
             return out
         driven = {d.joint for d in mech.drivers}
@@ -169,6 +170,10 @@ class IndexTwoVariations(Corrections):
         G = s.jacobian(q)
         g = self.parameters.of_rows(t, q, np.zeros(nv))[1]
         kept = s.constraints.positional
+        for i, reason in refused.items():
+            name = self.parameters.all[i].name
+            if name.startswith("start.") or np.linalg.matrix_rank(G[np.ix_(kept, free_q)], 1e-8) < len(free_q):
+                raise InputError(f"the start cannot be assembled beside this value of {name!r}: {reason}")
         out[free_q] -= np.linalg.pinv(G[np.ix_(kept, free_q)], rcond=1e-8) @ (G @ out[:nv] + g)[kept]
         pin.computeJointJacobians(s.model, s.data, q)
         B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]

@@ -7,6 +7,7 @@ from frozen import best, quotient, retraced, runs_of
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.library import model_names
+from mbdae.mechanism.formats.template import Template
 from mbdae.methods import METHODS, Tableau
 from mbdae.studies.sweep.outputs import columns
 
@@ -97,6 +98,16 @@ def test_signals():
     for signal in SIGNALS:
         assert best(found.signal(signal)[:, 0], lambda x, s=signal: columns(run(x), {s})[s], value) < 1e-10, signal
     np.testing.assert_allclose(found.signal("lam.pin.1"), found.lam[:, 0])
+
+
+def test_a_place_that_cannot_be_moved_far():
+    """Assembly fails where a joint of a small mechanism is moved by centimetres; what is held decides all."""
+    name, template = "joint.beta.xyz.0", Template("andrews_squeezer")
+    sol = mbdae.solve(template.make({}), (0.0, 1e-4), step=1e-4)
+    found = mbdae.sensitivity(sol, [name], model=template)
+    expected = quotient(lambda x: template.make({name: x}).start[0], 0.0, 3e-5)
+    np.testing.assert_allclose(found.q[0, :, 0], expected, rtol=0, atol=1e-5)
+    assert np.abs(expected).max() > 10
 
 
 def test_an_event_moves():
