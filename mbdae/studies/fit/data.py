@@ -14,7 +14,7 @@ from ..sweep.file import arrow
 TIME = "t"
 
 
-class Measurement(NamedTuple):
+class Recording(NamedTuple):
     """What was measured in one run.
 
     Attributes:
@@ -28,7 +28,7 @@ class Measurement(NamedTuple):
     columns: dict[str, Array]
 
 
-def records(data: Any, signals: Sequence[str] = ()) -> list[Measurement]:
+def records(data: Any, signals: Sequence[str] = ()) -> list[Recording]:
     """Read data: a table or a file, or a list of them, one for each run.
 
     Args:
@@ -44,7 +44,7 @@ def records(data: Any, signals: Sequence[str] = ()) -> list[Measurement]:
     return [_record(x, f"data {i + 1}", signals) for i, x in enumerate(several)]
 
 
-def _record(data: Any, name: str, signals: Sequence[str]) -> Measurement:
+def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
     if isinstance(data, str | Path):
         name, data = str(data), _read(Path(data))
     if not isinstance(data, Mapping):
@@ -66,7 +66,7 @@ def _record(data: Any, name: str, signals: Sequence[str]) -> Measurement:
         raise InputError(f"{name}: times must rise")
     if not any(np.isfinite(x).any() for x in columns.values()):
         raise InputError(f"{name}: no signal has a value")
-    return Measurement(name, t, columns)
+    return Recording(name, t, columns)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from ..sensitivity.numbers import Makes
 from ..sensitivity.sensitivity import sensitivity
 from ..sensitivity.signal_slopes import differentiable
 from ..sweep.outputs import columns
-from .data import Measurement
+from .data import Recording
 
 FEWEST = 3  # samples of a span for each parameter
 RTOL = 1e-8  # of runs
@@ -26,7 +26,7 @@ class Misfit:
         self,
         make: Makes,
         names: list[str],
-        found: list[Measurement],
+        found: list[Recording],
         known: list[dict[str, float]],
         sigma: float | Mapping[str, float] | None,
         t_span: Sequence[float] | None,
@@ -90,7 +90,7 @@ class Misfit:
         self._size = len(out)
         return out
 
-    def left(self, record: Measurement, computed: Mapping[str, Array], n: int) -> Array:
+    def left(self, record: Recording, computed: Mapping[str, Array], n: int) -> Array:
         """Residuals of one run at its first n times, one signal behind the other."""
         parts = [(computed[name] - data[:n]) / self.sigma[name] for name, data in record.columns.items()]
         left = np.concatenate(parts)
