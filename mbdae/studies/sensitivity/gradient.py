@@ -70,19 +70,19 @@ def gradient(
     values, numbers = bound(sol.mechanism, parameters, model, float(sol.nodes[0][0]))
     trace = Trace(sol, numbers)
     end, at = ending(trace, event), places(sol)
-    points = sol.y.copy()
-    for k in np.flatnonzero(sol.t != trace.ts[at]):
+    between = np.flatnonzero(sol.t != trace.ts[at])
+    points = sol.y.copy() if len(between) else sol.y
+    for k in between:
         points[k] = trace.short(int(at[k]), float(sol.t[k] - trace.ts[at[k]]))[0]
     value, weights = evaluated(cost, replace(sol, y=points))
     signals = SignalSlopes(trace, list(weights))
-    seen = {i: np.flatnonzero(at == i) for i in np.unique(at)}
     w = np.array(list(weights.values())).reshape(len(weights), len(sol.t))
 
     y, carry = np.zeros((trace.slopes.ny, 1)), np.zeros((trace.n_carry, 1))
     p = np.zeros((len(values), 1))
     for i in range(len(trace.ts) - 1, -1, -1):
         late = 0.0
-        for k in seen.get(i, ()):
+        for k in range(*np.searchsorted(at, (i, i + 1)).tolist()):
             if not w[:, k].any():
                 continue
             row = w[:, k] @ signals.rows(i, float(sol.t[k]), points[k])
