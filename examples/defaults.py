@@ -7,8 +7,7 @@ the error on a model is counted there. Solves do not depend on what else the mac
 positions are in the time alone. Errors over tolerance say what to expect of a tolerance.
 
 Left out by name are models that are stiff, which want radau5, those whose q closures and drivers give alone, so that
-its error at the coarsest tolerance is rounding, and for a target those whose reference cannot tell it. The implicit
-methods are not compared: the compiled core does not have them, and one method without it takes all others to Python.
+its error at the coarsest tolerance is rounding, and for a target those whose reference cannot tell it.
 
 Run: python examples/defaults.py, which takes some minutes
 """
@@ -22,7 +21,7 @@ import numpy as np
 import mbdae
 from mbdae.studies.comparison.comparison import Comparison, Work
 
-METHODS = ("herk3", "herk5", "pherk4", "pherk5", "pherk6", "hedop5")
+METHODS = ("herk3", "herk5", "pherk4", "pherk5", "pherk6", "hedop5", "radau5")
 TOLERANCES = (1e-4, 1e-6, 1e-8)
 TARGETS = (1e-4, 1e-6)
 REFERENCE = ("project:pherk6", "project:herk5")
@@ -47,7 +46,8 @@ def studies(
         )
         if any(study.known(p) for p in study.points if p.rtol == max(tolerances)):
             out[model] = study
-            print(f"{model}: {len(study.points)} runs, q known to {study.uncertainty['q']:.1g}", flush=True)
+            known = study.uncertainty["q"]
+            print(f"{model}: {len(study.points)} runs, q known to {known:.1g}, {study.computed_by}", flush=True)
         else:
             print(f"{model}: left out, its errors of q are below {study.floor():.1g}", flush=True)
     return out
