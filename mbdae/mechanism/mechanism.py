@@ -1,6 +1,6 @@
 """A mechanism: a Pinocchio model, closures, forces and a start state; immutable after it is made."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from types import ModuleType
 from typing import Any
@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from ..errors import InputError, UnknownNameError
 from ..system import Array
+from .appearance import appearance
 from .assembly import START, assemble, refuse_inconsistent
 from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
@@ -17,15 +18,14 @@ from .closures.constraints import Constraints, anchors
 from .closures.driver import Driver
 from .forces import bind_forces, named_force
 from .forces.elements import ForceElements
-from .forces.spring_damper import SpringDamper
 from .formulations.compiled import COMPILED
 from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
-from .frames import Anchor, anchor, find_joint, joint_names
+from .frames import find_joint, joint_names
 from .joints import is_depth_first
 from .manifold import Manifold
-from .scene.scene import Mark, Scene, make_scene
+from .scene.scene import Scene
 from .start import Motor, OrderSettings, Start, coordinates
 from .workspace import make_data
 
@@ -143,8 +143,7 @@ class Mechanism:
     @cached_property
     def scene(self) -> Scene:
         """Shapes and their placements for the replay."""
-        springs = [(f, [anchor(self.model, n) for n in f.frames]) for f in self.forces if isinstance(f, SpringDamper)]
-        return make_scene(self.model, self.visuals, _marks(self.closure_anchors), _marks(springs))
+        return appearance(self)
 
     # -- forces and energy ---------------------------------------------------------------------------------------
 
@@ -292,8 +291,3 @@ class Mechanism:
         if not np.isfinite(x).all():
             raise InputError(f"{name} is not finite: {x}")
         return x
-
-
-def _marks(found: Iterable[tuple[Any, Sequence[Anchor]]]) -> list[Mark]:
-    placed = ((x, [(e.joint, pin.SE3(e.R, e.p)) for e in ends]) for x, ends in found)
-    return [Mark(x.name, a, b, rod=x.length or 0.0) for x, (a, b) in placed]

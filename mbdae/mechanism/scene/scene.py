@@ -18,6 +18,7 @@ from ...errors import InputError
 from ..workspace import make_data
 from . import stick_figure
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
+from .rolling_bodies import RollingBody, draw
 
 Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
 
@@ -108,6 +109,7 @@ def make_scene(
     visual_model: pin.GeometryModel | None = None,
     closures: Iterable[Mark] = (),
     springs: Iterable[Mark] = (),
+    rolling: Iterable[RollingBody] = (),
 ) -> Scene:
     """Builds the scene: the model's visuals, generated sticks for massive bodies without any, closures, springs.
 
@@ -116,6 +118,7 @@ def make_scene(
         visual_model: its visual geometry, or None.
         closures: what to mark, and between which anchors.
         springs: from point to point; each is drawn as two tubes that slide in each other, unless its rest length is 0.
+        rolling: bodies that roll; those of joints with visuals are not drawn.
 
     Returns:
         The scene.
@@ -123,7 +126,7 @@ def make_scene(
     Raises:
         InputError: a mesh file cannot be read, or a visual is of a kind that cannot be drawn.
     """
-    closures = tuple(closures)
+    closures, rolling = tuple(closures), tuple(rolling)
     meshes: dict[Path, Mesh] = {}
     visuals = list(visual_model.geometryObjects) if visual_model is not None else []
     shapes = [_shape("visual", g, meshes) for g in visuals]
@@ -135,9 +138,13 @@ def make_scene(
         for g, shape in zip(visuals, shapes, strict=True)
         for corner in product(*shape.bounds.T)
     ]
+    seen = {joint for joint, _ in corners}
+    round_ones = [body for body in rolling if body.joint not in seen]
     rods = [mark.rod for mark in closures if mark.rod > 0]
+    rods += [2 * (max(body.semi_axes) if body.semi_axes else body.rim + body.tyre) for body in round_ones]
     size = stick_figure.proportions(model, points, rods, corners)
-    parts = list(stick_figure.generate(model, points, size, {joint for joint, _ in corners}))
+    parts = list(stick_figure.generate(model, points, size, seen, {body.joint for body in round_ones}))
+    parts += draw(round_ones)
     for mark in closures:
         parts += stick_figure.closure_balls(mark.name, (mark.first, mark.second), size.width)
     shapes += [_shape(role, g, meshes) for role, g in parts]

@@ -65,7 +65,9 @@ def proportions(
     return Proportions(extent, float(np.clip(0.008 * extent, 0.02 * typical, 0.12 * typical)))
 
 
-def generate(model: pin.Model, points: Sequence[Point], size: Proportions, seen: Collection[int]) -> Iterator[Part]:
+def generate(
+    model: pin.Model, points: Sequence[Point], size: Proportions, seen: Collection[int], rolling: Collection[int] = ()
+) -> Iterator[Part]:
     """Draws the bodies that have no visual geometry.
 
     Args:
@@ -73,6 +75,7 @@ def generate(model: pin.Model, points: Sequence[Point], size: Proportions, seen:
         points: points that bodies reach to besides their children, the anchors of closures.
         size: lengths to draw with.
         seen: joints whose bodies have visuals. When there are any, bodies without mass are left out.
+        rolling: joints whose bodies are drawn as what rolls.
 
     Yields:
         Role and geometry, fixed to joints; role is ``"ground"``, ``"joint"`` or ``"link"``.
@@ -84,16 +87,17 @@ def generate(model: pin.Model, points: Sequence[Point], size: Proportions, seen:
     feet += [pin.SE3(np.eye(3), p) for j, p in points if j == 0 and not seen]
     edge = 4.2 * size.width
     for foot in _distinct(feet):
-        yield _part("ground", "ground", 0, foot, coal.Box(edge, edge, edge), GROUND_COLOUR)
+        yield part("ground", "ground", 0, foot, coal.Box(edge, edge, edge), GROUND_COLOUR)
     for i in shown:
         yield from _joint(model, i, subspaces[i], points, size)
-        yield from _body(model, i, points, size)
+        if i not in rolling or _ends(model, i, points):
+            yield from _body(model, i, points, size)
 
 
 def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: float) -> list[Part]:
     """Two balls, the second hidden in the first as long as the anchors coincide."""
     return [
-        _part("closure", f"{name} {k}", joint, placement, coal.Sphere(radius * width), colour)
+        part("closure", f"{name} {k}", joint, placement, coal.Sphere(radius * width), colour)
         for (joint, placement), k, radius, colour in zip(anchors, "ab", (2.2, 1.7), CLOSURE_COLOURS, strict=True)
     ]
 
@@ -101,14 +105,14 @@ def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: floa
 def rod(name: str, length: float, width: float) -> pin.GeometryObject:
     """The rod of a distance closure, in its own frame along z."""
     shape = coal.Cylinder(0.6 * width, length)
-    return _part("closure", f"{name} rod", 0, pin.SE3.Identity(), shape, CLOSURE_COLOURS[0])[1]
+    return part("closure", f"{name} rod", 0, pin.SE3.Identity(), shape, CLOSURE_COLOURS[0])[1]
 
 
 def tubes(name: str, length: float, width: float) -> list[pin.GeometryObject]:
     """The two tubes of a spring of some rest length, each in its own frame along z; none for a length of 0."""
-    part, still = 0.55 * length, pin.SE3.Identity()
+    tube, still = 0.55 * length, pin.SE3.Identity()
     sizes = ((0.8 * width, JOINT_COLOUR), (0.45 * width, GROUND_COLOUR)) if length > 0 else ()
-    return [_part("force", name, 0, still, coal.Cylinder(radius, part), colour)[1] for radius, colour in sizes]
+    return [part("force", name, 0, still, coal.Cylinder(radius, tube), colour)[1] for radius, colour in sizes]
 
 
 def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) -> Iterator[Part]:
@@ -116,21 +120,21 @@ def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) 
     inertia = model.inertias[i]
     ends = _ends(model, i, points)
     for end in ends:
-        yield _part("link", f"{name} link", i, _along(end / 2, end), _capsule(end, width), colour)
+        yield part("link", f"{name} link", i, along(end / 2, end), _capsule(end, width), colour)
     if ends or inertia.mass <= 0:
         return
     com = inertia.lever
     if np.linalg.norm(com) > 3 * width:
-        yield _part("link", f"{name} link", i, _along(com / 2, com), _capsule(com, width), colour)
+        yield part("link", f"{name} link", i, along(com / 2, com), _capsule(com, width), colour)
         ball = coal.Sphere(2.5 * width)
-        yield _part("link", f"{name} mass", i, pin.SE3(np.eye(3), com), ball, colour)
+        yield part("link", f"{name} mass", i, pin.SE3(np.eye(3), com), ball, colour)
         return
     moments, axes = np.linalg.eigh(inertia.inertia)
     if np.linalg.det(axes) < 0:
         axes = -axes
     edges = np.sqrt(np.maximum(6 / inertia.mass * (moments.sum() - 2 * moments), 0.0))
     solid = coal.Box(*np.maximum(edges, 2 * width)) if edges.max() > 4 * width else coal.Sphere(3 * width)
-    yield _part("link", f"{name} body", i, pin.SE3(axes, com), solid, colour)
+    yield part("link", f"{name} body", i, pin.SE3(axes, com), solid, colour)
 
 
 def _joint(
@@ -141,20 +145,20 @@ def _joint(
         return
     if model.nvs[i] != 1:
         ball = coal.Sphere(1.9 * width)
-        yield _part("joint", name, i, pin.SE3.Identity(), ball, JOINT_COLOUR)
+        yield part("joint", name, i, pin.SE3.Identity(), ball, JOINT_COLOUR)
         return
     if angular.any():
         cylinder = coal.Cylinder(1.8 * width, 6 * width)
-        yield _part("joint", name, i, _along(np.zeros(3), angular[:, 0]), cylinder, JOINT_COLOUR)
+        yield part("joint", name, i, along(np.zeros(3), angular[:, 0]), cylinder, JOINT_COLOUR)
         return
-    axis = _along(np.zeros(3), linear[:, 0])
+    axis = along(np.zeros(3), linear[:, 0])
     box = coal.Box(3.6 * width, 3.6 * width, 7 * width)
-    yield _part("joint", name, i, axis, box, JOINT_COLOUR)
+    yield part("joint", name, i, axis, box, JOINT_COLOUR)
     low, high = _travel(model, i, linear[:, 0], points, size)
     rail = pin.SE3(np.eye(3), np.array([0, 0, (low + high) / 2]))
     where = model.jointPlacements[i] * axis * rail
     shape = coal.Cylinder(0.5 * width, max(high - low, width))
-    yield _part("ground", f"{name} rail", model.parents[i], where, shape, GROUND_COLOUR)
+    yield part("ground", f"{name} rail", model.parents[i], where, shape, GROUND_COLOUR)
 
 
 def _travel(
@@ -199,7 +203,7 @@ def _motion_subspaces(model: pin.Model) -> list[np.ndarray]:
     return [np.empty((6, 0)), *(subspace(joint) for joint in list(model.joints)[1:])]
 
 
-def _along(origin: np.ndarray, direction: np.ndarray) -> pin.SE3:
+def along(origin: np.ndarray, direction: np.ndarray) -> pin.SE3:
     """A frame whose z points along a direction."""
     return pin.SE3(pin.Quaternion.FromTwoVectors(pin.ZAxis, np.array(direction)), np.array(origin))
 
@@ -208,7 +212,8 @@ def _capsule(end: np.ndarray, width: float) -> coal.Capsule:
     return coal.Capsule(width, float(np.linalg.norm(end)))
 
 
-def _part(role: str, name: str, joint: int, placement: pin.SE3, shape: coal.CollisionGeometry, colour: str) -> Part:
+def part(role: str, name: str, joint: int, placement: pin.SE3, shape: coal.CollisionGeometry, colour: str) -> Part:
+    """A geometry fixed to a joint, with its role and its colour."""
     geometry = pin.GeometryObject(name, int(joint), placement, shape)
     geometry.meshColor = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)] + [1.0])
     return role, geometry

@@ -82,13 +82,13 @@ def gradient(
     p = np.zeros((len(values), 1))
     for i in range(len(trace.ts) - 1, -1, -1):
         late = 0.0
-        for k in range(*np.searchsorted(at, (i, i + 1)).tolist()):
-            if not w[:, k].any():
+        for m in range(*(int(x) for x in np.searchsorted(at, (i, i + 1)))):
+            if not w[:, m].any():
                 continue
-            row = w[:, k] @ signals.rows(i, float(sol.t[k]), points[k])
+            row = w[:, m] @ signals.rows(i, float(sol.t[m]), points[m])
             own, c = row[: len(y), None], np.zeros_like(carry)
             p += row[len(y) : -1, None]
-            if sol.t[k] == trace.ts[i]:
+            if sol.t[m] == trace.ts[i]:
                 late += float(row[-1])
             else:
                 for part in reversed(trace.short(i, float(sol.t[k] - trace.ts[i]))[1]):

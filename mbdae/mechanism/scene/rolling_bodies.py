@@ -1,0 +1,83 @@
+"""Bodies that roll, as closures describe them: wheels with a tyre and spokes, balls with a belt, ellipsoids."""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from .shapes import mesh
+from .stick_figure import GROUND_COLOUR, JOINT_COLOUR, LINK_COLOURS, Part, along, part
+
+THIN = 0.04  # of the radius: half the thickness at which a knife edge is drawn
+SPOKES, AROUND, ACROSS = 6, 48, 10
+
+
+class RollingBody(NamedTuple):
+    """A body that rolls.
+
+    Attributes:
+        name: of the closure.
+        joint: that it is fixed to.
+        placement: of the closure's frame on it.
+        axle: unit vector in that frame, (3,); None for a ball or an ellipsoid.
+        rim: radius of the circle of the tyre's section's centre [m].
+        tyre: radius of the tyre's section [m]; that of a ball.
+        semi_axes: of an ellipsoid [m], (3,), or None.
+        centre: of an ellipsoid [m], (3,).
+    """
+
+    name: str
+    joint: int
+    placement: pin.SE3
+    axle: np.ndarray | None
+    rim: float
+    tyre: float
+    semi_axes: tuple[float, float, float] | None
+    centre: tuple[float, float, float]
+
+
+def draw(bodies: Iterable[RollingBody]) -> Iterator[Part]:
+    """Draw them so that one sees how they turn."""
+    for k, body in enumerate(bodies):
+        colour = LINK_COLOURS[k % len(LINK_COLOURS)]
+        if body.semi_axes:
+            place = body.placement * pin.SE3(np.eye(3), np.array(body.centre))
+            yield part("link", body.name, body.joint, place, coal.Ellipsoid(*body.semi_axes), colour)
+        elif body.axle is None or body.rim < body.tyre:
+            turned = along(np.zeros(3), np.array([0.0, 0.0, 1.0]) if body.axle is None else body.axle)
+            belt = coal.Cylinder(1.003 * (body.rim + body.tyre), 0.2 * body.tyre)
+            ball = coal.Sphere(body.rim + body.tyre)
+            yield part("link", body.name, body.joint, body.placement, ball, colour)
+            yield part("link", f"{body.name} belt", body.joint, body.placement * turned, belt, JOINT_COLOUR)
+        else:
+            yield from _wheel(body, colour)
+
+
+def _wheel(body: RollingBody, colour: str) -> Iterator[Part]:
+    outer = body.rim + body.tyre
+    thickness = max(body.tyre, THIN * outer)
+    place = body.placement * along(np.zeros(3), np.asarray(body.axle))
+    yield part("link", f"{body.name} tyre", body.joint, place, _torus(outer - thickness, thickness), JOINT_COLOUR)
+    hub = coal.Cylinder(2 * THIN * outer, 4 * THIN * outer)
+    yield part("link", f"{body.name} hub", body.joint, place, hub, GROUND_COLOUR)
+    for k in range(SPOKES):
+        angle = 2 * np.pi * k / SPOKES
+        end = (outer - thickness) * np.array([np.cos(angle), np.sin(angle), 0.0])
+        spoke = coal.Cylinder((2 if k == 0 else 1) * THIN * outer / 2, outer - thickness)  # one shows how far it turned
+        shade = LINK_COLOURS[0] if k == 0 and colour != LINK_COLOURS[0] else GROUND_COLOUR if k else LINK_COLOURS[1]
+        yield part("link", f"{body.name} spoke", body.joint, place * along(end / 2, end), spoke, shade)
+
+
+def _torus(radius: float, section: float) -> coal.BVHModelOBBRSS:
+    """A ring about z."""
+    i, j = np.meshgrid(np.arange(AROUND), np.arange(ACROSS), indexing="ij")
+    a, b = 2 * np.pi * i / AROUND, 2 * np.pi * j / ACROSS
+    reach = radius + section * np.cos(b)
+    points = np.stack([reach * np.cos(a), reach * np.sin(a), section * np.sin(b)], axis=-1).reshape(-1, 3)
+    this, ahead = i * ACROSS, (i + 1) % AROUND * ACROSS
+    up = (j + 1) % ACROSS
+    first = np.stack([this + j, ahead + j, ahead + up], axis=-1).reshape(-1, 3)
+    second = np.stack([this + j, ahead + up, this + up], axis=-1).reshape(-1, 3)
+    return mesh(points, np.concatenate([first, second]))
