@@ -91,7 +91,7 @@ def gradient(
             if sol.t[m] == trace.ts[i]:
                 late += float(row[-1])
             else:
-                for part in reversed(trace.short(i, float(sol.t[k] - trace.ts[i]))[1]):
+                for part in reversed(trace.short(i, float(sol.t[m] - trace.ts[i]))[1]):
                     own, c, by_p = part.reverse(own, c)
                     p += by_p
             y, carry = y + own, carry + c
