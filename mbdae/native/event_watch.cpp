@@ -24,9 +24,16 @@ int sign(double x) { return (x > 0) - (x < 0); }
 // One event on one step.
 class Search {
  public:
-  Search(Index2System& s, const Events& all, const SignalEvent& event, Node& node, const Taken& step,
-         const Shorter& shorter)
-      : s_(s), all_(all), event_(event), node_(node), step_(step), shorter_(shorter), h_(step.t1 - step.t) {}
+  Search(Index2System& s, PointValues& values, const Events& all, const SignalEvent& event, Node& node,
+         const Taken& step, const Shorter& shorter)
+      : s_(s),
+        values_(values),
+        all_(all),
+        event_(event),
+        node_(node),
+        step_(step),
+        shorter_(shorter),
+        h_(step.t1 - step.t) {}
 
   void run(int number, std::vector<Hit>& hits) {
     number_ = number, hits_ = &hits;
@@ -56,7 +63,7 @@ class Search {
   void move(double t, const double* y, double f) { node_ = {t, f, speed(y)}; }
 
   double value(double t, const double* y) {
-    const double f = event_.signal.at(s_, t, y) - event_.level;
+    const double f = event_.signal.at(values_, t, y) - event_.level;
     if (event_.signal.kind != SignalValue::angle) return f;
     const double turns = (node_.f + (t - node_.t) * (node_.w + speed(y)) / 2 - f) / (2 * M_PI);
     return f + 2 * M_PI * std::nearbyint(turns);
@@ -125,15 +132,12 @@ class Search {
     const int i = event_.signal.rate;
     if (i < s_.nv) return y[s_.nq + i];
     if (carry) return carry[i - s_.nv];
-    const Counts counts = s_.counts;
-    const double least = s_.rows.least_pivot_ratio;
-    Numbers F(s_.ny), z(s_.ng);
-    s_.derivative(t, y, F.data(), z.data());
-    s_.counts = counts, s_.rows.least_pivot_ratio = least;
-    return F[i];
+    values_.stand(t, y);
+    return values_.F()[i];
   }
 
   Index2System& s_;
+  PointValues& values_;
   const Events& all_;
   const SignalEvent& event_;
   Node& node_;
@@ -147,11 +151,12 @@ class Search {
 }  // namespace
 
 Look look(Index2System& s, const Events& events, const Taken& step, const Shorter& shorter) {
+  PointValues values(s);
   Look out;
   out.nodes = events.nodes;
   std::vector<Hit> hits;
   for (size_t i = 0; i < events.events.size(); ++i)
-    Search(s, events, events.events[i], out.nodes[i], step, shorter).run(static_cast<int>(i), hits);
+    Search(s, values, events, events.events[i], out.nodes[i], step, shorter).run(static_cast<int>(i), hits);
   if (hits.empty()) return out;
   std::sort(hits.begin(), hits.end(),
             [](const Hit& a, const Hit& b) { return a.theta != b.theta ? a.theta < b.theta : a.event < b.event; });

@@ -37,6 +37,8 @@ class IndependentRows {
   bool choose_with_reason(const double* Z);  // where a step begins: few rows always, many where there is reason to
   double ratio(const double* Z, int rank);   // smallest pivot of so many rows to the largest
 
+  class Aside;  // while one stands, the rows in use stay, and what is solved is no part of the run
+
  private:
   void set(std::vector<int> rows);
 
@@ -51,6 +53,21 @@ class IndependentRows {
   double best_ = 0, now_ = NAN;  // ratios of pivots: best since the last look, and last; nan: nothing was solved since
   std::vector<int> order_, order_in_use_;      // (ng,), (r,) of pivots
   Numbers pivots_, pivots_in_use_, B_, work_;  // (min(nv, ng),), (min(nv, r),), (r, nv), scratch
+};
+
+class IndependentRows::Aside {
+ public:
+  explicit Aside(IndependentRows& rows)
+      : rows_(rows), held_(rows.held), least_(rows.least_pivot_ratio), best_(rows.best_), now_(rows.now_) {
+    rows.held = true;
+  }
+  ~Aside() { rows_.held = held_, rows_.least_pivot_ratio = least_, rows_.best_ = best_, rows_.now_ = now_; }
+  Aside(const Aside&) = delete;
+
+ private:
+  IndependentRows& rows_;
+  const bool held_;
+  const double least_, best_, now_;
 };
 
 }  // namespace mbdae

@@ -101,12 +101,11 @@ class Index2System {
   void size(const double* y, double* out);  // magnitudes in the tangent, (ny,)
 
   const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, that `derivative` found last
+  void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, where G stands
   double ratio(const double* q, int rank);                         // see mbdae/mechanism/singularity.py; uncounted
   double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
  private:
-  void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, where G stands
-
   std::vector<Pair> law_pairs_;
   std::vector<Law> laws_;
   const Numbers probe_;               // (nv,)

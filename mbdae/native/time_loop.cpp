@@ -65,6 +65,7 @@ void TimeLoop::project(double t) {
 
 void TimeLoop::look(Proposal& p) {
   const double t = run_.leg.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
+  const IndependentRows::Aside aside(s_.rows);
   const State end = next_;
   const Numbers z = z_, size = size1_;
   double last = 1;  // the share of the step that was taken last
@@ -88,7 +89,6 @@ void TimeLoop::look(Proposal& p) {
   } else if (last != 1) {
     next_ = end, z_ = z, size1_ = size;
   }
-  s_.rows.least_pivot_ratio = least;
 }
 
 void TimeLoop::push() {
