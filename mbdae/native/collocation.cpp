@@ -251,7 +251,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     RowsOut K2(m->K.data(), s, ny_), Z2(m->Z.data(), s, r);
     m->slopes = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
     m->solvers = factorize(a, m->slopes, h);
-    if (!solve(a, patience, t, *m)) throw Trouble();
+    if (!solve(a, patience, t, *m)) throw TooLong();
   }
   const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
   Vector<double> x = h * (A.row(s - 1) * K3).transpose();

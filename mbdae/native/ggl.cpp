@@ -48,7 +48,7 @@ void GGLStep::meet(double that, double factor, double* dx) {
     for (int r : kept) gap_[r] /= -factor;
     correct(Ghat_);
     const double size = std::fabs(factor) * largest(move_.data(), nv_);
-    if (!std::isfinite(size)) throw Trouble();
+    if (!std::isfinite(size)) throw TooLong();
     if (size <= limits.met * scale || (size > 0.5 * last && size <= limits.halted * scale)) {
       if (!positions_.shared) meet_velocities();
       return watch(that);
@@ -62,7 +62,7 @@ void GGLStep::meet(double that, double factor, double* dx) {
     for (int i = 0; i < nv_; ++i) slip_[i] += dslip_[i], dx[i] += move_[i];
     last = size;
   }
-  throw Trouble();
+  throw TooLong();
 }
 
 void GGLStep::correct(const Numbers& G) {

@@ -102,7 +102,7 @@ void Manifold::within(const double* x) const {
   for (const Block& b : blocks_) {
     const double turn =
         b.kind == Block::se2 ? std::fabs(x[b.at + 2]) : norm(x + b.at + (b.kind == Block::se3 ? 3 : 0), 3);
-    if (turn > m_.limits.largest_turn) throw Trouble();
+    if (turn > m_.limits.largest_turn) throw TooLong();
   }
 }
 

@@ -101,6 +101,11 @@ bool Point::near(const double* q) const {
   return move <= m_.limits.same_point * (1 + size);
 }
 
+void Point::exchange(Point& other) {
+  G.swap(other.G), Z.swap(other.Z), g.swap(other.g), q_.swap(other.q_), U_.swap(other.U_), root_.swap(other.root_);
+  std::swap(stands_, other.stands_);
+}
+
 bool Point::exactly(const double* q) const { return stands_ && std::equal(q, q + m_.nq, q_.begin()); }
 
 }  // namespace mbdae

@@ -27,6 +27,7 @@ class Point {
   void forget() { stands_ = false; }
   bool near(const double* q) const;     // it is that of q, but for rounding
   bool exactly(const double* q) const;  // it is that of q
+  void exchange(Point& other);          // with another one of the same mechanism
 
   Numbers G, Z;  // (ng, nv) by rows
   Numbers g;     // (ng,) over all rows, without the motion of drivers

@@ -8,6 +8,7 @@ namespace mbdae {
 
 // What the core cannot go on with; the Python step that is taken instead finds the words for it.
 struct Trouble {};
+struct TooLong : Trouble {};  // a step, for an iteration or for its coordinates: a shorter one may do
 struct Interrupted : Trouble {};  // Ctrl-C in a Python function: nothing else may be tried
 
 struct Signal {

@@ -13,10 +13,14 @@ bool StepControl::propose(const Leg& leg, Proposal& p) {
     p = {left, leg.end};
     return true;
   }
-  const double t = std::max(std::fabs(leg.t), std::fabs(leg.t1));
-  if (!(p.h >= spacings * (std::nextafter(t, INFINITY) - t))) return false;
+  if (!large_enough(leg, p.h)) return false;
   p.t_next = leg.t + leg.sign * p.h;
   return true;
+}
+
+bool StepControl::large_enough(const Leg& leg, double size) const {
+  const double t = std::max(std::fabs(leg.t), std::fabs(leg.t1));
+  return size >= spacings * (std::nextafter(t, INFINITY) - t);
 }
 
 double StepControl::error_norm(const double* e, int errors, int ny, int n, const double* size0, const double* size1,

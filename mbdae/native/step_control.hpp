@@ -39,6 +39,7 @@ struct StepControl : StepMemory {
   double nearly = 0;                             // of the way left: a step so near to it takes all of it
   double spacings = 0;                           // of the times of a run: below, a step is too small
 
+  bool large_enough(const Leg& leg, double size) const;  // well above the rounding of times
   bool propose(const Leg& leg, Proposal& p);  // false where Python has something to say about it
   // Norm of error estimates (errors, ny), of which the first n components are measured. What rounding makes of v at a
   // stage, eps |v| / (h ahat_ii), cannot be controlled: `noise` adds to the scale of components from..to, those of v.

@@ -9,7 +9,13 @@
 namespace mbdae {
 
 TimeLoop::TimeLoop(Method& method, Index2System& system, Run& run)
-    : method_(method), s_(system), run_(run), size0_(s_.ny), size1_(s_.ny), z_(s_.nz) {}
+    : method_(method),
+      s_(system),
+      run_(run),
+      size0_(s_.ny),
+      size1_(s_.ny),
+      z_(s_.nz),
+      aside_(s_.mechanics, s_.constraints, s_.counts) {}
 
 double TimeLoop::error_norm(const double* e, int errors, double noise) const {
   return run_.control.error_norm(e, errors, s_.ny, s_.measured(), size0_.data(), size1_.data(), s_.nv, 2 * s_.nv,
@@ -43,6 +49,14 @@ bool TimeLoop::judge(double h) {
   return false;
 }
 
+bool TimeLoop::shorten(double h) {
+  run_.control.h = run_.control.next_step(h, INFINITY);
+  if (!run_.control.large_enough(run_.leg, run_.control.h)) return false;
+  s_.point.forget();
+  ++run_.rejected;
+  return true;
+}
+
 void TimeLoop::project(double t) {
   const Numbers y = next_.y;
   restore(s_, t, next_.y.data());
@@ -66,6 +80,9 @@ void TimeLoop::project(double t) {
 void TimeLoop::look(Proposal& p) {
   const double t = run_.leg.t, h = p.t_next - t, least = s_.rows.least_pivot_ratio;
   const IndependentRows::Aside aside(s_.rows);
+  // what `settle` is to find at the end, to the last bit
+  const bool kept = s_.point.near(next_.y.data()) && !s_.point.exactly(next_.y.data());
+  if (kept) s_.point.exchange(aside_);
   const State end = next_;
   const Numbers z = z_, size = size1_;
   double last = 1;  // the share of the step that was taken last
@@ -89,6 +106,7 @@ void TimeLoop::look(Proposal& p) {
   } else if (last != 1) {
     next_ = end, z_ = z, size1_ = size;
   }
+  if (kept) s_.point.exchange(aside_);
 }
 
 void TimeLoop::push() {
@@ -136,7 +154,11 @@ bool TimeLoop::attempt() {
   const double h = run_.leg.sign * p.h;
   if (run_.watched) s_.rows.least_pivot_ratio = 1;
   try {
-    method_.take(run_.adaptive, run_.leg.t, h, run_.state, next_, z_.data(), errors_);
+    try {
+      method_.take(run_.adaptive, run_.leg.t, h, run_.state, next_, z_.data(), errors_);
+    } catch (const TooLong&) {
+      return run_.adaptive && shorten(p.h);
+    }
     if (run_.adaptive || run_.project) s_.size(next_.y.data(), size1_.data());
     if (!judge(p.h)) {
       ++run_.rejected;

@@ -96,6 +96,7 @@ class TimeLoop {
  private:
   bool attempt();          // a step; false where Python has something to say about it
   bool judge(double h);    // is it accepted?
+  bool shorten(double h);  // after a step that was too long; false where a shorter one is too short
   void project(double t);  // its end
   void look(Proposal& p);  // for events on the step just taken, which ends where one ends the run
   bool cross();            // the jump behind a leg; false where Python has something to say about it
@@ -111,6 +112,7 @@ class TimeLoop {
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
   Numbers z_;              // (nz,) multipliers of the method
+  Point aside_;            // for that of the run while events are looked for
 };
 
 }  // namespace mbdae

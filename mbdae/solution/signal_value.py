@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import UnknownNameError
-from ..mechanism import Driver, Mechanism
+from ..mechanism import Driver, Mechanism, loads
 from ..mechanism.contacts import contact, path, rolling
 from ..mechanism.frames import find_joint, skew
 from ..system import Array
-from .columns import PARTS, row_names
+from .columns import PARTS, acceleration_names, load_columns, load_names, row_names
 
 if TYPE_CHECKING:
     from ..mechanism.formulations.index2 import Index2System
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 REACTION, EFFORT = ("force", "torque"), "effort"
 SUMS = ("kinetic", "potential", "energy")
 RESIDUALS = ("g", "Gv")
-IN_PYTHON = ("contact", "friction")  # kinds that the core does not have
+IN_PYTHON = ("contact", "friction", "load")  # kinds that the core does not have
 
 
 class SignalValue(NamedTuple):
     """Where a signal stands, or how it is computed.
 
     Attributes:
-        kind: ``"t"``; ``"y"``, a number of y = (q, v, s, w); ``"angle"`` of a circle in q; ``"lam"``, ``"force"``,
-            ``"torque"``, ``"contact"``, ``"friction"``; or one of kinetic, potential, energy, g, Gv.
-        i: the number of y; of an angle that of its cosine in q.
+        kind: ``"t"``; ``"y"``, a number of y = (q, v, s, w); ``"rate"``, one of y' in the tangent; ``"angle"`` of a
+            circle in q; ``"lam"``, ``"force"``, ``"torque"``, ``"load"``, ``"contact"``, ``"friction"``; or one of kinetic, potential, energy, g, Gv.
+        i: the number of y or y'; of an angle that of its cosine in q; of a load that in `load_names`.
         rate: the number of y' in the tangent that is its rate; -1 where none is.
         rows: of closures.
     """
@@ -49,7 +49,7 @@ class SignalValue(NamedTuple):
 def signal_values(mech: Mechanism) -> dict[str, SignalValue]:
     """All signals of a mechanism by name.
 
-    Those of `mbdae.solution.columns.signals`, and ``force.``, ``torque.`` and ``effort.`` of closures and drivers.
+    Those of `mbdae.solution.columns.signals`, and ``effort.`` of closures and drivers.
     """
     nq, nv = mech.nq, mech.nv
     q: dict[str, SignalValue] = {}
@@ -71,12 +71,14 @@ def signal_values(mech: Mechanism) -> dict[str, SignalValue]:
     sums: dict[str, SignalValue] = {name: SignalValue(name) for name in SUMS}
     kept = {name: SignalValue(name) for name in RESIDUALS}
     lam = {name: SignalValue("lam", rows=(i,)) for i, name in enumerate(row_names(mech))}
-    out = {"t": SignalValue("t"), **q, **v, **states, **sums, **work, **kept, **lam}
+    rates = {name: SignalValue("rate", nv + i) for i, name in enumerate(acceleration_names(mech))}
+    forces = {name: SignalValue("load", i) for i, name in enumerate(load_names(mech))}
+    out = {"t": SignalValue("t"), **q, **v, **states, **sums, **work, **kept, **lam, **rates, **forces}
     for c in mech.constraints:
         rows = tuple(i for i, name in enumerate(mech.row_names) if name == c.name)
         if c.frames:
-            forces = tuple(i for i in rows if mech.row_units[i] == "m")
-            out |= {f"force.{c.name}": SignalValue("force", rows=forces)}
+            pulls = tuple(i for i in rows if mech.row_units[i] == "m")
+            out |= {f"force.{c.name}": SignalValue("force", rows=pulls)}
             out |= {f"torque.{c.name}": SignalValue("torque", rows=rows)}
     for c in rolling(mech):
         at = mech.row_names.index(c.name)
@@ -127,7 +129,13 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
         return float(np.abs(system.residual(t, q, v)[RESIDUALS.index(kind)]).max(initial=0.0))
     if kind == "contact":
         return float(path(system.mechanism, system.mechanism.row_names[rows[0]], q[None])[0][signal.i])
-    lam = system.derivative(t, y)[1]
+    F, lam = system.derivative(t, y)
+    if kind == "rate":
+        return float(F[signal.i])
+    if kind == "load":
+        mech, motion = system.mechanism, (np.array([t]), q[None], v[None], F[None, system.nv : 2 * system.nv])
+        columns = load_columns(mech, loads(mech, *motion, lam[None]))
+        return float(columns[load_names(mech)[signal.i]][0])
     if kind == "friction":
         name = system.mechanism.row_names[rows[0]]
         return float(contact(system.mechanism, name, np.array([t]), q[None], lam[None]).friction[0])

@@ -74,8 +74,8 @@ def test_values_are_those_of_the_columns(name):
     columns, system = sol.signals(), mech.system()
     more = {n for n in signal_values(mech) if n not in columns}
     missing = set(columns) - set(signal_values(mech))
-    assert all(n.startswith(("a.", "force.", "torque.", "normal.", "longitudinal.", "lateral.")) for n in missing)
-    assert all(n.startswith(("force.", "torque.", "effort.")) for n in more)
+    assert all(n.startswith(("normal.", "longitudinal.", "lateral.")) for n in missing)
+    assert all(n.startswith("effort.") for n in more)
     for signal, known in signal_values(mech).items():
         x = value(system, known, sol.t[-1], sol.y[-1])
         kind, _, which = signal.partition(".")
