@@ -31,8 +31,8 @@ class Event:
     """A signal that passes a level, or a function whose zeros are looked for.
 
     A signal is a text: ``"v.crank"`` for its zeros, ``"q.slider = 0.3"``, ``"force.wrist pin > 100"`` where it rises
-    above, ``"q.slider < 0.1"`` where it falls below; its names are those of `Solution.signals`, and force, torque
-    and effort of closures and drivers. A function is looked at at four points of each step.
+    above, ``"q.slider < 0.1"`` where it falls below; its names are those of `Solution.signals`, and effort of
+    closures and drivers. A function is looked at at four points of each step.
 
     Zeros that come and go between two looks are not seen: choose ``max_step`` for what changes fast.
 

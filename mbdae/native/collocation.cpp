@@ -62,6 +62,7 @@ CollocationStep::CollocationStep(Index2System& s)
       G_(static_cast<size_t>(s.ng) * s.nv),
       gt_(s.ng),
       lam_(s.ng),
+      rates_(s.ng),
       scale_(s.ny) {}
 
 CollocationStep::~CollocationStep() = default;
@@ -270,6 +271,13 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   for (int i = 0; i < used; ++i) lam_[m->unknowns[i]] = Z3(s - 1, i);
   if (used) {
     s_.saddle.symmetric();
+    for (int i = 0; i < used; ++i) rates_[m->unknowns[i]] = -C[i];
+    s_.saddle.normal(rates_.data(), f_.data());
+    for (int i = 0; i < nv_; ++i) {
+      x[nv_ + i] -= f_[i];
+      out.y[nq_ + i] = y[nq_ + i] + x[nv_ + i];
+      out.low[nv_ + i] = x[nv_ + i] - (out.y[nq_ + i] - y[nq_ + i]);
+    }
     s_.saddle.balance(R.data() + nv_, lam_.data());
   }
   all_multipliers(t + h, Z3.row(s - 1).data(), z);

@@ -73,7 +73,7 @@ class CollocationStep {
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;
   Numbers y0_, size_;                       // (length,), (ny,) where the step starts
-  Numbers q_, u_, f_, inertial_, G_, gt_, lam_;  // scratch
+  Numbers q_, u_, f_, inertial_, G_, gt_, lam_, rates_;  // scratch
   Numbers scale_, X_, R_, dK_, moves_, C_, dZ_;  // (ny,), (s, ny) four times, (s, r) twice
   Numbers dk_, dz_, work_;                       // (2, ny), (2, r)
 };

@@ -25,7 +25,8 @@ class SignalValue(NamedTuple):
 
     Attributes:
         kind: ``"t"``; ``"y"``, a number of y = (q, v, s, w); ``"rate"``, one of y' in the tangent; ``"angle"`` of a
-            circle in q; ``"lam"``, ``"force"``, ``"torque"``, ``"load"``, ``"contact"``, ``"friction"``; or one of kinetic, potential, energy, g, Gv.
+            circle in q; ``"lam"``, ``"force"``, ``"torque"``, ``"load"``, ``"contact"``, ``"friction"``; or one of
+            kinetic, potential, energy, g, Gv.
         i: the number of y or y'; of an angle that of its cosine in q; of a load that in `load_names`.
         rate: the number of y' in the tangent that is its rate; -1 where none is.
         rows: of closures.

@@ -67,26 +67,6 @@ def test_both_back_ends_find_every_signal():
             assert found == pytest.approx(float(level), rel=1e-9, abs=1e-9), (name, text)
 
 
-@pytest.mark.parametrize("name", mbdae.model_names())
-def test_values_are_those_of_the_columns(name):
-    mech = mbdae.load(name)
-    sol = mbdae.solve(mech, (0, 1e-3), step=5e-4)
-    columns, system = sol.signals(), mech.system()
-    more = {n for n in signal_values(mech) if n not in columns}
-    missing = set(columns) - set(signal_values(mech))
-    assert all(n.startswith(("normal.", "longitudinal.", "lateral.")) for n in missing)
-    assert all(n.startswith("effort.") for n in more)
-    for signal, known in signal_values(mech).items():
-        x = value(system, known, sol.t[-1], sol.y[-1])
-        kind, _, which = signal.partition(".")
-        if kind in ("force", "torque"):
-            expected = np.linalg.norm(getattr(sol.reaction(which), kind)[-1])
-        else:
-            expected = sol.effort(which).effort[-1] if kind == "effort" else columns[signal][-1]
-        size = 1 + np.abs(sol.lam[-1]).max(initial=0) if kind in ("force", "torque", "effort", "lam") else 1 + abs(x)
-        assert x == pytest.approx(float(expected), abs=1e-9 * size), signal
-
-
 @pytest.mark.usefixtures("back_end")
 @pytest.mark.parametrize("backwards", [False, True])
 def test_a_signal_that_comes_back_within_a_step(backwards):
@@ -189,19 +169,6 @@ def test_signals_and_functions_together_are_watched_in_python():
     sol = mbdae.solve(mbdae.load("pendulum"), (0, 2), **options)
     np.testing.assert_allclose(sol.events[0][0], sol.events[1][0], atol=1e-7)
     assert sol.stats["events"] == "python: event 'height' is a function"
-
-
-def test_a_signal_that_the_core_does_not_have_is_looked_at_in_python():
-    mech = mbdae.load("rolling_disc")
-    text = next(n for n in signal_values(mech) if n.startswith("contact.") and n.endswith(".x"))
-    plain = mbdae.solve(mech, (0, 0.2))
-    x = plain.signals()[text]
-    event = f"{text} = {float(x[0] + x[-1]) / 2!r}"
-    sols = [mbdae.solve(mech, (0, 0.2), events=event, backend=b) for b in ("auto", "python")]
-    assert len(sols[0].events[0][0]) == len(sols[1].events[0][0]) == 1
-    assert sols[0].events[0][0][0] == pytest.approx(sols[1].events[0][0][0], abs=1e-9)
-    if sols[0].stats["backend"] == "native":
-        assert sols[0].stats["events"] == f"python: the core does not have {event!r}"
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from driven import DRIVEN
 from mechanism.forces.test_force_runs import IN_BOTH
@@ -119,6 +120,41 @@ def test_failing_iterations_leave_the_step_to_python(monkeypatch):
     native, python = both(model("four_bar"), (0, 3), method="radau5", step=0.5)
     assert (native.status, native.message) == (python.status, python.message)
     assert asked
+
+
+def test_failing_iterations_under_control_are_tried_shorter_in_the_core(monkeypatch):
+    """Crank and slider joined by a spring of 1e8 N/m: what is long enough for the tolerance is too long for Newton."""
+    slider = pin.SE3(np.eye(3), np.zeros(3))
+    tree = pin.Model()
+    crank = tree.addJoint(0, pin.JointModelRevoluteUnaligned(np.array([0.0, -1.0, 0.0])), slider, "crank")
+    along = tree.addJoint(0, pin.JointModelPX(), slider, "slider")
+    tree.appendBodyToJoint(crank, pin.Inertia(1.0, np.zeros(3), 0.02 * np.eye(3)), slider)
+    tree.appendBodyToJoint(along, pin.Inertia(0.5, np.zeros(3), 1e-3 * np.eye(3)), slider)
+    tree.gravity.setZero()
+    pins = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.0])), slider
+    for name, joint, at in zip(("crank_pin", "slider_pin"), (crank, along), pins, strict=True):
+        tree.addFrame(pin.Frame(name, joint, at, pin.FrameType.OP_FRAME))
+    rod = mbdae.SpringDamper(frames=("crank_pin", "slider_pin"), stiffness=1e8, damping=1e4, length=0.35)
+    mech = mbdae.Mechanism(tree, [], [rod])
+    reach = float(np.sqrt(0.35**2 - (0.1 * np.sin(0.3)) ** 2))
+    q = [0.3, 0.1 * np.cos(0.3) + reach]
+    v = [6.0, -0.6 * np.sin(0.3) * (1 + 0.1 * np.cos(0.3) / reach)]
+    solve = partial(mbdae.solve, mech, (0, 0.1), q, v, method="radau5", rtol=1e-6)
+    python = solve(backend="python")
+    monkeypatch.setattr(PythonStepper, "advance", None)
+    native = solve(backend="native")
+    assert python.stats["rejected"] > 10  # most of them by Newton
+    assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
+    assert_near(native.y[-1], python.y[-1], 1e-9)
+
+
+@pytest.mark.parametrize("turn", [0.25, 0.75, 1.0])
+def test_far_turns_leave_velocities_where_they_belong(turn):
+    """Then Newton's iterations hardly damp what rounding brings in, in directions that nothing else excites."""
+    mech = mbdae.load("heavy_top")
+    for sol in both(mech, (0, 0.15), method="radau5", step=turn / 150):
+        rate = np.array([mech.residual(q, v, t)[1] for t, q, v in zip(sol.t, sol.q, sol.v, strict=True)])
+        assert np.abs(rate).max() < 1e-13
 
 
 def test_derivatives_of_large_mechanisms_are_left_to_python():

@@ -1,0 +1,79 @@
+"""What events look at: the columns of a solution at a point, found once for all events, without a trace in the run."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.solution.signal_value import signal_values, value
+
+
+@pytest.mark.native
+def test_a_look_leaves_a_run_as_it_is():
+    """To the last bit, where other rows come into use on the way and points are near to one another."""
+    mech = mbdae.load("bricard")
+    lam = next(n for n in signal_values(mech) if n.startswith("lam."))
+    for options in ({"formulation": "ggl"}, {"method": "radau5"}, {"step": 0.01}):
+        plain, looked = (mbdae.solve(mech, (0, 5), events=e, **options) for e in ((), (f"{lam} = 1e9", "kinetic = -1")))
+        assert looked.in_use == plain.in_use
+        np.testing.assert_array_equal(looked.y, plain.y)
+
+
+@pytest.mark.native
+def test_forces_at_a_point_are_found_once_for_all_events():
+    calls = []
+    mech = mbdae.load("four_bar", forces=[lambda t, q, v: calls.append(t) or 0 * v])
+    names = [n for n, s in signal_values(mech).items() if s.kind in ("lam", "force", "torque", "rate")]
+    used = []
+    for some in (names[:1], names):
+        calls.clear()
+        mbdae.solve(mech, (0, 0.5), step=0.01, events=[f"{n} = 1e9" for n in some])
+        used.append(len(calls))
+    assert used[0] == used[1]
+
+
+@pytest.mark.parametrize("name", mbdae.model_names())
+def test_values_are_those_of_the_columns(name):
+    mech = mbdae.load(name)
+    sol = mbdae.solve(mech, (0, 1e-3), step=5e-4)
+    columns, system = sol.signals(), mech.system()
+    more = {n for n in signal_values(mech) if n not in columns}
+    missing = set(columns) - set(signal_values(mech))
+    assert all(n.startswith(("normal.", "longitudinal.", "lateral.")) for n in missing)
+    assert all(n.startswith("effort.") for n in more)
+    for signal, known in signal_values(mech).items():
+        x = value(system, known, sol.t[-1], sol.y[-1])
+        kind, _, which = signal.partition(".")
+        if kind in ("force", "torque"):
+            expected = np.linalg.norm(getattr(sol.reaction(which), kind)[-1])
+        else:
+            expected = sol.effort(which).effort[-1] if kind == "effort" else columns[signal][-1]
+        size = 1 + np.abs(sol.lam[-1]).max(initial=0) if kind in ("force", "torque", "effort", "lam") else 1 + abs(x)
+        assert x == pytest.approx(float(expected), abs=1e-9 * size), signal
+
+
+def test_a_signal_that_the_core_does_not_have_is_looked_at_in_python():
+    mech = mbdae.load("rolling_disc")
+    text = next(n for n in signal_values(mech) if n.startswith("contact.") and n.endswith(".x"))
+    plain = mbdae.solve(mech, (0, 0.2))
+    x = plain.signals()[text]
+    event = f"{text} = {float(x[0] + x[-1]) / 2!r}"
+    sols = [mbdae.solve(mech, (0, 0.2), events=event, backend=b) for b in ("auto", "python")]
+    assert len(sols[0].events[0][0]) == len(sols[1].events[0][0]) == 1
+    assert sols[0].events[0][0][0] == pytest.approx(sols[1].events[0][0][0], abs=1e-9)
+    if sols[0].stats["backend"] == "native":
+        assert sols[0].stats["events"] == f"python: the core does not have {event!r}"
+
+
+def test_accelerations_and_loads_of_joints_are_signals():
+    """Accelerations in the core, what joints carry in Python, which the statistics say."""
+    mech = mbdae.load("four_bar")
+    plain = mbdae.solve(mech, (0, 0.2))
+    known = {"a.crank": True, "force.crank": False, "torque.rocker.y": False, "force.pin.x": False}
+    for text, compiled in known.items():
+        x = plain.signals()[text]
+        event = f"{text} = {float(x[1] + x[-2]) / 2!r}"
+        sols = [mbdae.solve(mech, (0, 0.2), events=event, backend=b) for b in ("auto", "python")]
+        assert len(sols[0].events[0][0]) == len(sols[1].events[0][0]) > 0
+        np.testing.assert_allclose(sols[0].events[0][0], sols[1].events[0][0], rtol=0, atol=1e-9)
+        if sols[0].stats["backend"] == "native":
+            assert sols[0].stats["events"] == ("native" if compiled else f"python: the core does not have {event!r}")
