@@ -51,7 +51,7 @@ def test_both_back_ends_find_every_signal():
         texts = []
         for signal, known in signal_values(mech).items():
             low, high = (float(value(system, known, *points[i])) for i in (1, -2))
-            if abs(high - low) > 1e-7 * (1 + abs(high)):
+            if known.compiled and abs(high - low) > 1e-7 * (1 + abs(high)):
                 texts.append(f"{signal} = {low / 3 + high / 1.5!r}")
         assert len(texts) > mech.nv
         native, python = (mbdae.solve(mech, span, events=texts, backend=b, **options) for b in ("native", "python"))
