@@ -78,7 +78,7 @@ void Index2System::accelerate(double t, const double* q, const double* v, const 
     for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.speed(t, gt_.data());
-    if (alpha_ != 0 || beta_ != 0) {
+    if (stabilised && (alpha_ != 0 || beta_ != 0)) {
       gap_ = point.g;
       constraints.gaps(t, gap_.data()), residual_rate(t, v, rate_.data());
       for (int k : rows.in_use()) lam_[k] -= 2 * alpha_ * rate_[k] + beta_ * beta_ * gap_[k];

@@ -66,6 +66,7 @@ class Index2System {
   const Formulation formulation;
   const int nq, nv, ng, ns, nz;    // nz: multipliers of a method, lam and mu
   const int ny, length;            // of the tangent (x, v, s, w), and of y
+  bool stabilised = true;          // v' and lam with Baumgarte's terms, where there are some
   double largest_g = 0, largest_rate = 0;  // |g|, and |G v + g_t| / (1 + |v|), over all rows at the ends of steps
 
   int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // numbers, from step to step

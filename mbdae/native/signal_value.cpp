@@ -15,8 +15,14 @@ void PointValues::stand(double t, const double* y) {
 void PointValues::derive() {
   if (derived_) return;
   const Counts counts = s_.counts;
-  s_.derivative(t_, y_.data(), F_.data(), z_.data());
-  s_.counts = counts, derived_ = true;
+  s_.stabilised = false;
+  try {
+    s_.derivative(t_, y_.data(), F_.data(), z_.data());
+  } catch (...) {
+    s_.stabilised = true;
+    throw;
+  }
+  s_.stabilised = true, s_.counts = counts, derived_ = true;
 }
 
 void PointValues::measure() {

@@ -31,6 +31,19 @@ def test_forces_at_a_point_are_found_once_for_all_events():
     assert used[1] - used[0] < len(names)  # at the start, in Python
 
 
+@pytest.mark.usefixtures("back_end")
+def test_multipliers_are_those_of_the_hidden_constraint():
+    """Without what Baumgarte's terms add to those of the steps: as `Solution.lam` has them."""
+    mech, options = mbdae.load("four_bar"), {"formulation": "index1", "method": "dop853", "baumgarte": (20.0, 20.0)}
+    lam = mbdae.solve(mech, (0, 1), rtol=1e-4, **options).signals()["lam.pin.1"]
+    level = float(lam[0] + lam.max()) / 2
+    sol = mbdae.solve(mech, (0, 1), rtol=1e-4, events=f"lam.pin.1 = {level!r}", **options)
+    system, signal = mech.system(), signal_values(mech)["lam.pin.1"]
+    assert len(sol.events[0][0])
+    for t, y in zip(*sol.events[0], strict=True):
+        assert value(system, signal, t, y) == pytest.approx(level, abs=1e-10)
+
+
 @pytest.mark.parametrize("name", mbdae.model_names())
 def test_values_are_those_of_the_columns(name):
     mech = mbdae.load(name)
