@@ -19,11 +19,13 @@ from scipy.optimize import brentq
 
 from ...errors import StepError
 from ...system import Array
+from .crossing import BranchPoint, branch_point
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
 FIRST, LARGEST, SMALLEST = 0.02, 0.4, 1e-7  # steps of the arclength, rad and m
+JUMP = 1e-5  # rad and m: a longer step over which branches do not meet is taken back
 TURN = 0.9  # least cosine between tangents, and between left null spaces, at both ends of a step
 BENT = 0.02  # of a step: a predictor that misses by more is shortened, by less lengthened
 ITERATIONS = 12
@@ -68,6 +70,7 @@ class PoseCurve:
 
     Attributes:
         nodes: points in the order of the arclength.
+        crossings: by the node before them; None where more than two branches cross.
         ended: ``"range"``, ``"closed"`` (the pose of the start comes again), or ``"stuck"``.
     """
 
@@ -75,6 +78,7 @@ class PoseCurve:
         self.system, self.manifold, self.turning = system, system.manifold, turning
         self.r = system.nv - 1
         self.nodes: list[CurvePoint] = []
+        self.crossings: dict[int, BranchPoint | None] = {}
         self.ended = ""
 
     def begin(self, q: Array, u: float, along: Array | None = None) -> CurvePoint:
@@ -91,7 +95,7 @@ class PoseCurve:
         forward = tau @ along if along is not None else e @ tau if abs(e @ tau) > 1e-12 else 1.0
         tau = tau if forward > 0 else -tau
         first = CurvePoint(0.0, q, u, tau, tau, 0.0, 0.0, 1.0, left[:, self.r :], 1.0)
-        self.nodes = [self._point(found, first, 0.0)]
+        self.nodes, self.crossings = [self._point(found, first, 0.0)], {}
         return self.nodes[0]
 
     def follow(self, low: float, high: float) -> "PoseCurve":
@@ -107,6 +111,10 @@ class PoseCurve:
                     return self
                 continue
             self.nodes.append(new)
+            if here.sigma * new.sigma < 0 and not self._crosses() and h > JUMP:
+                self.nodes.pop()
+                h /= 4
+                continue
             h = min(LARGEST, h * float(np.clip((BENT * h / max(missed, 1e-12)) ** (1 / 3), 0.4, 2.0)))
             again = self.passing(len(self.nodes) - 2, start) if len(self.nodes) > 2 else None
             if again is not None and abs(again.u - start.u) < NEAR:
@@ -116,6 +124,16 @@ class PoseCurve:
                 return self._end(low if new.u < low else high)
         self.ended = "long"
         return self
+
+    def _crosses(self) -> bool:
+        """Look for the branch point in the last step; False where it jumped from one branch to another."""
+        i = len(self.nodes) - 2
+        self.crossings[i] = None
+        try:
+            self.crossings[i] = branch_point(self, i)
+        except StepError:
+            return False
+        return True
 
     def _end(self, u: float) -> "PoseCurve":
         """Put the last node where the input leaves its range at u."""

@@ -9,7 +9,8 @@ from ...mechanism import Mechanism
 from ...mechanism.assembly import close_position
 from ...mechanism.joints import turning
 from ...system import Array
-from .branching import BranchPoint, leave, same
+from .branching import leave, same
+from .crossing import BranchPoint
 from .curve import NEAR, CurvePoint, PoseCurve
 from .driven import Hold, check_freedom, driven, input_at, start_pose
 from .result import Kinematics, Stretch

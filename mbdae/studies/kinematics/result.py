@@ -17,7 +17,7 @@ from ...solution.archive import write_csv
 from ...solution.columns import coordinates, units
 from ...solution.solution import Solution
 from ...system import Array
-from .branching import BranchPoint
+from .crossing import BranchPoint
 
 ENDS = {
     "range": "to the end of the range",

@@ -7,11 +7,12 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from ...errors import StepError
-from .branching import BranchPoint, branch_point
+from .crossing import BranchPoint
 from .curve import CurvePoint, PoseCurve
 
 SMALL, TOUCH = 0.5, 1.5  # of the largest sigma, and of its change over a step: smaller ones are looked at
 CLOSE = 1e-5  # rad and m of the input: a value so near a branch point is the branch point
+STANDS = 1e-9  # of the arclength's rate: a smaller one of the input is a dead point
 
 
 class OnCurve(NamedTuple):
@@ -35,14 +36,18 @@ def events(curve: PoseCurve) -> Events:
     dead: list[OnCurve] = []
     branches: dict[int, BranchPoint] = {}
     hidden = _touching(curve)
-    for i, (a, b) in enumerate(pairwise(curve.nodes)):
+    nodes = curve.nodes
+    if abs(nodes[0].speed) < STANDS:
+        dead.append(OnCurve(0, 0.0, nodes[0]))
+    for i, (a, b) in enumerate(pairwise(nodes)):
         if a.sigma * b.sigma < 0:
-            found = branch_point(curve, i)
+            found = curve.crossings.get(i)
             if found:
                 branches[i] = found
             else:
                 hidden.append(curve.at(i, (b.s - a.s) * a.sigma / (a.sigma - b.sigma), roughly=True).u)
-        if a.speed * b.speed < 0 and i not in branches:
+        at_start = (b is nodes[-1] and curve.ended == "closed" and abs(b.speed) < STANDS) or abs(a.speed) < STANDS
+        if a.speed * b.speed < 0 and i not in branches and not at_start:
             sigma = curve.zero(i, lambda p: p.speed)
             dead.append(OnCurve(i, sigma, curve.at(i, sigma)))
     return Events(dead, branches, hidden)
@@ -81,7 +86,8 @@ def _lowest(curve: PoseCurve, i: int, size: float) -> float:
 def sample(curve: PoseCurve, found: Events, n: int) -> list[CurvePoint]:
     """About n points of a curve: even in the input between the start, dead points and the end, which are among them."""
     nodes = curve.nodes
-    ends = [OnCurve(0, 0.0, nodes[0]), *found.dead, OnCurve(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])]
+    inside = [d for d in found.dead if d.point is not nodes[0]]
+    ends = [OnCurve(0, 0.0, nodes[0]), *inside, OnCurve(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])]
     travel = sum(abs(b.point.u - a.point.u) for a, b in pairwise(ends))
     out: list[CurvePoint] = []
     for a, b in pairwise(ends):

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pinocchio as pin
 import pytest
-from linkages import bar, parallelogram, point
+from linkages import bar, four_bar, parallelogram, point
 
 import mbdae
 from mbdae import Closure, Driver, Mechanism, kinematics
@@ -102,6 +102,26 @@ def test_parallelogram_has_two_branches_through_pi():
     np.testing.assert_allclose([low, high], [[0.5, np.pi], [np.pi, 5.5]], atol=1e-12)
     for q in found.q:
         assert np.abs(mech.residual(q, np.zeros(3))[0]).max() < 1e-12
+
+
+@pytest.mark.parametrize("longer", [1e-2, 1e-3, 1e-5, 1e-8])
+def test_where_branches_pass_each_other_the_curve_turns_back(longer):
+    """A parallelogram whose ground is a little too long: its crank stops short of pi, cos u = (d^2 + 1 - 9) / 2 d."""
+    d = 2.0 + longer
+    mech = four_bar((1.0, 2.0, 1.0, d), {"q": {"crank": 1.0}, "guess": {"coupler": -1.0, "rocker": 1.0}})
+    found = kinematics(mech, "crank")
+    limit = np.arccos((d**2 - 8) / (2 * d))
+    np.testing.assert_allclose(np.sort([u for u, _ in found.dead_points]), [-limit, limit], rtol=0, atol=1e-9)
+    assert not found.branch_points
+    assert found.stretches[0].ended == "closed"
+
+
+def test_a_dead_point_where_the_curve_begins():
+    """Bars of 0.1 m and 0.3 m in line: the slider begins at its farthest."""
+    mech = mbdae.load("slider_crank")
+    found = kinematics(mech, "slider", q=mech.assemble({"crank": 0.0})[0])
+    np.testing.assert_allclose([u for u, _ in found.dead_points], [0.45, 0.25], rtol=0, atol=1e-12)
+    assert len(np.unique(found.s)) == len(found.s)
 
 
 def test_several_branches_at_once_are_told():
