@@ -2,7 +2,8 @@
 
     M = U^T U,   G U^-1 = P S V^T,   rank r,   Z = U^-1 V_2:   G Z = 0,  Z^T M Z = 1
 
-Statics, modes and kinematics move along Z and close the loops again by Gauss-Newton steps in the mass metric.
+Statics and modes move along Z and close the loops again by Gauss-Newton steps of least size in coordinates: in the mass
+metric a light body would close them alone, where it cannot.
 """
 
 from collections.abc import Callable
@@ -77,7 +78,7 @@ def freedom(U: Array, G: Array) -> Freedom:
 def close(system: "Index2System", t: float, q: Array, more: Rows | None = None) -> Array:
     """Return the configuration (nq,) near q that closes all loops, and meets further rows, to rounding.
 
-    Gauss-Newton steps of least mass metric; the last one that makes the residual less than half as large is kept.
+    Gauss-Newton steps of least size; the last one that makes the residual less than half as large is kept.
 
     Raises:
         StepError: if rows stay open.
@@ -92,12 +93,13 @@ def close(system: "Index2System", t: float, q: Array, more: Rows | None = None) 
 
     if not system.ng and more is None:
         return q
+    one = np.eye(system.nv)
     g, G = residual(q)
     for _ in range(ITERATIONS):
         size = np.linalg.norm(g)
         if not size or not np.isfinite(size):
             break
-        x = freedom(system.inertia(t, q), G).smallest(-g)
+        x = freedom(one, G).smallest(-g)
         for share in SHARES if size > OPEN else SHARES[:1]:
             nearer = system.manifold.integrate(q, share * x)
             found = residual(nearer)

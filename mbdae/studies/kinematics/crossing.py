@@ -97,5 +97,3 @@ def _nearest(curve: "PoseCurve", i: int, h: float) -> "CurvePoint":
 def _new_null(null: Array, before: Array) -> Array:
     """The left null vector that is not among those before: (n,) of ``null`` (n, k + 1) and ``before`` (n, k)."""
     return null @ null_space(before.T @ null, rcond=0.5)[:, 0] if before.shape[1] else null[:, 0]
-
-

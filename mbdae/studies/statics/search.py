@@ -1,6 +1,6 @@
 """The way to an equilibrium: a trust region in free motions that needs no potential.
 
-y = (H + sigma)^-1 rho with the least sigma >= 0 for which H + sigma is positive definite and |Z y| stays within the
+y = (H + sigma Z^T Z)^-1 rho with the least sigma >= 0 for which that is positive definite and |Z y| stays within the
 radius; a step is taken when the trapezoidal work (f + f_new) . x / 2, x = q_new (-) q, exceeds a tenth of what the
 slopes promise: that serves controllers, constant torques and follower forces as well as gravity and springs.
 Source: Conn, Gould, Toint, Trust-Region Methods (2000), chapter 7, for the step.
@@ -80,10 +80,11 @@ class Search:
         return Q[:, w.argmin()].real if w.min() < -FLAT * np.abs(H).max() else None
 
     def polish(self) -> None:
-        """Newton's steps as long as they halve rho."""
+        """Newton's steps as long as they are short and halve rho."""
         while self.iterations < ITERATIONS and self.residual > EXACT:
             y = np.linalg.lstsq(self.here.H, self.here.rho, rcond=FLAT)[0]
-            there = self.moved(y)
+            near = np.abs(self.here.free.Z @ y).max(initial=0.0) < START
+            there = self.moved(y) if near else None
             if there is None or not np.linalg.norm(there.rho) < HALVED * np.linalg.norm(self.here.rho):
                 return
             self.here = there
@@ -172,7 +173,17 @@ def symmetric(H: Array) -> tuple[Array, Array]:
 
 
 def step(Z: Array, H: Array, rho: Array, radius: float) -> Array:
-    """Return y = (H + sigma)^-1 rho with |Z y| <= radius, sigma the least that makes H + sigma positive definite."""
+    """Return y = (H + sigma Z^T Z)^-1 rho with |Z y| <= radius, the least sigma that leaves a positive definite matrix.
+
+    Steps are short in coordinates, and not in a metric in which those of light bodies would count for nothing.
+    """
+    Z, R = np.linalg.qr(Z)
+    back = np.linalg.inv(R)
+    return back @ shortened(Z, back.T @ H @ back, back.T @ rho, radius)
+
+
+def shortened(Z: Array, H: Array, rho: Array, radius: float) -> Array:
+    """The same for orthonormal columns of Z: y = (H + sigma)^-1 rho."""
     w, Q = symmetric(H)
     size = np.abs(w).max()
     if w[0] > FLAT * size:

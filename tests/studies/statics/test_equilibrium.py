@@ -54,12 +54,12 @@ def test_the_benchmark_with_a_diagonal_spring():
     np.testing.assert_allclose(found.q[[0, 2]], 2.23433101901759, atol=1e-13)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [n for n in NAMES if n != "rolling_disc"])
 def test_disturbed_starts_all_come_to_rest(name):
     mech, rng = mbdae.load(name), np.random.default_rng(1)
-    for _ in range(20 if mech.nv < 8 else 4):
+    for _ in range(20):
         found = mbdae.equilibrium(mech, disturbed(mech, rng))
-        assert found.iterations <= (40 if name == "cart_pole" else 25)  # a cart of a millionth of the pole's mass
+        assert found.iterations <= 25
         assert found.residual < 1e-11
         assert found.stability in ("stable", "neutral", "rigid")
 
@@ -182,7 +182,8 @@ def test_integrators_find_their_reference():
 
 def random_load(mech, rng):
     """The mechanism with torques on some joints and springs on others."""
-    plain = [n for n in mech.joint_names if mech.joint_kind(n)[0] in "RP" and "U" not in mech.joint_kind(n)]
+    joints = zip(mech.joint_names, list(mech.model.joints)[1:], strict=True)
+    plain = [name for name, joint in joints if joint.nq == joint.nv == 1]
     forces = list(mech.forces)
     for i, name in enumerate(rng.permutation(plain)[:3].tolist()):
         size = 10 ** rng.uniform(-1, 2)
@@ -194,10 +195,9 @@ def random_load(mech, rng):
 
 def test_random_loads_end_in_an_equilibrium_or_a_reason():
     rng, reasons, found = np.random.default_rng(7), [], 0
-    names = [n for n in NAMES if n not in ("jansen_walker", "humanoid_stance")]
-    models = {n: mbdae.load(n) for n in names}
+    models = {n: mbdae.load(n) for n in NAMES}
     for i in range(100):
-        mech = random_load(models[names[i % len(names)]], rng)
+        mech = random_load(models[NAMES[i % len(NAMES)]], rng)
         try:
             rest = mbdae.equilibrium(mech)
             assert rest.residual < 1e-7
@@ -217,6 +217,15 @@ def test_what_falls_has_no_equilibrium():
         mbdae.equilibrium(mech)
     assert e.value.residual > 0.1
     assert e.value.joint == "top"
+
+
+def test_a_disc_falls_flat_where_its_contact_is_none():
+    """No equilibrium lies beyond the edge on which the contact is singular, and none is found by leaping over it."""
+    mech, rng = mbdae.load("rolling_disc"), np.random.default_rng(1)
+    for _ in range(10):
+        with pytest.raises(EquilibriumError, match="most at joint 'lean'") as e:
+            mbdae.equilibrium(mech, disturbed(mech, rng))
+        assert abs(e.value.q[5]) < 1.6
 
 
 def test_a_pose_in_which_closures_lose_rank_gets_no_verdict():
