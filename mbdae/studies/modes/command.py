@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from ...cli.options import FAILED, PAGES, PICTURES, as_json, emit, plot_option, values_by_name, writable
+from ...cli.options import FAILED, PAGES, PICTURES, as_json, emit, listed, plot_option, values_by_name, writable
 from ...errors import InputError
 from ...mechanism import load
 from .modes import modes as find_modes
@@ -26,6 +26,7 @@ def modes(
     model: str,
     at: tuple[str, ...],
     speed: tuple[str, ...],
+    hold: tuple[str, ...],
     html: str | None,
     over: str | None,
     plot: str | None,
@@ -39,7 +40,7 @@ def modes(
     """
     written = writable((html, PAGES), (plot, PICTURES))
     given: dict[str, Any] = {"q": values_by_name(at, "--at") or None, "v": values_by_name(speed, "--speed") or None}
-    given |= options
+    given |= options | {"hold": listed(hold)}
     if over:
         if html:
             raise InputError("a root locus has a figure, --plot, and no page")

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from ...cli.options import FAILED, PICTURES, UNJUDGED, as_json, emit, plot_option, values_by_name, writable
+from ...cli.options import FAILED, PICTURES, UNJUDGED, as_json, emit, listed, plot_option, values_by_name, writable
 from ...errors import InputError
 from ...mechanism import load
 from .equilibria import equilibria
@@ -51,11 +51,11 @@ def statics(
         raise InputError("a path of equilibria takes --load and --to; --plot draws it")
     mech = load(model)
     start, speeds = values_by_name(at, "--at"), values_by_name(speed, "--speed")
-    given: dict[str, Any] = {"q": start or None, "v": speeds or None, "hold": hold, **options}
+    given: dict[str, Any] = {"q": start or None, "v": speeds or None, "hold": listed(hold), **options}
     if drive is not None:
         if start or speeds or load_name:
             raise InputError("--all takes a joint and --hold alone: it begins at the model's start")
-        every = equilibria(mech, drive, hold=hold)
+        every = equilibria(mech, drive, hold=listed(hold))
         text = "\n".join(map(str, every)) or f"no equilibrium over {drive}"
         emit([e.to_dict() for e in every], text, as_json)
         sys.exit(0 if every else FAILED)

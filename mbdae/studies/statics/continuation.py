@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...errors import MbdaeError, StepError
+from ...errors import InputError, MbdaeError, StepError
 from ...mechanism.formulations.balance import Balance, Statics
 from ...system import Array
 
@@ -22,6 +22,9 @@ LARGEST, LEAST = 0.03, 1e-7  # of a step: rad or m of every coordinate, and of t
 ROUNDED = 1e-11  # of the largest force: balanced
 CORRECTIONS, POINTS, LOCATED = 8, 5000, 40
 TURNED = 0.95  # cosine of the largest angle between tangents of neighbours
+FLAT = 1e-9  # of the largest singular value of [H  -Z^T f_load]: a motion without force
+NOTHING = 1e-13  # of the largest singular value of the corrector's matrix
+STILL = 1e-6  # of a tangent: the factor does not change along it
 BACK = -2.0  # ranges of the factor: where a path that runs away ends
 
 
@@ -94,7 +97,8 @@ class Continuation:
         """The balance at a closed configuration under a share of the load."""
         self.statics.factor = self.first + self.range * u
         here = self.statics.point(q, s)
-        self.scale = max(self.scale, here.size)
+        stiff = np.abs(here.H).max(initial=0.0) / np.abs(here.free.Z).max(initial=1e-300)  # times 1 rad or m
+        self.scale = max(self.scale, here.size, float(stiff))
         return here
 
     def step(self, at: PathPoint, h: float) -> PathPoint | None:
@@ -124,19 +128,33 @@ class Continuation:
         """The change (y, u) that balances forces across the tangent of another point."""
         rows = np.column_stack([here.H, -self.range * (here.free.Z.T @ here.load)])
         along = np.append(here.free.Z.T @ self.metric(here, at.dq), at.du)
-        return np.linalg.solve(np.vstack([rows, along]), np.append(rho, 0.0))
+        return np.linalg.lstsq(np.vstack([rows, along]), np.append(rho, 0.0), rcond=NOTHING)[0]
 
     def metric(self, here: Balance, dq: Array) -> Array:
         """M dq, (nv,)."""
         return here.free.U.T @ (here.free.U @ dq)
 
     def tangent(self, u: float, here: Balance, before: PathPoint | None) -> PathPoint:
-        """The unit tangent at a point of the path, in the direction of the point before it."""
+        """The unit tangent at a point of the path, in the direction of the point before it.
+
+        Motions against which there is no force are no part of it.
+
+        Raises:
+            InputError: where the first equilibrium does not move with the load.
+        """
         rows = np.column_stack([here.H, -self.range * (here.free.Z.T @ here.load)])
-        x = np.linalg.svd(rows)[2][-1]
-        along = x[-1] if before is None else x[:-1] @ (here.free.Z.T @ self.metric(here, before.dq)) + x[-1] * before.du
-        x = x if along >= 0 else -x
-        sign = float(np.linalg.slogdet(np.vstack([rows, x]))[0])
+        sizes, right = np.linalg.svd(rows)[1:]
+        null = right[int((sizes > FLAT * sizes.max()).sum()) :]
+        onward = np.eye(len(right))[-1]
+        if before is not None:
+            onward = np.append(here.free.Z.T @ self.metric(here, before.dq), before.du)
+        x = null.T @ (null @ onward)
+        if before is None and np.linalg.norm(x) < STILL:
+            at = f"at factor {self.first:g} forces let it rest anywhere or turn back"
+            raise InputError(f"{at}: no path leads on from there; begin at another factor")
+        x /= np.linalg.norm(x)
+        neutral = np.linalg.svd(null - np.outer(null @ x, x))[2][: len(null) - 1]
+        sign = float(np.linalg.slogdet(np.vstack([rows + neutral[:, :-1].T @ neutral, x]))[0])
         dq = here.free.Z @ x[:-1]
         size = max(float(np.abs(dq).max()), abs(x[-1]))
         return PathPoint(u, here, dq / size, x[-1] / size, sign)

@@ -86,3 +86,20 @@ def test_wrong_loads_are_named(load, span, error, text):
 def test_a_load_and_its_end_belong_together():
     said = CliRunner().invoke(cli, ["statics", "snap_toggle", "--load", "press"])
     assert "takes --load and --to" in str(said.exception)
+
+
+@pytest.mark.parametrize("name", ["heavy_top", "cart_pole", "double_pendulum", "panda_handle"])
+def test_what_hangs_goes_on_hanging_in_a_stronger_field(name):
+    """Motions without force are left alone, forces that vanish in the equilibrium balance, and nothing buckles."""
+    mech = mbdae.load(name)
+    path = mbdae.load_path(mech, "gravity", (1.0, 3.0))
+    assert path.complete
+    assert not path.critical
+    if name != "panda_handle":  # which has springs
+        assert np.abs([mech.manifold.difference(path.q[0], q) for q in path.q]).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["four_bar", "double_pendulum", "panda_handle", "flyball_governor"])
+def test_a_path_cannot_begin_where_anything_is_an_equilibrium(name):
+    with pytest.raises(InputError, match=r"at factor 0 .* begin at another factor"):
+        mbdae.load_path(mbdae.load(name), "gravity", (0.0, 1.0))
