@@ -81,15 +81,16 @@ def motions(
         UnknownNameError: lists the names that exist.
     """
     found = [anchor(model, name) for name in names]
-    data, out = make_data(model), np.empty((3, len(found), len(q), 3))
+    data, p, twists = make_data(model), np.empty((len(found), len(q), 3)), np.empty((2, len(found), len(q), 6))
     for k, row in enumerate(zip(q, v, vdot, strict=True)):
         pin.forwardKinematics(model, data, *row)
         for i, a in enumerate(found):
             place = data.oMi[a.joint]
-            V, A, p = place.act(data.v[a.joint]), place.act(data.a[a.joint]), place.act(a.p)
-            out[0, i, k], out[1, i, k] = p, V.linear + np.cross(V.angular, p)
-            out[2, i, k] = A.linear + np.cross(A.angular, p) + np.cross(V.angular, out[1, i, k])
-    return out[0], out[1], out[2]
+            p[i, k] = place.act(a.p)
+            twists[:, i, k] = place.act(data.v[a.joint]).vector, place.act(data.a[a.joint]).vector
+    V, A = twists
+    speed = V[..., :3] + np.cross(V[..., 3:], p)
+    return p, speed, A[..., :3] + np.cross(A[..., 3:], p) + np.cross(V[..., 3:], speed)
 
 
 def joint_names(model: pin.Model) -> list[str]:

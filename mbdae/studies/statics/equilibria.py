@@ -5,12 +5,12 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.optimize import brentq
 
-from ...errors import StepError, several
+from ...errors import InputError, StepError, several
 from ...mechanism import Mechanism
 from ...mechanism.formulations.balance import Balance, Statics
 from ...system import Array
 from ..kinematics.kinematics import kinematics
-from .equilibrium import Equilibrium, velocities
+from .equilibrium import Equilibrium, labels, velocities
 from .search import Search
 from .stability import verdict
 
@@ -35,13 +35,17 @@ def equilibria(
         The equilibria, stable and unstable ones, along the curve; for a full turn each once.
 
     Raises:
-        InputError, UnknownNameError, AssemblyError, StepError: as `mbdae.kinematics`.
+        InputError: where drivers or integrators leave no freedom, and as `mbdae.kinematics`.
+        UnknownNameError, AssemblyError, StepError: as `mbdae.kinematics`.
     """
     held = several(hold, "hold is a list of joints")
     curve = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
     fixed = np.array([i for name in held for i in velocities(mech, name)], int)
-    statics = Statics(mech, 0.0, np.zeros(mech.nv), fixed)
+    statics, names = Statics(mech, 0.0, np.zeros(mech.nv), fixed), labels(mech, fixed)
     s0, manifold = np.array(list(mech.states.values())), statics.system.manifold
+
+    if statics.point(curve.q[0], s0).free.Z.shape[1] != 1:
+        raise InputError(f"a driver or an integrator says where {drive!r} is: there is no branch of equilibria over it")
 
     def along(here: Balance, tangent: Array) -> float:
         U = here.free.U
@@ -70,10 +74,10 @@ def equilibria(
             here = search.here
             apart = [np.abs(_wrapped(manifold.difference(e.q, here.q))).max() for e in out]
             if found and min(apart, default=1.0) > ALIKE:
-                still = np.zeros(mech.nv)
+                still, holding = np.zeros(mech.nv), dict(zip(names, here.holding.tolist(), strict=True))
                 out.append(
                     Equilibrium(
-                        mech, 0.0, here.q, still, here.s, here.lam, {}, search.residual, search.iterations,
+                        mech, 0.0, here.q, still, here.s, here.lam, holding, search.residual, search.iterations,
                         verdict(statics, here),
                     )
                 )  # fmt: skip

@@ -130,6 +130,17 @@ def test_all_equilibria_of_a_branch():
     assert len(json.loads(said.stdout)) == 2
 
 
+def test_a_branch_of_equilibria_needs_what_nobody_holds():
+    """The delta robot's integrators say where its arms are; and what holds a joint is told."""
+    with pytest.raises(InputError, match="an integrator says where 'arm_1' is"):
+        mbdae.equilibria(mbdae.load("delta_robot"), "arm_1", hold=["arm_2", "arm_3"])
+    mech = mbdae.load("double_pendulum")
+    found = mbdae.equilibria(mech, "joint2", hold="joint1")
+    alone = [mbdae.equilibrium(mech, e.q, hold="joint1", find="any").holding["joint1"] for e in found]
+    assert len(found) == 2
+    np.testing.assert_allclose([e.holding["joint1"] for e in found], alone, rtol=1e-9, atol=1e-12)
+
+
 def test_a_follower_force_flutters(tmp_path):
     """Ziegler's column: masses 2 and 1, springs 1, bars 1: flutter above 7/2 - sqrt(2), where stiffness is positive.
 
