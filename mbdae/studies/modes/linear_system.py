@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 __all__ = ["linearize"]
 
 AXES = "xyz"
+BAND = 400  # frequencies of a response
+ZERO = 1e-6  # of the largest eigenvalue: one of a motion without force, but for rounding
 
 
 @dataclass(frozen=True)
@@ -59,8 +61,14 @@ class LinearSystem:
         one = np.eye(len(self.A))
         return np.array([self.C @ np.linalg.solve(1j * w * one - self.A, self.B) + self.D for w in omega])
 
-    def plot(self, path: str | Path, hertz: Sequence[float] | Array) -> None:
-        """Draw gain and phase over frequencies in Hz as .png, .svg or .pdf.
+    def band(self) -> Array:
+        """Frequencies in Hz from a tenth of the lowest of the eigenvalues to ten times the highest, (k,)."""
+        size = np.abs(np.linalg.eigvals(self.A))
+        size = size[size > ZERO * size.max(initial=0.0)] if size.any() else np.array([2 * np.pi])
+        return np.geomspace(size.min() / 10, size.max() * 10, BAND) / (2 * np.pi)
+
+    def plot(self, path: str | Path, hertz: Sequence[float] | Array | None = None) -> None:
+        """Draw gain and phase over frequencies in Hz, `band` when left out, as .png, .svg or .pdf.
 
         Raises:
             InputError: for another format, or an unwritable path.
@@ -69,7 +77,7 @@ class LinearSystem:
         from .figure import frequency_response
 
         figures.check(path)
-        figures.save(frequency_response(self, np.asarray(hertz, float)), path)
+        figures.save(frequency_response(self, self.band() if hertz is None else np.asarray(hertz, float)), path)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
