@@ -81,6 +81,8 @@ def kinematics(
         found += _others(found[0], low, high)
     if curve.ended in ("long", "stuck"):
         raise StepError("newton", _unfinished(curve, drive))
+    if span is None and curve.ended == "range" and moved.row_units[-1] != "rad":
+        raise InputError(f"{drive!r} slides on without end: give its range, span or --from and --to")
     chosen = default_output(mech, drive, held) if output is None else output
     return _result(mech, moved, drive, held, chosen, found, points)
 

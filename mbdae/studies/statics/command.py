@@ -24,8 +24,8 @@ CODES = {"stable": 0, "rigid": 0, "unstable": FAILED, "neutral": UNJUDGED, "sing
 @click.option("--find", type=click.Choice(FIND), default="stable", show_default=True, help="Which equilibrium.")
 @click.option("--all", "drive", help="All equilibria of a mechanism with one freedom, over this joint.")
 @click.option("--load", "load_name", help="A force, or gravity, that is scaled along a path of equilibria.")
-@click.option("--to", "end", type=float, help="The last factor on the load.")
-@click.option("--from", "begin", type=float, default=0.0, show_default=True, help="The first factor on the load.")
+@click.option("--to", "end", type=float, help="The last factor on the load, or value of --all.")
+@click.option("--from", "begin", type=float, default=0.0, show_default=True, help="The first one.")
 @plot_option
 @as_json
 def statics(
@@ -47,15 +47,15 @@ def statics(
     followed while a force is scaled: load-deflection curve, snap-through, loss of stability.
     """
     writable((plot, PICTURES))
-    if (load_name is None) != (end is None) or (plot and end is None):
+    if drive is None and ((load_name is None) != (end is None) or (plot and end is None)):
         raise InputError("a path of equilibria takes --load and --to; --plot draws it")
     mech = load(model)
     start, speeds = values_by_name(at, "--at"), values_by_name(speed, "--speed")
     given: dict[str, Any] = {"q": start or None, "v": speeds or None, "hold": listed(hold), **options}
     if drive is not None:
-        if start or speeds or load_name:
-            raise InputError("--all takes a joint and --hold alone: it begins at the model's start")
-        every = equilibria(mech, drive, hold=listed(hold))
+        if start or speeds or load_name or plot:
+            raise InputError("--all takes a joint, its range with --from and --to, and --hold alone")
+        every = equilibria(mech, drive, span=None if end is None else (begin, end), hold=listed(hold))
         text = "\n".join(map(str, every)) or f"no equilibrium over {drive}"
         emit([e.to_dict() for e in every], text, as_json)
         sys.exit(0 if every else FAILED)

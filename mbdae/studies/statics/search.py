@@ -22,6 +22,7 @@ TAKEN, GOOD = 0.1, 0.7  # of the work promised
 NEARLY = 1e-5  # of the largest force met: from there on Newton steps go on to rounding
 EXACT = 1e-17  # of the largest force met: nothing
 ROUNDED = 1e-11  # of the largest force met: what stands for none
+BENT = 1e-3  # rad or m: what so much of a motion changes of the forces counts as met, where a search begins at rest
 BALANCED = 1e-8  # of the largest force met: what is left of it where rounding lets no step make it less
 FLAT = 1e-9  # of the largest eigenvalue of H: a neutral direction
 SYMMETRIC = 1e-7  # of the largest entry of H: what differs from its transpose by less has a potential
@@ -38,7 +39,7 @@ class Search:
     Attributes:
         statics: the balance.
         here: the best point.
-        scale: the largest force met.
+        scale: the largest force met, or that of a small motion.
         radius: of trust.
         iterations: steps tried.
     """
@@ -57,7 +58,8 @@ class Search:
     def run(self, find: str) -> bool:
         """Go on until forces balance, in a minimum unless any equilibrium will do; say whether they do."""
         self.here = self.statics.point(self.statics.close(self.here.q, self.here.s), self.here.s)
-        self.scale = max(self.scale, self.here.size)
+        stiff = np.abs(self.here.H).max(initial=0.0) / np.abs(self.here.free.Z).max(initial=1e-300)
+        self.scale = max(self.scale, self.here.size, BENT * float(stiff))
         while self.iterations < ITERATIONS and self.radius > LEAST:
             if self.residual <= NEARLY:
                 self.polish()

@@ -1,5 +1,7 @@
 """Paths of equilibria under a load that grows: closed forms of a truss and of a buckling column."""
 
+import json
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -7,6 +9,7 @@ from click.testing import CliRunner
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.formats.template import Template
 
 L0 = np.sqrt(1.25)
 COLUMN = """
@@ -103,3 +106,14 @@ def test_what_hangs_goes_on_hanging_in_a_stronger_field(name):
 def test_a_path_cannot_begin_where_anything_is_an_equilibrium(name):
     with pytest.raises(InputError, match=r"at factor 0 .* begin at another factor"):
         mbdae.load_path(mbdae.load(name), "gravity", (0.0, 1.0))
+
+
+def test_what_slides_without_end_needs_a_range():
+    """Under less than its snapping load the toggle has three equilibria; 0.2 of 100 N is z (1 / l - 1 / L0) = 0.2."""
+    mech = Template("snap_toggle").make({"force.press.force": [0.0, 0.0, -20.0]})
+    with pytest.raises(InputError, match="'pin' slides on without end"):
+        mbdae.equilibria(mech, "pin")
+    found = mbdae.equilibria(mech, "pin", span=(-1.0, 1.0))
+    assert [e.stability for e in found] == ["stable", "unstable", "stable"]
+    said = CliRunner().invoke(cli, ["statics", "snap_toggle", "--all", "pin", "--from", "-1", "--to", "1", "--json"])
+    assert [e["stability"] for e in json.loads(said.stdout)] == ["stable"]
