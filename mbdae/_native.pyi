@@ -131,6 +131,8 @@ class SingularWatch:
     suspect: float
     landed: float
     zone: float
+    ahead: float
+    entered: bool
 
 class Events:
     start: float

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 SUSPECT = 0.6  # of the largest ratio so far: minima above are no singular configurations, stages come near enough
 SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, of the larger neighbour: it falls to zero linearly, over a step or two
-ZONE = 0.2  # of the largest ratio: below, loops are closed and steps look ahead
+ZONE = 0.2  # of the largest ratio: below, loops are closed and steps look ahead where it falls
+AHEAD = 20.0  # steps: a ratio that would take longer to fall to zero is small for other reasons
 NEAR = 0.1  # likewise: below, a leap is tried
 APPROACH = 0.5  # of the way to the singular configuration: the longest step
 NEARER = 0.75  # of the way of the leap tried before: how much nearer the next one begins
@@ -40,6 +41,11 @@ def _suspicious(before: Any, here: Any, after: Any, largest: Any) -> Any:
     """Say whether the ratio may vanish around a step: where it is smallest, and small or at the bottom of a notch."""
     lowest = (here < before) & (here <= after) & (here < SUSPECT * largest)
     return lowest & ((here < SMALL * largest) | (here < NOTCH * np.maximum(before, after)))
+
+
+def _falls(before: Any, here: Any) -> Any:
+    """Say whether the ratio, going on as over the last step, vanishes within `AHEAD` steps."""
+    return AHEAD * (before - here) > here
 
 
 class SingularWatch:
@@ -106,9 +112,9 @@ class SingularWatch:
         if nearest < limit or (nearest < SUSPECT * self.largest and self._ratio(t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
 
-    def limits(self) -> tuple[float, float, float, float, float]:
-        """Return the largest ratio and the last one, and `SUSPECT`, `LANDED` and `ZONE`: see `refuse_landing`."""
-        return self.largest, self.ratios[-1], SUSPECT, LANDED, ZONE
+    def limits(self) -> tuple[float, float, float, float, float, float]:
+        """Return the largest ratio and the last one, `SUSPECT`, `LANDED`, `ZONE` and `AHEAD`."""
+        return self.largest, self.ratios[-1], SUSPECT, LANDED, ZONE, AHEAD
 
     def quiet(self, least_pivot_ratio: Array) -> int:
         """Pass over steps with nothing to look at, given their smallest ratios of pivots; return how many."""
@@ -117,7 +123,8 @@ class SingularWatch:
             return 0
         largest = np.maximum(np.maximum.accumulate(new), self.largest)
         every = np.concatenate([[0.0], self.ratios[-2:], new])  # before the first step there is none to look at
-        loud = _suspicious(every[-len(new) - 2 : -2], every[-len(new) - 1 : -1], new, largest) | (new < ZONE * largest)
+        earlier, before = every[-len(new) - 2 : -2], every[-len(new) - 1 : -1]
+        loud = _suspicious(earlier, before, new, largest) | ((new < ZONE * largest) & _falls(before, new))
         n = int(loud.argmax()) if loud.any() else len(new)
         self.ratios += new[:n].tolist()
         self.largest = float(largest[n - 1]) if n else self.largest
@@ -140,7 +147,9 @@ class SingularWatch:
                 self._end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
             self.ratios.append(np.inf)
             self._look(run, len(self.ratios) - 2)
-        near = self.ratios[-1] < ZONE * self.largest and self._ratio(run.ts[-1], run.ys[-1]) < ZONE * self.largest
+        before, here = self.ratios[-2:]
+        near = here < ZONE * self.largest and (_falls(before, here) or (self.entered is not None and here >= before))
+        near = near and self._ratio(run.ts[-1], run.ys[-1]) < ZONE * self.largest
         if near:
             if self.entered is None:
                 self.entered = len(run.ts) - 2
@@ -169,6 +178,7 @@ class SingularWatch:
         with suppress(StepError):
             found = leap(self.workspace, run, way, self.first)
         if found is None:
+            self.tried = way, np.inf
             return False
         error, move = (self.control.measure(run, found.y, x) for x in (found.error, found.move))
         self.stalled = self.stalled + 1 if error >= MET * self.tried[1] else 0

@@ -14,8 +14,8 @@ def function_name(function: Any) -> str:
     return getattr(function, "__name__", type(function).__name__)
 
 
-def called(what: str, function: Callable[..., Any], t: float, *arrays: Array) -> Any:
-    """Call a user's function of (t, arrays ...), which it may read but not change.
+def called(what: str, function: Callable[..., Any], t: float | None, *arrays: Array) -> Any:
+    """Call a user's function of (t, arrays ...), or of arrays alone, which it may read but not change.
 
     Raises:
         StepError: when the function raises an error.
@@ -24,14 +24,14 @@ def called(what: str, function: Callable[..., Any], t: float, *arrays: Array) ->
     for x in views:
         x.flags.writeable = False
     try:
-        return function(t, *views)
+        return function(*(() if t is None else (t,)), *views)
     except MbdaeError:
         raise
     except Exception as e:
-        raise StepError("force", f"{what} failed at t = {t:.17g}: {type(e).__name__}: {e}") from e
+        raise StepError("force", f"{what} failed{_at(t)}: {type(e).__name__}: {e}") from e
 
 
-def checked(value: Any, shape: tuple[int, ...], t: float, what: str) -> Array:
+def checked(value: Any, shape: tuple[int, ...], t: float | None, what: str) -> Array:
     """Return what a user's function gave as an array.
 
     Raises:
@@ -42,13 +42,17 @@ def checked(value: Any, shape: tuple[int, ...], t: float, what: str) -> Array:
             raise TypeError
         out = np.asarray(value, float)
     except (TypeError, ValueError):
-        raise StepError("force", f"{what} returned {value!r:.80}, expected {_words(shape)}, at t = {t:.17g}") from None
+        raise StepError("force", f"{what} returned {value!r:.80}, expected {_words(shape)}{',' if t is not None else ''}{_at(t)}") from None
     if out.shape != shape:
-        raise StepError("force", f"{what} returned shape {out.shape}, expected {_words(shape)}, at t = {t:.17g}")
+        raise StepError("force", f"{what} returned shape {out.shape}, expected {_words(shape)}{',' if t is not None else ''}{_at(t)}")
     if not np.isfinite(out).all():
-        raise StepError("nonfinite", f"{what} returned {out} at t = {t:.17g}")
+        raise StepError("nonfinite", f"{what} returned {out}{_at(t)}")
     return out
 
 
 def _words(shape: tuple[int, ...]) -> str:
     return f"shape {shape}" if shape else "a number"
+
+
+def _at(t: float | None) -> str:
+    return "" if t is None else f" at t = {t:.17g}"

@@ -129,7 +129,8 @@ void bind_run(nb::module_& m) {
   nb::class_<Grid>(m, "Grid", "Steps of equal size.") FIELD(Grid, i) FIELD(Grid, on_grid) FIELD(Grid, step)
       FIELD(Grid, t0) FIELD(Grid, n) FIELD(Grid, near);
   nb::class_<SingularWatch>(m, "SingularWatch", "Ratios of pivots.") FIELD(SingularWatch, usual) FIELD(
-      SingularWatch, before) FIELD(SingularWatch, suspect) FIELD(SingularWatch, landed) FIELD(SingularWatch, zone);
+      SingularWatch, before) FIELD(SingularWatch, suspect) FIELD(SingularWatch, landed) FIELD(SingularWatch, zone)
+      FIELD(SingularWatch, ahead) FIELD(SingularWatch, entered);
   nb::class_<Run>(m, "Run", "What a run hands over, and the steps that were taken.")
       .def(nb::init<>()) FIELD(Run, events) FIELD(Run, jumps) FIELD(Run, leg) FIELD(Run, control) FIELD(Run, grid) FIELD(Run, watch) FIELD(Run, adaptive)
           FIELD(Run, project) FIELD(Run, watched) FIELD(Run, tolerated) FIELD(Run, seconds) FIELD(Run, budget)

@@ -203,10 +203,11 @@ void TimeLoop::advance() {
     if (run_.taken == taken) continue;
     if (run_.events.stopped) return;
     if (run_.watched) {
-      watch.before = std::sqrt(s_.rows.least_pivot_ratio);
-      watch.usual = std::max(watch.usual, watch.before);
+      const double before = watch.before, here = std::sqrt(s_.rows.least_pivot_ratio);
+      watch.before = here, watch.usual = std::max(watch.usual, here);
+      const bool falls = watch.entered || watch.ahead * (before - here) > here;
+      if (run_.adaptive && here < watch.zone * watch.usual && falls) return;
     }
-    if (run_.watched && run_.adaptive && watch.before < watch.zone * watch.usual) return;  // Python looks ahead
     if (!(std::chrono::duration<double>(Clock::now() - started).count() <= run_.seconds)) return;
   }
 }

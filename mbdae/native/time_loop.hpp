@@ -17,6 +17,8 @@ namespace mbdae {
 struct SingularWatch {
   double usual = 0, before = 0;  // the largest so far, and the last
   double suspect = 0, landed = 0, zone = 0;
+  double ahead = 0;      // steps within which a ratio that falls on would vanish: then Python looks ahead
+  bool entered = false;  // it does so already
 };
 
 // The nodes that steps, n of them, and jumps led to.

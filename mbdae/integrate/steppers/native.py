@@ -79,7 +79,8 @@ class NativeStepper(Stepper):
         leg.t, leg.t1, leg.sign, leg.stop, leg.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
         if watch:
             w = r.watch
-            w.usual, w.before, w.suspect, w.landed, w.zone = watch.limits()
+            w.usual, w.before, w.suspect, w.landed, w.zone, w.ahead = watch.limits()
+            w.entered = watch.entered is not None
         if isinstance(inner, Adaptive):
             c, pi = r.control, inner.controller
             c.h, c.cut, c.last, c.rejected = inner.h, inner.cut, pi.last, pi.rejected

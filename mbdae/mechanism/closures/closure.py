@@ -119,7 +119,11 @@ class Closure(Table):
     lead: float | None = None
 
     @model_validator(mode="after")
-    def _keys_fit(self) -> "Closure":
+    def _checked(self) -> "Closure":
+        self._keys_fit()
+        return self
+
+    def _keys_fit(self) -> None:
         needed, possible = keys(self.kind)
         known = (*needed, *possible)
         given = {k for k in type(self).model_fields if getattr(self, k) is not None}
@@ -138,7 +142,6 @@ class Closure(Table):
         check_numbers(self)
         if not self.name:
             object.__setattr__(self, "name", "-".join(ends))
-        return self
 
     @classmethod
     def point(cls, a: str, b: str, name: str = "") -> "Closure":
@@ -240,6 +243,14 @@ class Closure(Table):
         """Speeds of joints keep v_joint = (c_0 + c_1 q_setting + ...) v_other: 1 row."""
         joints = (joint, other, setting) if setting else (joint, other)
         return cls(kind="ratio", joints=joints, coefficients=tuple(coefficients), name=name)
+
+    @classmethod
+    def rows(cls, function: Any, joints: str | Sequence[str], size: int = 1, **more: Any) -> "Closure":
+        """Rows that a Python function of the coordinates of joints gives, see `mbdae.mechanism.UserRows`."""
+        from .user_rows import UserRows  # which are closures
+
+        joints = (joints,) if isinstance(joints, str) else tuple(joints)
+        return UserRows(kind="rows", joints=joints, function=function, size=size, **more)
 
     @property
     def between(self) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from .closure import Closure
 from .driver import Driver
 from .joint_part import JointPart, joint_part
 from .rows import FrameRows
+from .user_rows import UserRow
 
 Spec = Closure | Driver
 
@@ -72,7 +73,12 @@ class Constraints:
                 self.frame_parts[spec.name] = FramePart(pair, tuple((s, r, self.W[:, s]) for s, r in numbered))
                 self.sign[self.spans[spec.name]], self.columns[self.spans[spec.name]] = pair.sign, pair.columns
             else:
-                self.joint_parts += [joint_part(model, data, r, s.start, spec.name) for s, r in numbered]
+                self.joint_parts += [
+                    r.bind(model, data, s.start)
+                    if isinstance(r, UserRow)
+                    else joint_part(model, data, r, s.start, spec.name)
+                    for s, r in numbered
+                ]
         for part in self.joint_parts:
             self.columns[part.at] = sum(support(model, j.id) for j in part.joints) > 0
         self._J = data.J.reshape(6, -1)  # with nv = 1 it comes as a vector

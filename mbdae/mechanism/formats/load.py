@@ -270,7 +270,7 @@ def _plain(file: MechanismFile) -> dict[str, Any]:
     """The file as JSON data; closures and bodies without their defaults: not every kind takes every key."""
     bodies = [x.model_dump(mode="json", exclude_defaults=True) for x in file.body]
     closures = [x.model_dump(mode="json", exclude_none=True) for x in file.closure]
-    return {**file.model_dump(mode="json"), "body": bodies, "closure": closures}
+    return {**file.model_dump(mode="json", exclude={"body", "closure"}), "body": bodies, "closure": closures}
 
 
 def _functions(mech: Mechanism) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from ...errors import InputError, printable
 from ..closures.closure import Closure
 from ..closures.driver import Driver
+from ..closures.user_rows import UserRows
 from ..forces import FORCES, AnyForce
 from ..signals import SIGNALS, Signal
 from ..start import OrderSettings, Start, Value
@@ -127,6 +128,13 @@ class MechanismFile(Table):
     force: tuple[AnyForce, ...] = ()
     start: Start = Start()
     order: OrderSettings = OrderSettings()
+
+    @field_validator("closure", mode="before")
+    @classmethod
+    def _python_rows(cls, closures: Any) -> Any:
+        if not isinstance(closures, list | tuple):
+            return closures
+        return [UserRows(**c) if isinstance(c, dict) and c.get("kind") == "rows" else c for c in closures]
 
     @field_validator("source", mode="before")
     @classmethod

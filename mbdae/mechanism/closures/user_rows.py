@@ -1,0 +1,167 @@
+"""Rows that a Python function gives: what no kind of closure says, of position or of velocity."""
+
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field
+
+from ...errors import InputError, NotCompiled, StepError
+from ...system import Array
+from ..callbacks import called, checked, function_name
+from ..frames import find_joint
+from .closure import Closure
+from .joint_part import JointPart
+
+STEP = 4e-3  # rad or m, of central differences of order 6: 3e-17 of the seventh derivative beside 1e-13 of rounding
+STENCIL = ((1, 0.75), (2, -0.15), (3, 1 / 60))
+FITS = 1e-5  # of 1 + |G|: what the slope of g may differ by
+
+
+class UserRows(Closure):
+    """Rows 0 = g(q), or 0 = G(q) v, that a Python function of the coordinates of some joints gives.
+
+    q are the coordinates of the joints, one joint after the other, as they stand in a configuration (an unbounded
+    joint has cos and sin, a free one x, y, z and a quaternion), and n is the number of their velocities. For one row
+
+        position: function(q) -> (g, G), a number and (n,), d/dt g = G v
+        velocity: function(q) -> G, (n,)
+
+    and for ``size`` rows g (size,), G (size, n). Rows are smooth. Multipliers are in N or N m, as G^T lam says.
+
+    Attributes:
+        joints: names of the joints.
+        function: as above. A saved solution records its rows by name; what needs their values then refuses.
+        slopes: q -> dG/dq, (n, n) or (size, n, n), [.., j, k] the change of G_j along velocity k; central differences
+            of the function when left out, good to about 1e-12.
+        size: number of rows.
+        velocity: rows of velocity only.
+
+    Raises:
+        InputError: for wrong values; when a start is assembled, where G is not the slope of g.
+    """
+
+    kind: Literal["rows"]  # type: ignore[assignment]
+    joints: tuple[str, ...] = Field(min_length=1)
+    function: Callable[[Array], Any] | None = Field(default=None, exclude=True)
+    slopes: Callable[[Array], Any] | None = Field(default=None, exclude=True)
+    size: int = Field(default=1, ge=1)
+    velocity: bool = False
+
+    def _keys_fit(self) -> None:
+        if wrong := sorted(self.model_fields_set - {"kind", "name", *UserRows.__annotations__}):
+            raise ValueError(f"{wrong[0]} does not belong to rows; known: {', '.join(('name', *OWN))}")
+        if len(set(self.joints)) < len(self.joints):
+            raise ValueError(f"a joint is named twice: {', '.join(self.joints)}")
+        if not self.name:
+            object.__setattr__(self, "name", function_name(self.function) if self.function else "rows")
+
+    def primitives(self) -> tuple["UserRow", ...]:  # type: ignore[override]  # noqa: D102
+        return tuple(UserRow(self, i, not self.velocity) for i in range(self.size))
+
+
+OWN = tuple(UserRows.__annotations__)[1:]
+
+
+class UserRow(NamedTuple):
+    """One of the rows of a function."""
+
+    rows: UserRows
+    number: int
+    positional: bool
+    m: int = 1
+
+    def bind(self, model: pin.Model, data: pin.Data, at: int) -> "UserPart":
+        """Bind the row, the one with number ``at`` of all, to a workspace."""
+        return UserPart(model, data, self, at)
+
+
+class UserPart(JointPart):
+    """A row of a function, bound to a workspace."""
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: UserRow, at: int) -> None:
+        self.at, self.rows, self.number, self.checked = at, row.rows, row.number, not row.positional
+        self.joints = [find_joint(model, n) for n in row.rows.joints]
+        self.columns = [i for j in self.joints for i in range(j.idx_v, j.idx_v + j.nv)]
+        self._live = [data.joints[j.id] for j in self.joints]
+        self._own = pin.Model()  # says what q (+) e is
+        for name, j in zip(row.rows.joints, self.joints, strict=True):
+            self._own.addJoint(0, j, pin.SE3.Identity(), name)
+        self.what = f"rows {row.rows.name!r}"
+
+    def plain(self) -> dict[str, Any]:
+        """See `JointPart`.
+
+        Raises:
+            NotCompiled: the core has no Python functions as rows.
+        """
+        raise NotCompiled(f"{self.what}, a Python function")
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+        q = self._q()
+        g, G = self._at(q)
+        if not self.checked:
+            self._check(q, G)
+            self.checked = True
+        return g, G.tolist()
+
+    def bias(self, v: Array) -> float:  # noqa: D102
+        return self._bias(self._q(), v[self.columns])
+
+    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+        D = self._slopes(self._q())
+        K[np.ix_(self.columns, self.columns)] += lam * D
+        B[self.columns] += v[self.columns] @ D
+
+    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+        q, rates = self._q(), v[self.columns]
+        D = self._slopes(q)
+        by_v[self.columns] += (D + D.T) @ rates
+        by_q[self.columns] += [self._along(lambda x: self._bias(x, rates), q, e) for e in np.eye(len(rates))]
+
+    def _q(self) -> Array:
+        return np.concatenate([j.joint_q for j in self._live])
+
+    def _at(self, q: Array) -> tuple[float, Array]:
+        """G (n,) at q, and g, 0 for a row of velocity."""
+        rows, n = self.rows, len(self.columns)
+        if rows.function is None:
+            raise InputError(f"{self.what} are a Python function and not in the file: load the mechanism with it again")
+        found, several = called(self.what, rows.function, None, q), (rows.size,) if rows.size > 1 else ()
+        g: Any = np.zeros(several)
+        if not rows.velocity:
+            if not isinstance(found, tuple | list) or len(found) != 2:
+                raise StepError("force", f"{self.what} returned {found!r:.80}, expected g and G")
+            g, found = checked(found[0], several, None, self.what), found[1]
+        G = checked(found, (*several, n), None, self.what)
+        return (float(g[self.number]), G[self.number]) if several else (float(g), G)
+
+    def _bias(self, q: Array, v: Array) -> float:
+        if self.rows.slopes:
+            return float(v @ self._slopes(q) @ v)
+        speed = float(np.abs(v).max())
+        return speed * float(self._along(lambda x: self._at(x)[1], q, v / speed) @ v) if speed else 0.0
+
+    def _slopes(self, q: Array) -> Array:
+        """dG/dq, (n, n)."""
+        n, size = len(self.columns), self.rows.size
+        if self.rows.slopes:
+            what = f"slopes of {self.what}"
+            found = checked(called(what, self.rows.slopes, None, q), (*((size,) * (size > 1)), n, n), None, what)
+            return found[self.number] if size > 1 else found
+        return np.column_stack([self._along(lambda x: self._at(x)[1], q, e) for e in np.eye(n)])
+
+    def _along(self, f: Callable[[Array], Any], q: Array, e: Array) -> Any:
+        """The slope of f at q along a velocity e."""
+        return sum(
+            c * (f(pin.integrate(self._own, q, k * STEP * e)) - f(pin.integrate(self._own, q, -k * STEP * e)))
+            for k, c in STENCIL
+        ) / STEP
+
+    def _check(self, q: Array, G: Array) -> None:
+        for k, e in enumerate(np.eye(len(G))):
+            slope = float(self._along(lambda x: self._at(x)[0], q, e))
+            if abs(slope - G[k]) > FITS * (1 + abs(G[k])):
+                row = f" of row {self.number}" if self.rows.size > 1 else ""
+                raise InputError(f"{self.what}: G{row} is {G[k]:.6g} along velocity {k}, but the slope of g is {slope:.6g}")
