@@ -37,14 +37,15 @@ def checked(value: Any, shape: tuple[int, ...], t: float | None, what: str) -> A
     Raises:
         StepError: for another shape, or values that are not finite.
     """
+    when = _at(t, ",")
     try:
         if np.iscomplexobj(value):
             raise TypeError
         out = np.asarray(value, float)
     except (TypeError, ValueError):
-        raise StepError("force", f"{what} returned {value!r:.80}, expected {_words(shape)}{',' if t is not None else ''}{_at(t)}") from None
+        raise StepError("force", f"{what} returned {value!r:.80}, expected {_words(shape)}{when}") from None
     if out.shape != shape:
-        raise StepError("force", f"{what} returned shape {out.shape}, expected {_words(shape)}{',' if t is not None else ''}{_at(t)}")
+        raise StepError("force", f"{what} returned shape {out.shape}, expected {_words(shape)}{when}")
     if not np.isfinite(out).all():
         raise StepError("nonfinite", f"{what} returned {out}{_at(t)}")
     return out
@@ -54,5 +55,5 @@ def _words(shape: tuple[int, ...]) -> str:
     return f"shape {shape}" if shape else "a number"
 
 
-def _at(t: float | None) -> str:
-    return "" if t is None else f" at t = {t:.17g}"
+def _at(t: float | None, comma: str = "") -> str:
+    return "" if t is None else f"{comma} at t = {t:.17g}"

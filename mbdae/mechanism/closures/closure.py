@@ -246,7 +246,7 @@ class Closure(Table):
 
     @classmethod
     def rows(cls, function: Any, joints: str | Sequence[str], size: int = 1, **more: Any) -> "Closure":
-        """Rows that a Python function of the coordinates of joints gives, see `mbdae.mechanism.UserRows`."""
+        """Rows that a Python function of the coordinates of joints gives, see `mbdae.mechanism.closures.user_rows`."""
         from .user_rows import UserRows  # which are closures
 
         joints = (joints,) if isinstance(joints, str) else tuple(joints)

@@ -164,4 +164,5 @@ class UserPart(JointPart):
             slope = float(self._along(lambda x: self._at(x)[0], q, e))
             if abs(slope - G[k]) > FITS * (1 + abs(G[k])):
                 row = f" of row {self.number}" if self.rows.size > 1 else ""
-                raise InputError(f"{self.what}: G{row} is {G[k]:.6g} along velocity {k}, but the slope of g is {slope:.6g}")
+                what = f"G{row} is {G[k]:.6g} along velocity {k}, but the slope of g is {slope:.6g}"
+                raise InputError(f"{self.what}: {what}")

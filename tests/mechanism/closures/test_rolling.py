@@ -12,6 +12,7 @@ from numpy import cos, pi, sin
 
 import mbdae
 from mbdae import Closure
+from mbdae.integrate.steppers.native import NativeStepper
 
 G = 9.81
 
@@ -54,6 +55,25 @@ def test_a_disc_circles_steadily():
     assert contact.lifts is None
 
 
+@pytest.mark.parametrize(("spin", "root"), [(5.0, 5.8172158288996j), (1.0, 4.87442304278158)])
+def test_a_straight_disc_wobbles_or_falls(spin, root):
+    """lam^2 = (m g R - C (C + m R^2) n^2/A)/(A + m R^2), C = 2 A = m R^2/2; all others are places and speeds."""
+    found = mbdae.modes(straight(spin)).eigenvalues
+    assert np.sort(np.abs(found - root))[0] < 1e-12
+    assert np.sort(np.abs(found + root))[0] < 1e-12
+    assert np.count_nonzero(found == 0) == len(found) - 2
+
+
+def test_critical_speed_of_a_straight_disc():
+    """v^2 = g R/3; lam^2 is linear in v^2."""
+    below, above = ((root**2).real for root in (mbdae.modes(straight(n)).eigenvalues[-1] for n in (2.0, 4.0)))
+    assert 0.3**2 * (4 + 12 * below / (below - above)) == pytest.approx(G * 0.3 / 3, abs=1e-12)
+
+
+def straight(spin):
+    return mbdae.load("rolling_disc", inclination=pi / 2, precession=0.0, spin=spin)
+
+
 def test_a_disc_that_falls_ends_by_name():
     mech = mbdae.load("rolling_disc", inclination=1.5, precession=0.0, spin=0.0)
     sol = mbdae.solve(mech, (0, 2), rtol=1e-6)
@@ -61,9 +81,8 @@ def test_a_disc_that_falls_ends_by_name():
     assert "closure 'ground': the wheel lies flat" in sol.message
 
 
-def test_a_ball_on_a_tilted_turntable_drifts_across(tmp_path):
-    """v' = 2/7 W z x v + 5/7 g sin b x: from rest a cycloid, with a period of 7 pi/W and a drift 5 g sin b/(2 W)."""
-    W, b, r = 3.0, 0.1, 0.1
+def turntable(tmp_path, W=3.0, b=0.1, r=0.1):
+    """A driven table that is tilted by b, and a ball at rest in its middle."""
     bodies = [
         body("table", "continuous", inertia=1.0, rpy=[0.0, b, 0.0], axis=[0.0, 0.0, 1.0]),
         body("ball", "free", inertia=0.4 * r * r),
@@ -71,12 +90,29 @@ def test_a_ball_on_a_tilted_turntable_drifts_across(tmp_path):
     up = np.array([sin(b), 0, cos(b)])
     start = {"guess": {"ball": [*(r * up), 0, 0, 0, 1]}, "v": {"table": W}}
     drive = [{"joint": "table", "speed": W}]
-    mech = load(tmp_path, bodies, [Closure.rolling("table", "ball", r)], start=start, driver=drive)
+    return load(tmp_path, bodies, [Closure.rolling("table", "ball", r)], start=start, driver=drive)
+
+
+def test_a_ball_on_a_tilted_turntable_drifts_across(tmp_path):
+    """v' = 2/7 W z x v + 5/7 g sin b x: from rest a cycloid, with a period of 7 pi/W and a drift 5 g sin b/(2 W)."""
+    W, b = 3.0, 0.1
+    mech = turntable(tmp_path, W, b)
     sol, k, drift = mbdae.solve(mech, (0, 1.5), rtol=1e-10), 2 * W / 7, 5 * G * sin(b) / (2 * W)
     along = np.array([cos(b), 0, -sin(b)])
     x = sol.q[:, 2:5] - sol.q[0, 2:5]
     np.testing.assert_allclose(x @ along, drift / k * (1 - cos(k * sol.t)), atol=1e-9)
     np.testing.assert_allclose(x[:, 1], drift * (sol.t - sin(k * sol.t) / k), atol=1e-9)
+
+
+def test_a_ball_far_out_stays_in_the_core(monkeypatch, tmp_path):
+    """Its row is long there, and pivots are unlike, but nothing becomes singular."""
+    asked = []
+    advance = NativeStepper.advance
+    monkeypatch.setattr(NativeStepper, "advance", lambda *args: asked.append(1) or advance(*args))
+    sol = mbdae.solve(turntable(tmp_path, b=0.4), (0, 3), rtol=1e-7, backend="native")
+    assert np.abs(sol.q[:, 2:5]).max() > 7
+    assert len(sol.t) > 500
+    assert len(asked) < 100
 
 
 def test_a_ball_climbs_and_falls_in_a_cylinder(tmp_path):
