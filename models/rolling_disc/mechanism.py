@@ -29,7 +29,10 @@ def mechanism(
         "title": "Rolling disc",
         "gravity": [0.0, 0.0, -GRAVITY],
         "duration": 5.0,
-        "order": {"T": 1.0, "steps": 10},
+        "order": {
+            "T": 2.0, "steps": 10, "q": {"lean": pi / 2 - 1.0},  # it nods: the steady circle is no test of methods
+            "v": {"heading": 2.0, "lean": -0.5, "disc": -6.0 - 2.0 * cos(1.0)},
+        },
         "body": [
             {"name": "place", "parent": "world", "joint": "translation", **massless},
             {"name": "heading", "parent": "place", "joint": "continuous", "axis": [0.0, 0.0, 1.0], **massless},

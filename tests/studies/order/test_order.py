@@ -25,6 +25,12 @@ def test_orders(model, half, back_end):
     assert study.holds, str(study)
 
 
+@pytest.mark.parametrize("model", ["bicycle", "rolling_disc"])
+def test_orders_of_what_rolls(model):
+    study = mbdae.check_order(mbdae.load(model), ["herk3", "pherk4", "herk5", "pherk5", "pherk6", "radau5"])
+    assert study.holds, str(study)
+
+
 @pytest.mark.parametrize("method", REGULAR_ON_A)
 def test_orders_where_f_is_nonlinear_in_z(method):
     study = mbdae.check_order(hessenberg_a(), [method])
