@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.linalg import null_space
-from scipy.optimize import brentq
+from scipy.optimize import brentq, fsolve
 
 import mbdae
 from mbdae.mechanism.closures.contact import ConvexBody
@@ -151,3 +151,22 @@ def test_a_disturbed_motion():
     assert np.arcsin(R[2, 1]) == pytest.approx(0.01034244064, abs=1e-9)
     assert 0.3 * sol.v[-1, 6] == pytest.approx(4.62253556041, abs=1e-5)
     assert sol.success
+
+
+def test_a_circle_without_hands():
+    """Leaned by 0.2 to the right; the turn of the steered wheel and the yaw rate leave one speed: place for place."""
+    mech = mbdae.load("bicycle")
+    steer, yaw = -0.0601573845698, -0.338549938489
+
+    def leaned(x):
+        R = turn(0, 0.2) @ turn(1, x[1])
+        return mech.coordinates({"frame": [0, 0, x[0], *pin.Quaternion(R).coeffs()], "fork": steer})[0]
+
+    q = leaned(fsolve(lambda x: mech.residual(leaned(x), np.zeros(9))[0][mech.positional], [0.29, 0.0]))
+    G, v, free = mech.system().closures(q)[1], np.zeros(9), [0, 1, 2, 6, 8]
+    v[3:6] = pin.Quaternion(q[3:7]).matrix().T @ [0, 0, yaw]
+    v[free] = np.linalg.lstsq(G[:, free], -G @ v)[0]
+    assert 0.3 * v[6] == pytest.approx(5.9083242853, abs=1e-9)
+    sol = mbdae.solve(mech, (0, 5), *mech.assemble(q, v), rtol=1e-11)
+    np.testing.assert_allclose(sol.q[:, 9], steer, atol=1e-11)
+    np.testing.assert_allclose([pin.Quaternion(x).matrix()[2, 1] for x in sol.q[:, 3:7]], np.sin(0.2), atol=1e-11)

@@ -136,9 +136,8 @@ class Closure(Table):
                 raise ValueError("an axis must not be zero")
         ends = self.between
         if len(set(ends)) < len(ends):
-            raise ValueError(
-                f"closure {self.name!r} joins {'frame' if self.frames else 'joint'} {ends[0]!r} with itself"
-            )
+            what, name = "frame" if self.frames else "joint", self.name or "-".join(ends)
+            raise ValueError(f"closure {name!r} joins {what} {ends[0]!r} with itself")
         check_numbers(self)
         if not self.name:
             object.__setattr__(self, "name", "-".join(ends))
