@@ -120,10 +120,6 @@ class Closure(Table):
 
     @model_validator(mode="after")
     def _checked(self) -> "Closure":
-        self._keys_fit()
-        return self
-
-    def _keys_fit(self) -> None:
         needed, possible = keys(self.kind)
         known = (*needed, *possible)
         given = {k for k in type(self).model_fields if getattr(self, k) is not None}
@@ -141,6 +137,7 @@ class Closure(Table):
         check_numbers(self)
         if not self.name:
             object.__setattr__(self, "name", "-".join(ends))
+        return self
 
     @classmethod
     def point(cls, a: str, b: str, name: str = "") -> "Closure":
@@ -285,7 +282,7 @@ class Closure(Table):
         direction = BETWEEN_FRAMES.get(self.kind, ("", ""))[1]
         if direction == "frame":
             return np.eye(3), np.eye(3)
-        axis, second = (x[:, None] for x in self._unit_axes())
+        axis, second = (unit_axis(x)[:, None] for x in (self.axis or Z, self.other_axis))
         return (axis, second) if direction == "axis" else (axis[:, :0], second[:, :0])
 
     def turned_over(self, relative: np.ndarray) -> bool:
@@ -296,9 +293,6 @@ class Closure(Table):
         """
         a, b = self.agreeing()
         return bool((a * (relative @ b)).sum() < (a.shape[1] - 1) / 2)
-
-    def _unit_axes(self) -> tuple[np.ndarray, np.ndarray]:
-        return unit_axis(self.axis or Z), unit_axis(self.other_axis)
 
     @property
     def other_axis(self) -> Axis:
