@@ -27,6 +27,7 @@ SPANS = {  # s; 0.5 s for the others
     "flyball_governor": 0.002,
     "heavy_top": 0.1,
     "humanoid_stance": 0.02,
+    "rattleback": 0.1,
     "sleeping_top": 0.05,
     "spatial_slider_crank": 0.25,
 }
