@@ -55,6 +55,12 @@ class Search:
         """|rho| as a share of the largest force met."""
         return float(np.linalg.norm(self.here.rho)) / (self.scale or 1.0)
 
+    @property
+    def loose(self) -> bool:
+        """Whether no motion is met by a force: H is rounding."""
+        H, Z = self.here.H, self.here.free.Z
+        return bool(np.abs(H).max(initial=0.0) <= ROUNDED * self.scale * np.abs(Z).max(initial=0.0))
+
     def run(self, find: str) -> bool:
         """Go on until forces balance, in a minimum unless any equilibrium will do; say whether they do."""
         self.here = self.statics.point(self.statics.close(self.here.q, self.here.s), self.here.s)
@@ -79,11 +85,11 @@ class Search:
             return None
         w, Q = np.linalg.eig(H) if np.abs(H - H.T).max() > SYMMETRIC * np.abs(H).max() else symmetric(H)
         w = np.where(np.abs(w.imag) <= FLAT * np.abs(w).max(), w.real, np.inf)  # pairs turn: they flutter, and stay
-        return Q[:, w.argmin()].real if w.min() < -FLAT * np.abs(H).max() else None
+        return Q[:, w.argmin()].real if w.min() < -FLAT * np.abs(H).max() and not self.loose else None
 
     def polish(self) -> None:
         """Newton's steps as long as they are short and halve rho."""
-        while self.iterations < ITERATIONS and self.residual > EXACT:
+        while self.iterations < ITERATIONS and self.residual > EXACT and not self.loose:
             y = np.linalg.lstsq(self.here.H, self.here.rho, rcond=FLAT)[0]
             near = np.abs(self.here.free.Z @ y).max(initial=0.0) < START
             there = self.moved(y) if near else None
