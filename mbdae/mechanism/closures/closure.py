@@ -233,9 +233,7 @@ class Closure(Table):
         return cls(kind="screw", frames=(a, b), lead=lead, axis=axis, name=name)
 
     @classmethod
-    def ratio(
-        cls, joint: str, other: str, coefficients: Polynomial, setting: str | None = None, name: str = ""
-    ) -> "Closure":
+    def ratio(cls, joint: str, other: str, coefficients: Polynomial, setting: str = "", name: str = "") -> "Closure":
         """Speeds of joints keep v_joint = (c_0 + c_1 q_setting + ...) v_other: 1 row."""
         joints = (joint, other, setting) if setting else (joint, other)
         return cls(kind="ratio", joints=joints, coefficients=tuple(coefficients), name=name)
@@ -245,7 +243,6 @@ class Closure(Table):
         """Rows that a Python function of the coordinates of joints gives, see `mbdae.mechanism.closures.user_rows`."""
         from .user_rows import UserRows  # which are closures
 
-        joints = (joints,) if isinstance(joints, str) else tuple(joints)
         return UserRows(kind="rows", joints=joints, function=function, size=size, **more)
 
     @property

@@ -1,11 +1,11 @@
 """Rows that a Python function gives: what no kind of closure says, of position or of velocity."""
 
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from ...errors import InputError, NotCompiled, StepError
 from ...system import Array
@@ -17,6 +17,8 @@ from .joint_part import JointPart
 STEP = 4e-3  # rad or m, of central differences of order 6: 3e-17 of the seventh derivative beside 1e-13 of rounding
 STENCIL = ((1, 0.75), (2, -0.15), (3, 1 / 60))
 FITS = 1e-5  # of 1 + |G|: what the slope of g may differ by
+
+Names = Annotated[tuple[str, ...], BeforeValidator(lambda x: (x,) if isinstance(x, str) else x)]
 
 
 class UserRows(Closure):
@@ -43,7 +45,7 @@ class UserRows(Closure):
     """
 
     kind: Literal["rows"]  # type: ignore[assignment]
-    joints: tuple[str, ...] = Field(min_length=1)
+    joints: Names = Field(min_length=1)
     function: Callable[[Array], Any] | None = Field(default=None, exclude=True)
     slopes: Callable[[Array], Any] | None = Field(default=None, exclude=True)
     size: int = Field(default=1, ge=1)
