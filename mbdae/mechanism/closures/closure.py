@@ -120,6 +120,10 @@ class Closure(Table):
 
     @model_validator(mode="after")
     def _checked(self) -> "Closure":
+        self._keys_fit()
+        return self
+
+    def _keys_fit(self) -> None:
         needed, possible = keys(self.kind)
         known = (*needed, *possible)
         given = {k for k in type(self).model_fields if getattr(self, k) is not None}
@@ -137,7 +141,6 @@ class Closure(Table):
         check_numbers(self)
         if not self.name:
             object.__setattr__(self, "name", "-".join(ends))
-        return self
 
     @classmethod
     def point(cls, a: str, b: str, name: str = "") -> "Closure":

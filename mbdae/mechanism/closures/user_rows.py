@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from ...errors import InputError, NotCompiled, StepError
 from ...system import Array
@@ -51,15 +51,13 @@ class UserRows(Closure):
     size: int = Field(default=1, ge=1)
     velocity: bool = False
 
-    @model_validator(mode="after")
-    def _checked(self) -> "UserRows":
+    def _keys_fit(self) -> None:
         if wrong := sorted(self.model_fields_set - {"kind", "name", *UserRows.__annotations__}):
             raise ValueError(f"{wrong[0]} does not belong to rows; known: {', '.join(('name', *OWN))}")
         if len(set(self.joints)) < len(self.joints):
             raise ValueError(f"a joint is named twice: {', '.join(self.joints)}")
         if not self.name:
             object.__setattr__(self, "name", function_name(self.function) if self.function else "rows")
-        return self
 
     def primitives(self) -> tuple["UserRow", ...]:  # type: ignore[override]  # noqa: D102
         return tuple(UserRow(self, i, not self.velocity) for i in range(self.size))
