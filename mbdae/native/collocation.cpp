@@ -4,8 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Core>
-
+#include "matrices.hpp"
 #include "stage_solver.hpp"
 #include "vec3.hpp"
 
@@ -13,12 +12,6 @@ namespace mbdae {
 
 namespace {
 
-template <class T>
-using Rows = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-template <class T>
-using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
-using RowsIn = Eigen::Map<const Rows<double>>;
-using RowsOut = Eigen::Map<Rows<double>>;
 using In = Eigen::Map<const Vector<double>>;
 
 // out (s, n) = h A K of A (s, s) and K (s, n), by rows.

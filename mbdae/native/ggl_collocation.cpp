@@ -6,18 +6,13 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
+#include "matrices.hpp"
 #include "stage_solver.hpp"
 #include "vec3.hpp"
 
 namespace mbdae {
 
 namespace {
-
-template <class T>
-using Rows = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-template <class T>
-using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
-using RowsIn = Eigen::Map<const Rows<double>>;
 
 struct LinearizedGGL : LinearizedStages {
   Numbers P;  // (k, nv) the rows with a g that are kept

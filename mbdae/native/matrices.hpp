@@ -1,0 +1,15 @@
+// Matrices of Eigen by rows, and views of numbers as such.
+#pragma once
+
+#include <Eigen/Core>
+
+namespace mbdae {
+
+template <class T>
+using Rows = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+template <class T>
+using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
+using RowsIn = Eigen::Map<const Rows<double>>;
+using RowsOut = Eigen::Map<Rows<double>>;
+
+}  // namespace mbdae
