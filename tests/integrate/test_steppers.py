@@ -43,7 +43,7 @@ def at(t, stop, end=None, sign=1.0, y=(1.0, 1.0, 1.0), system=None, t1=None):
     """A run at time t, on a leg."""
     leg = Leg(stop, stop if end is None else end, None)
     run = SimpleNamespace(t=t, t1=leg.end if t1 is None else t1, leg=leg, sign=sign, state=State(np.array(y)))
-    run.system, run.tableau, run.singular = system or Rates(), SimpleNamespace(noise=0.5), None
+    run.system, run.tableau, run.singular = system or Rates(), SimpleNamespace(noise=0.5, blend=1.0), None
     run.left, run.F = lambda: abs(leg.stop - run.t), system.f(run.state.y) if system and system.f else None
     return run
 
