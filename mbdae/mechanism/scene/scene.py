@@ -18,6 +18,7 @@ from ...errors import InputError
 from ..workspace import make_data
 from . import stick_figure
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
+from .outlines import Outline, draw_outlines
 from .rolling_bodies import RollingBody, draw
 
 Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
@@ -110,6 +111,7 @@ def make_scene(
     closures: Iterable[Mark] = (),
     springs: Iterable[Mark] = (),
     rolling: Iterable[RollingBody] = (),
+    outlines: Iterable[Outline] = (),
 ) -> Scene:
     """Builds the scene: the model's visuals, generated sticks for massive bodies without any, closures, springs.
 
@@ -119,6 +121,7 @@ def make_scene(
         closures: what to mark, and between which anchors.
         springs: from point to point; each is drawn as two tubes that slide in each other, unless its rest length is 0.
         rolling: bodies that roll; those of joints with visuals are not drawn.
+        outlines: curves fixed to bodies, likewise.
 
     Returns:
         The scene.
@@ -145,6 +148,7 @@ def make_scene(
     size = stick_figure.proportions(model, points, rods, corners)
     parts = list(stick_figure.generate(model, points, size, seen, {body.joint for body in round_ones}))
     parts += draw(round_ones)
+    parts += draw_outlines((curve for curve in outlines if curve.joint not in seen), 1.5 * size.width)
     for mark in closures:
         parts += stick_figure.closure_balls(mark.name, (mark.first, mark.second), size.width)
     shapes += [_shape(role, g, meshes) for role, g in parts]

@@ -41,5 +41,15 @@ def test_balls_and_ellipsoids_have_their_sizes():
 
 
 def test_closures_of_frames_apart_are_not_marked():
-    for name in ("bicycle", "differential_drive", "planetary_gear"):
+    for name in ("bicycle", "differential_drive", "planetary_gear", "cam_follower"):
         assert not [s.name for s in mbdae.load(name).scene.shapes if s.role == "closure"]
+
+
+def test_a_cam_is_a_disc_with_its_profile_as_edge():
+    mech = mbdae.load("cam_follower")
+    shapes = {s.name: s for s in mech.scene.shapes}
+    disc = np.asarray(shapes["cam contact profile"].mesh.vertices)
+    edge = disc[:-2, :2]
+    assert np.linalg.norm(edge - [0.01, 0.0], axis=1) == pytest.approx(0.04)
+    assert disc[-2:, :2] == pytest.approx(np.array([[0.01, 0.0]] * 2))
+    assert shapes["cam contact"].size == (mech.closures[0].radius,)
