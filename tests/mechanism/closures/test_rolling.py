@@ -158,6 +158,20 @@ def test_a_sleigh_turns_round(tmp_path):
     np.testing.assert_allclose(sol.lam[:, 0], m * u * w * moment / (moment + m * a * a), atol=1e-9)
 
 
+def test_an_edge_under_the_centre_goes_across_a_slope(tmp_path):
+    """x = c sin^2 wt down the slope, y = c (wt - sin 2wt/2) across, c = g sin b/(2 w^2), force 2 m g sin b sin wt."""
+    m, b, w = 2.0, 0.4, 2.0
+    pull, c = 9.81 * np.sin(b), 0.477524242255983
+    skate = body("skate", "planar", mass=m, inertia=0.3)
+    edge = Closure.knife_edge("world", "skate", (0.0, 1.0, 0.0), "edge")
+    tables = {"gravity": [pull, 0.0, -9.81 * np.cos(b)], "start": {"v": {"skate": [0.0, 0.0, w]}}}
+    sol = mbdae.solve(load(tmp_path, [skate], [edge], **tables), (0, 5), rtol=1e-11)
+    assert c == pytest.approx(pull / (2 * w * w), rel=1e-14)
+    np.testing.assert_allclose(sol.q[:, 0], c * np.sin(w * sol.t) ** 2, atol=2e-10)
+    np.testing.assert_allclose(sol.q[:, 1], c * (w * sol.t - np.sin(2 * w * sol.t) / 2), atol=2e-10)
+    np.testing.assert_allclose(np.abs(sol.lam[:, 0]), np.abs(2 * m * pull * np.sin(w * sol.t)), atol=1e-8)
+
+
 def test_a_nut_falls_along_its_screw(tmp_path):
     """a = -g/(1 + I/(m lead^2)), lead in m per radian."""
     lead, m, moment = 0.02, 0.5, 1e-3
