@@ -34,13 +34,12 @@ def _marks(found: Iterable[tuple[Any, Sequence[Anchor]]]) -> list[Mark]:
 
 def _rolling(found: Iterable[tuple[Closure, Sequence[Anchor]]]) -> Iterator[RollingBody]:
     for closure, (_, b) in found:
+        place = pin.SE3(b.R, b.p)
         if closure.kind == "rolling":
             s = closure.shape
             axle = None if s.axle is None else np.array(s.axle)
-            place = pin.SE3(b.R, b.p)
             yield RollingBody(closure.name, b.joint, place, axle, s.rim, s.tyre, s.semi_axes, s.centre)
         elif closure.kind == "cam" and closure.radius:
-            place = pin.SE3(b.R, b.p)
             yield RollingBody(closure.name, b.joint, place, None, 0.0, closure.radius, None, (0.0, 0.0, 0.0))
 
 

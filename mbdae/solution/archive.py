@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 FORMAT = 2  # 1 held Pinocchio's archives, which are not safe to read
 SUFFIXES = (".npz", ".csv")
+TABLES = (".csv", ".json")  # of studies whose results are columns
 DAMAGE = (
     OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
     SyntaxError, TokenError, BadZipFile, zlib.error,
@@ -112,6 +113,21 @@ def write_csv(columns: dict[str, np.ndarray], path: str | Path) -> None:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(columns)
         table.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+
+
+def save_table(result: Any, path: str | Path, what: str) -> None:
+    """Write the columns ``result.signals()`` as .csv, or all of ``result.to_dict()`` as .json.
+
+    Raises:
+        InputError: for another suffix, naming ``what``, or an unwritable path.
+    """
+    if Path(path).suffix not in TABLES:
+        raise InputError(f"{what} are saved as {' or '.join(TABLES)}, got {str(path)!r}")
+    if Path(path).suffix == ".csv":
+        write_csv(result.signals(), path)
+        return
+    with write_whole(path) as temporary:
+        temporary.write_text(json.dumps(result.to_dict()), "utf-8")
 
 
 def read(path: str | Path) -> dict[str, Any]:

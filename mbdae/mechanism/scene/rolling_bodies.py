@@ -52,10 +52,10 @@ def draw(bodies: Iterable[RollingBody]) -> Iterator[Part]:
             yield part("link", body.name, body.joint, body.placement, ball, colour)
             yield part("link", f"{body.name} belt", body.joint, body.placement * turned, belt, JOINT_COLOUR)
         else:
-            yield from _wheel(body, colour)
+            yield from _wheel(body, LINK_COLOURS[0 if k % len(LINK_COLOURS) else 1])
 
 
-def _wheel(body: RollingBody, colour: str) -> Iterator[Part]:
+def _wheel(body: RollingBody, marked: str) -> Iterator[Part]:
     outer = body.rim + body.tyre
     thickness = max(body.tyre, THIN * outer)
     place = body.placement * along(np.zeros(3), np.asarray(body.axle))
@@ -66,7 +66,7 @@ def _wheel(body: RollingBody, colour: str) -> Iterator[Part]:
         angle = 2 * np.pi * k / SPOKES
         end = (outer - thickness) * np.array([np.cos(angle), np.sin(angle), 0.0])
         spoke = coal.Cylinder((2 if k == 0 else 1) * THIN * outer / 2, outer - thickness)  # one shows how far it turned
-        shade = LINK_COLOURS[0] if k == 0 and colour != LINK_COLOURS[0] else GROUND_COLOUR if k else LINK_COLOURS[1]
+        shade = GROUND_COLOUR if k else marked
         yield part("link", f"{body.name} spoke", body.joint, place * along(end / 2, end), spoke, shade)
 
 

@@ -7,10 +7,10 @@ import click
 from ...cli.options import PICTURES, as_json, emit, listed, plot_option, writable
 from ...errors import InputError
 from ...mechanism import load
+from ...solution.archive import TABLES
 from ..kinematics.command import held
 from ..kinematics.kinematics import kinematics
 from .inverse import inverse_dynamics
-from .result import SUFFIXES
 
 
 @click.command()
@@ -45,7 +45,7 @@ def inverse(
     as_json: bool,
 ) -> None:
     """Tell what actuators must give for a motion: a saved run, a table of q(t), or a drive at constant speed."""
-    written = writable((output, SUFFIXES), (plot, PICTURES))
+    written = writable((output, TABLES), (plot, PICTURES))
     if (motion is None) == (drive is None):
         raise InputError("give a motion (RUN.npz or TABLE.csv), or --drive and --speed")
     if (first is None) != (last is None) or (motion and (speed is not None or first is not None or hold)):

@@ -1,6 +1,5 @@
 """What `mbdae.inverse_dynamics` returns: efforts, powers, and the forces in all joints."""
 
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -9,14 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.integrate import simpson, trapezoid
 
-from ...errors import InputError, UnknownNameError
-from ...files import write_whole
+from ...errors import UnknownNameError
 from ...mechanism import Mechanism, Reaction, reaction
-from ...solution.archive import write_csv
+from ...solution.archive import save_table
 from ...solution.columns import OWN_AXES, row_names
 from ...system import Array
-
-SUFFIXES = (".csv", ".json")
 
 
 class Demand(NamedTuple):
@@ -177,13 +173,7 @@ class InverseDynamics:
         Raises:
             InputError: for another suffix, or an unwritable path.
         """
-        if Path(path).suffix not in SUFFIXES:
-            raise InputError(f"inverse dynamics are saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
-        if Path(path).suffix == ".csv":
-            write_csv(self.signals(), path)
-            return
-        with write_whole(path) as temporary:
-            temporary.write_text(json.dumps(self.to_dict()), "utf-8")
+        save_table(self, path, "inverse dynamics")
 
     def __str__(self) -> str:
         span = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s"

@@ -7,9 +7,9 @@ import click
 from ...cli.options import PAGES, PICTURES, as_json, emit, listed, plot_option, speed_option, writable
 from ...errors import InputError
 from ...mechanism import load
+from ...solution.archive import TABLES
 from .kinematics import kinematics as follow
 from .modes import assembly_modes
-from .result import SUFFIXES
 
 
 @click.command()
@@ -48,7 +48,7 @@ def kinematics(
     as_json: bool,
 ) -> None:
     """Follow the poses of a mechanism with one freedom over an input: rates, dead points, branches, assembly modes."""
-    written = writable((path, SUFFIXES), (html, PAGES), (plot, PICTURES))
+    written = writable((path, TABLES), (html, PAGES), (plot, PICTURES))
     if last is not None and first is None and not modes:
         raise InputError("give --from and --to, or --turns")
     if modes and written:

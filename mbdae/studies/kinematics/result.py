@@ -1,6 +1,5 @@
 """What `mbdae.kinematics` returns: poses along a curve, with their rates per unit of the input."""
 
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -10,10 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
-from ...files import write_whole
 from ...mechanism import Mechanism
 from ...mechanism.frames import WORLD, frame_names, motions
-from ...solution.archive import write_csv
+from ...solution.archive import save_table
 from ...solution.columns import coordinates, units
 from ...solution.solution import Solution
 from ...system import Array
@@ -25,7 +23,6 @@ ENDS = {
     "stuck": "to a pose from which it cannot be followed",
     "branch": "to a curve above",
 }
-SUFFIXES = (".csv", ".json")
 
 
 class Stretch(NamedTuple):
@@ -198,13 +195,7 @@ class Kinematics:
         Raises:
             InputError: for another suffix, or an unwritable path.
         """
-        if Path(path).suffix not in SUFFIXES:
-            raise InputError(f"kinematics are saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
-        if Path(path).suffix == ".csv":
-            write_csv(self.signals(), path)
-            return
-        with write_whole(path) as temporary:
-            temporary.write_text(json.dumps(self.to_dict()), "utf-8")
+        save_table(self, path, "kinematics")
 
     def summary(self) -> dict[str, Any]:
         """`to_dict` without the table."""
