@@ -235,6 +235,26 @@ class StageVariation(Protocol):
         """Return the cotangents of x, xhat, y_n and the parameters, of that of x', (ny, m)."""
 
 
+class StageEquations(NamedTuple):
+    """The slopes of the ny + m equations of a stage of a collocation method, each (ny + m, ...).
+
+    Attributes:
+        F: by x' of the stage, (ny + m, ny).
+        x: by x.
+        z: by its unknown z, (ny + m, m).
+        y: by y_n.
+        p: by k parameters.
+        t: by the time of the stage, (ny + m, 1).
+    """
+
+    F: Array
+    x: Array
+    z: Array
+    y: Array
+    p: Array
+    t: Array
+
+
 class Variations(Protocol):
     """The slopes of what a run is made of, with respect to (dy, dp): y in its tangent (ny,) and k parameters.
 
@@ -250,6 +270,9 @@ class Variations(Protocol):
         self, chart: Any, times: tuple[float, float], x: Array, xhat: Array, factor: float, F: Array, lam: Array
     ) -> StageVariation:
         """Take the slopes of a stage at t and that that was just computed: x' (ny,) and the unknown z (m,)."""
+
+    def implicit(self, chart: Any, t: float, x: Array, F: Array, z: Array) -> StageEquations:
+        """Take the slopes of a stage of a collocation method at t, of x and x', (ny,), and the unknown z, (m,)."""
 
     def first(self, dy: Array, carry: Array) -> Array:
         """Return dx' of an explicit first stage, (ny, m)."""

@@ -69,3 +69,18 @@ def retraced(trace, mech):
             state = State(y, carry)
         out.append(state.y)
     return np.array(out)
+
+
+def compare(sol, names, signals, **options):
+    """<w, J u> = <J^T w, u> for random weights of signals."""
+    found, rng = mbdae.sensitivity(sol, names, **options), np.random.default_rng(0)
+    weights = {name: rng.standard_normal(len(sol.t)) for name in signals}
+
+    def cost(values):
+        return sum(float(w @ values[name]) for name, w in weights.items()), weights
+
+    adjoint = np.array(list(mbdae.gradient(sol, cost, names, **options).gradient.values()))
+    tangent = sum(w @ found.signal(name) for name, w in weights.items())
+    size = sum(np.abs(w) @ np.abs(found.signal(name)) for name, w in weights.items())
+    assert (np.abs(tangent - adjoint) <= 1e-13 * size.max()).all()
+    assert size.max() > 0

@@ -15,8 +15,10 @@ from ..errors import InputError, StepError
 from ..mechanism import Mechanism, NotCompiled
 from ..mechanism.formulations.parameters import Parameters
 from ..mechanism.formulations.variations import IndexTwoVariations
-from ..methods import Tableau
+from ..methods import Method, Tableau
 from ..methods import method as find_method
+from ..methods.collocation_tangent import CollocationSlopes
+from ..methods.radau import RadauIIA
 from ..methods.tangent import StepSlopes
 from ..solution.solution import Solution
 from ..system import Array, State, System
@@ -54,11 +56,12 @@ class LinearPart(NamedTuple):
         return (y + back[:ny], np.zeros_like(carry), back[ny:]) if self.renews else (back[:ny], carry, back[ny:])
 
 
-Part = StepSlopes | LinearPart
+StepPart = StepSlopes | CollocationSlopes
+Part = StepPart | LinearPart
 
 
 class Trace:
-    """A run of a half-explicit method, to be gone along again.
+    """A run of a half-explicit or a collocation method, to be gone along again.
 
     Args:
         sol: the run.
@@ -78,9 +81,9 @@ class Trace:
     def __init__(self, sol: Solution, parameters: Parameters) -> None:
         mech, settings = _checked(sol), sol.settings
         self.sol, self.project = sol, bool(settings.get("project"))
-        self.tableau = cast(Tableau, find_method(settings["method"]))
+        self.tableau = cast(Method, find_method(settings["method"]))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
-        self.system = _bound(mech)
+        self.system = _bound(mech, settings["formulation"])
         self.slopes = IndexTwoVariations(self.system, parameters)
         self.controlled = "step" not in settings
         if self.controlled:
@@ -89,7 +92,7 @@ class Trace:
             self.stepper = Fixed(settings["step"], self.ts[0], self.ts[-1])
         self.changes = {i: rows for i, rows in sol.in_use}
         self.near = JUMP * float(np.spacing(max(abs(self.ts[0]), abs(self.ts[-1]), 1e-3)))
-        self.n_carry = self.system.ny - self.system.nv if self.tableau.explicit_first else 0
+        self.n_carry = self.system.ny - self.system.nv if self.tableau.carries else 0
         self.carries = np.zeros((len(self.ts), self.n_carry))
         self.renewed = np.zeros(len(self.ts), bool)
         self._walk()
@@ -142,14 +145,18 @@ class Trace:
         if i + 1 in self.changes or self.jumps(i):
             yield from self._renewal(t1, y1)
 
-    def steps(self, i: int, h: float) -> list[StepSlopes]:
+    def steps(self, i: int, h: float) -> list[StepPart]:
         """The step of size h from node i; two half ones where the method has no error estimate of its own."""
         self.hold(i)
         t, state = float(self.ts[i]), self.state(i)
-        if not self._halved:
-            return [StepSlopes(self.system, self.slopes, self.tableau, t, h, state)]
-        first = StepSlopes(self.system, self.slopes, self.tableau, t, h / 2, state)
-        return [first, StepSlopes(self.system, self.slopes, self.tableau, t + h / 2, h / 2, first.state)]
+        at = self.system, self.slopes
+        try:
+            if not self._halved:
+                return [self.tableau.slopes(*at, t, h, state)]
+            first = self.tableau.slopes(*at, t, h / 2, state)
+            return [first, self.tableau.slopes(*at, t + h / 2, h / 2, first.state)]
+        except StepError as e:
+            raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
 
     def short(self, i: int, h: float) -> tuple[Array, list[Part]]:
         """The point (n,) where a step of size h from node i ends, brought back where the run is, and its parts."""
@@ -222,10 +229,12 @@ def _checked(sol: Solution) -> Mechanism:
         InputError: names what is missing.
     """
     mech, s = sol.mechanism, sol.settings
-    if s.get("formulation") != "index2" or not isinstance(find_method(s["method"]), Tableau):
+    form = str(s.get("formulation"))
+    kinds = {"index2": (Tableau, RadauIIA), "ggl": (RadauIIA,)}.get(form, ())
+    if not kinds or not isinstance(find_method(s["method"]), kinds):
         raise InputError(
-            "derivatives of runs are those of half-explicit methods in formulation 'index2', "
-            f"got {s['method']!r} in {s.get('formulation')!r}"
+            "derivatives of runs are those of half-explicit methods in formulation 'index2', and of Radau IIA in "
+            f"'index2' and 'ggl', got {s['method']!r} in {form!r}"
         )
     if not sol.ended:
         raise InputError(f"the run stopped before its end ({sol.status}): {sol.message}")
@@ -234,11 +243,11 @@ def _checked(sol: Solution) -> Mechanism:
     return mech
 
 
-def _bound(mech: Mechanism) -> Any:
+def _bound(mech: Mechanism, formulation: str) -> Any:
     native = backend.load()
     if native:
         try:
-            return mech.system(native=native)
+            return mech.system(formulation, native=native)
         except NotCompiled:
             pass
-    return mech.system()
+    return mech.system(formulation)

@@ -30,6 +30,7 @@ STALLED = 1e-11  # an iteration that ceases to converge below this has met round
 SLOWER = 0.9  # of the change before: where rounding stops the iteration
 SHARE = 1e-3  # of the largest component: none counts for less
 REUSE = 0.03  # slopes and factors serve the next step of the same h while the iteration converges faster than this
+HALVINGS = 6  # of a step that is solved once more, for a guess
 
 
 class Memory(NamedTuple):
@@ -93,6 +94,29 @@ def collocation_step(
     return Step(State(y, found, system.lost(state.y, x, y)), own, errors)
 
 
+def repeated_step(
+    system: System, a: RadauArrays, t: float, h: float, y: Array, patience: int, halvings: int = HALVINGS
+) -> tuple[Chart, Memory]:
+    """Solve the stages of a step once more, from y alone.
+
+    Where x' = y'_n is no guess from which the iteration converges, the polynomial of the step of half the size is one.
+
+    Raises:
+        StepError: if the iteration does not converge, or what the problem raises.
+    """
+    chart, s = system.chart(t, y), len(a.c)
+    stages = _Stages(system, chart, a, t, h, system.size(y), patience)
+    F, z = chart.start()
+    try:
+        return chart, stages.afresh(np.tile(F, (s, 1)), np.tile(z, (s, 1)))
+    except StepError:
+        if not halvings:
+            raise
+    half = repeated_step(system, a, t, h / 2, y, patience, halvings - 1)[1]
+    onward = lagrange(a.c, 2 * a.c)
+    return chart, stages.afresh(onward @ half.K, onward @ half.Z)
+
+
 def _factorize(slopes: Linearization, a: RadauArrays, h: float) -> list[Solver]:
     return [slopes.factorize(h * mode.value) for mode in a.modes]
 
@@ -147,6 +171,12 @@ class _Stages:
         raise StepError(
             "newton", f"the iteration of an implicit step at t = {self.t:.17g}, h = {self.h:.3g} does not converge"
         )
+
+    def afresh(self, K: Array, Z: Array) -> Memory:
+        """Iterate from a guess with the slopes of its middle."""
+        i, X = self.a.middle, self.h * (self.a.A @ K)
+        slopes = self.chart.linearize(X[i], K[i], Z[i])
+        return self.solve(K, Z, slopes, _factorize(slopes, self.a, self.h))
 
     def _moves(self, K: Array) -> Array:
         """The measured components of X = h A K, (s, .)."""

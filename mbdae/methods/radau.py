@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ..system import State, Step, System
+from ..system import State, Step, System, Variations
 from . import collocation
 from .collocation import collocation_step
+from .collocation_tangent import CollocationSlopes
 from .controller import PI
 from .radau_coefficients import RadauArrays, coefficients
 from .tableau import Row, Tableau
@@ -95,6 +96,9 @@ class RadauIIA:
         """1 / sum_j |omega_sj|, omega the inverse of A; rounding in own z is eps / (h times it)."""
         return 1 / float(np.abs(np.linalg.inv(self.arrays.A)[-1]).sum())
 
+    patience = PATIENCE
+    carries = False  # what it takes on from step to step is a guess
+
     @cached_property
     def arrays(self) -> RadauArrays:
         """The coefficients in double precision."""
@@ -160,6 +164,10 @@ class RadauIIA:
         return system.whole_step(self, t, h, state) or collocation_step(
             system, self.arrays, t, h, state, PATIENCE, estimate=False
         )
+
+    def slopes(self, system: System, slopes: Variations, t: float, h: float, state: State) -> CollocationSlopes:
+        """The slopes of a step."""
+        return CollocationSlopes(system, slopes, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate, or give up where the iteration converges slowly."""

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..system import State, Step, System
+from ..system import State, Step, System, Variations
 from .controller import PI
 from .exact import Number, exact
 from .step import doubled_step, half_explicit_step
+from .tangent import StepSlopes
 
 Row = list[Number]
 Text = tuple[str, ...]
@@ -99,6 +100,11 @@ class Tableau:
         return bool(self.Ahat) and not any(self.exact_Ahat[0])
 
     @property
+    def carries(self) -> bool:
+        """Whether a step needs more than the point where the one before it ended."""
+        return self.explicit_first
+
+    @property
     def family(self) -> str:
         """``"HERK"``, or ``"Arnold"`` (Ahat is A shifted) or ``"PHERK"`` for an explicit first stage."""
         if not self.explicit_first:
@@ -149,6 +155,10 @@ class Tableau:
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; see `mbdae.methods.step.half_explicit_step`."""
         return system.whole_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
+
+    def slopes(self, system: System, slopes: Variations, t: float, h: float, state: State) -> StepSlopes:
+        """The slopes of a step, see `mbdae.methods.tangent`."""
+        return StepSlopes(system, slopes, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate: the embedded formula's, or that of two half steps."""

@@ -13,14 +13,16 @@ import numpy as np
 from scipy.linalg.lapack import dgesv, dpotrs
 
 from ...errors import StepError
-from ...system import Array, Solver
+from ...system import Array, Solver, StageEquations
 from ..closures import independent_rows
 from .chart import Index2Chart
 from .implicit import Linearized, padded
+from .implicit_slopes import stabilised_stage
 from .index2 import Index2System
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
+    from .parameters import Parameters
 
 ITERATIONS = 12
 ROUNDING = 1e-15  # of 1 + |q|: a correction this small is not made, G belongs to the point without it
@@ -144,6 +146,10 @@ class GGLChart(Index2Chart):
         g, G = s.closures(None, t)
         rest[:nv] += s.manifold.tangent(x[:nv], dpotrs(U, z[r:] @ G[self.kept])[0])
         return rest, np.concatenate([c, -g[self.kept]])
+
+    def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StageEquations:
+        """Take the slopes of the stage's equations, by parameters, too."""
+        return stabilised_stage(self, t, x, dx, z, parameters)
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":
         """Take the slopes at (x, x', z)."""

@@ -24,12 +24,14 @@ import pinocchio as pin
 from scipy.linalg.lapack import dpotrs
 
 from ...linear import factorized
-from ...system import Array, Counts, Solver
+from ...system import Array, Counts, Solver, StageEquations
 from ..manifold import Manifold
 from .derivatives import Jacobians, jacobians
+from .implicit_slopes import implicit_stage
 
 if TYPE_CHECKING:
     from .index2 import Index2System
+    from .parameters import Parameters
 
 
 class ImplicitStages:
@@ -72,6 +74,10 @@ class ImplicitStages:
         r[:nv] -= dx[:nv]
         r[2 * nv :] -= dx[2 * nv :]
         return r, -(G @ v + g_t)
+
+    def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StageEquations:
+        """Take the slopes of the stage's equations, by parameters, too."""
+        return implicit_stage(self, t, x, dx, z, parameters)
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":
         """Take the slopes at (x, x', z)."""

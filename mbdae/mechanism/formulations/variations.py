@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import AssemblyError, InputError
-from ...system import Array
+from ...system import Array, StageEquations
 from .corrections import Corrections
 from .derivatives import hidden_slopes, time_slopes
 from .stage_slopes import Saddle, StageSlopes
@@ -57,6 +57,10 @@ class IndexTwoVariations(Corrections):
         """Take the slopes of a stage at t and that, of x', (ny,), and lam, (r,)."""
         return StageSlopes(chart, times, x, xhat, factor, F, lam, self.parameters)
 
+    def implicit(self, chart: "Index2Chart", t: float, x: Array, F: Array, z: Array) -> StageEquations:
+        """Take the slopes of a stage of a collocation method at t, of x and x', (ny,), and z, (m,)."""
+        return chart.slopes(t, x, F, z, self.parameters)
+
     def first(self, dy: Array, carry: Array) -> Array:
         """Return dx' of an explicit first stage, (ny, m)."""
         return np.concatenate([dy[self.system.nv : 2 * self.system.nv], carry])
@@ -86,6 +90,7 @@ class IndexTwoVariations(Corrections):
         """Take the slopes of y' and of all multipliers on M v' = f + G^T lam, 0 = G v' + gamma."""
         s, nv, n = self.system, self.system.nv, self.system.ny - self.system.nv
         F, found = s.derivative(t, y)
+        found = found[: s.ng]
         (q, v), inner, vdot, rows = s.split(y), s.inner(y), F[nv : 2 * nv], np.array(s.in_use, int)
         G = s.jacobian(q)
         force = G.T @ found

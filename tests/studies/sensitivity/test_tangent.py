@@ -166,6 +166,6 @@ def test_what_has_no_derivative_is_refused_by_name():
     with pytest.raises(UnknownNameError, match="signal"):
         mbdae.sensitivity(sol, ["joint.crank.mass"]).signal("q.nothing")
     with pytest.raises(InputError, match="half-explicit"):
-        mbdae.sensitivity(mbdae.solve(mech, (0.0, 0.1), step=0.05, method="radau5"), ["joint.crank.mass"])
+        mbdae.sensitivity(mbdae.solve(mech, (0.0, 0.1), step=0.05, formulation="ggl"), ["joint.crank.mass"])
     with pytest.raises(InputError, match="not read from files"):
         mbdae.sensitivity(mbdae.solve(mbdae.Mechanism(mech.model), (0.0, 0.1), step=0.05), ["gravity.2"])

@@ -1,0 +1,90 @@
+"""Derivatives of runs of Radau IIA: stages by the implicit function theorem, in both forms that keep closures."""
+
+import numpy as np
+import pytest
+from frozen import best, compare, retraced, runs_of
+
+import mbdae
+from mbdae.mechanism.formats.library import model_names
+
+SHORT = {"andrews_squeezer": (2e-4, 4e-5), "rolling_disc": (0.04, 5e-3),
+         "snakeboard": (0.02, 2e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.01, 5e-3),
+         "flyball_governor": (0.01, 1e-3), "jansen_walker": (0.1, 0.02), "n_four_bar": (0.2, 0.05),
+         "sleeping_top": (0.02, 2e-3)}  # fmt: skip
+
+
+def miss(model, name, T, **options):
+    """The relative error of the tangent beside quotients of runs."""
+    template, value, run = runs_of(model, name, T, **options)
+    sol = run(value)
+    found = mbdae.sensitivity(sol, [name], model=template)
+    assert np.abs(found.dy).max() > 0
+    return best(found.dy[..., 0], lambda x: run(x).y, value, mech=sol.mechanism)
+
+
+@pytest.mark.parametrize("form", ["index2", "ggl"])
+@pytest.mark.parametrize("method", ["radau1", "radau3", "radau5", "radau9"])
+def test_every_number_of_stages(method, form):
+    for model, name, T, step, within in (
+        ("four_bar", "joint.coupler.com.0", 0.6, 0.05, 1e-10),
+        ("pendulum", "gravity.2", 1.0, 0.05, 1e-12),
+    ):
+        assert miss(model, name, T, step=step, method=method, formulation=form) < within
+
+
+@pytest.mark.parametrize("model", model_names())
+def test_every_model(model):
+    """A velocity of the start that closures allow."""
+    mech = mbdae.load(model)
+    T, step = SHORT.get(model, (0.1, 0.02))
+    q, v = mech.start
+    free = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
+    free /= max(np.abs(free).max(), 1e-3)  # drivers may leave no freedom
+
+    def run(x):
+        sol = mbdae.solve(mech, (0.0, T), q, v + x * free, step=step, method="radau5")
+        assert sol.ended, sol.message
+        return sol
+
+    along = mbdae.sensitivity(run(0.0), start=True).dy[:, :, mech.nv : 2 * mech.nv] @ free
+    assert best(along, lambda x: run(x).y, 0.0, mech=mech) < 1e-9
+
+
+NAMES = ("joint.rocker.xyz.0", "frame.coupler_tip.xyz.0", "start.v.crank")
+
+
+@pytest.mark.parametrize("options", [{"project": True}, {"formulation": "ggl"}])
+@pytest.mark.parametrize("name", NAMES)
+def test_every_sort_of_parameter(name, options):
+    assert miss("four_bar", name, 0.4, step=0.05, method="radau5", **options) < 1e-10
+
+
+@pytest.mark.parametrize("form", ["index2", "ggl"])
+def test_controlled_runs_with_frozen_steps(form):
+    name = "joint.crank.mass"
+    template, value, run = runs_of("four_bar", name, 0.5, rtol=1e-3, method="radau5", formulation=form)
+    found = mbdae.sensitivity(run(value), [name], model=template)
+    if form == "ggl":
+        return compare(run(value), [name], ["q.crank", "lam.pin.1"], start=True, model=template)
+    assert np.abs(retraced(found.trace, template.make({name: value})) - found.y).max() < 1e-11
+    error = best(found.dy[..., 0], lambda x: retraced(found.trace, template.make({name: x})), value,
+                 mech=found.trace.sol.mechanism)  # fmt: skip
+    assert error < 1e-10
+    return None
+
+
+@pytest.mark.parametrize("form", ["index2", "ggl"])
+@pytest.mark.parametrize(("model", "T"), [("bricard", 0.3), ("heavy_top", 0.05), ("panda_handle", 0.02)])
+def test_adjoint(model, T, form):
+    mech = mbdae.load(model)
+    sol = mbdae.solve(mech, (0.0, T), method="radau5", formulation=form, rtol=1e-5)
+    compare(sol, ["gravity.2"], ["energy", "work", f"lam.{mech.row_closure(0)}.1"], start=True)
+
+
+def test_terminal_events():
+    event = mbdae.Event(lambda t, q, v: q[0] - 1.0, terminal=True)
+    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 2.0), method="radau5", rtol=1e-5, events=event)
+    compare(sol, ["joint.crank.mass"], ["q.coupler", "t"], start=True, event=event)
+    explicit = mbdae.solve(mbdae.load("four_bar"), (0.0, 2.0), method="pherk6", rtol=1e-10, events=event)
+    ends = [mbdae.sensitivity(s, ["joint.crank.mass"], event=event).dt[-1, 0] for s in (sol, explicit)]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-4)
