@@ -1,8 +1,9 @@
 """The steps of a run once more, and how they move: what tangents and adjoints of runs go along.
 
 A run's nodes tell its steps: each leads from one node to the next with the size that was accepted. Where two nodes
-stand at one time but for roundings there was a jump. Beside the nodes a trace keeps what the method carried, and where
-it was found anew: so much for each step, and nothing of its stages, which are computed again when they are asked for.
+stand at one time but for roundings there was a jump. Beside the nodes a trace keeps what the method carried at
+some of them (`mbdae.integrate.checkpoints`), and where it was found anew; stages are computed again when they are asked
+for.
 """
 
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ from ..methods.radau import RadauIIA
 from ..methods.tangent import StepSlopes
 from ..solution.solution import Solution
 from ..system import Array, State, System
+from .checkpoints import Checkpoints
 from .jumps import MARGIN
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
@@ -93,9 +95,11 @@ class Trace:
         self.changes = {i: rows for i, rows in sol.in_use}
         self.near = JUMP * float(np.spacing(max(abs(self.ts[0]), abs(self.ts[-1]), 1e-3)))
         self.n_carry = self.system.ny - self.system.nv if self.tableau.carries else 0
-        self.carries = np.zeros((len(self.ts), self.n_carry))
         self.renewed = np.zeros(len(self.ts), bool)
-        self._walk()
+        self.walked: Checkpoints | None = None
+        if self.n_carry:
+            self.hold(0)
+            self.walked = Checkpoints(len(self.ts), State(self.ys[0], self._anew(0, self.ys[0])), self._advance)
 
     def jumps(self, i: int) -> bool:
         """Say whether nodes i and i + 1 stand before and after a jump."""
@@ -109,7 +113,7 @@ class Trace:
 
     def state(self, i: int) -> State:
         """Where the step from node i starts."""
-        return State(self.ys[i], self.carries[i] if self.n_carry else None)
+        return State(self.ys[i], self.walked[i].carry if self.walked else None)
 
     def start(self) -> Iterator[Part]:
         """What leads from a given start to the first node."""
@@ -147,9 +151,9 @@ class Trace:
 
     def steps(self, i: int, h: float) -> list[StepPart]:
         """The step of size h from node i; two half ones where the method has no error estimate of its own."""
-        self.hold(i)
         t, state = float(self.ts[i]), self.state(i)
         at = self.system, self.slopes
+        self.hold(i)  # which a segment that was walked again may have changed
         try:
             if not self._halved:
                 return [self.tableau.slopes(*at, t, h, state)]
@@ -175,37 +179,33 @@ class Trace:
             nv, n = self.system.nv, self.slopes.ny + self.slopes.k
             yield LinearPart(self.slopes.rate(t, y).rate[nv:, :n], True)
 
-    def _walk(self) -> None:
-        """Find what the method carried from node to node, and see that the steps are those of the run.
+    def _advance(self, i: int, state: State) -> State:
+        """Find what the method carried at node i + 1, and see that the step is that of the run.
 
         Points and what is carried go on together, as in the run: where it is stiff, roundings in one that the other
         does not share grow from step to step.
         """
-        if not self.n_carry:
-            return
-        self.hold(0)
-        y, self.carries[0] = self.ys[0], self._anew(0, self.ys[0])
-        for i in range(len(self.ts) - 1):
-            self.hold(i)
-            y1 = self.ys[i + 1]
-            if not self.jumps(i):
-                y, self.carries[i + 1], self.renewed[i + 1] = self._repeat(i, y)
-                apart = np.abs(self.system.difference(y, y1)).max()
-                if not apart <= REPEATED * (1 + np.abs(y1).max()) and i + 1 not in self.changes:
-                    where = f"the step from t = {self.ts[i]:.9g} s cannot be repeated"
-                    raise InputError(f"{where}: not a step of the method, or one with other forces")
-                if not apart <= SYNCHRONOUS * (1 + np.abs(y1).max()):
-                    y = y1
-            if self.jumps(i) or i + 1 in self.changes:
-                self.hold(i + 1)
-                y, self.carries[i + 1] = y1, self._anew(i + 1, y1)
+        self.hold(i)
+        y1 = self.ys[i + 1]
+        if not self.jumps(i):
+            state, self.renewed[i + 1] = self._repeat(i, state)
+            apart = np.abs(self.system.difference(state.y, y1)).max()
+            if not apart <= REPEATED * (1 + np.abs(y1).max()) and i + 1 not in self.changes:
+                where = f"the step from t = {self.ts[i]:.9g} s cannot be repeated"
+                raise InputError(f"{where}: not a step of the method, or one with other forces")
+            if not apart <= SYNCHRONOUS * (1 + np.abs(y1).max()):
+                state = State(y1, state.carry)
+        if self.jumps(i) or i + 1 in self.changes:
+            self.hold(i + 1)
+            return State(y1, self._anew(i + 1, y1))
+        return state
 
     def _anew(self, i: int, y: Array) -> Any:
         return self.system.carry(*self.system.derivative(float(self.ts[i]), y))
 
-    def _repeat(self, i: int, y: Array) -> tuple[Array, Any, bool]:
-        """Take the step from node i once more, from a point there; return point and carry, and whether that is new."""
-        t, h, start = float(self.ts[i]), float(self.ts[i + 1] - self.ts[i]), State(y, self.carries[i])
+    def _repeat(self, i: int, start: State) -> tuple[State, bool]:
+        """Take the step from node i once more; return where it ends, and whether what is carried is new."""
+        t, h = float(self.ts[i]), float(self.ts[i + 1] - self.ts[i])
         try:
             if self._halved:
                 half = self.tableau.step(self.system, t, h / 2, start)
@@ -213,11 +213,11 @@ class Trace:
             else:
                 state = self.tableau.step(self.system, t, h, start).state
             if not self.project:
-                return state.y, state.carry, False
+                return State(state.y, state.carry), False
             closed, standing = self.system.restore(t + h, state.y), _Standing(self.system, start)
             if self.stepper.tolerates(standing, closed, self.system.difference(state.y, closed)):
-                return closed, state.carry, False
-            return closed, self._anew(i + 1, closed), True
+                return State(closed, state.carry), False
+            return State(closed, self._anew(i + 1, closed)), True
         except StepError as e:
             raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
 

@@ -1,7 +1,5 @@
 """Gradients by the adjoint against tangents, to rounding; costs, and what is refused."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 from frozen import compare, quotient, runs_of
@@ -76,17 +74,3 @@ def test_what_is_refused():
         mbdae.gradient(sol, lambda s: 0.0, ["joint.crank.mass"])
     with pytest.raises(InputError, match="opens closures that depend"):
         mbdae.gradient(sol, lambda s: (0.0, {}), ["joint.rocker.rpy.0"])
-
-
-def test_memory_of_an_adjoint():
-    """It grows by little more than the run's own numbers: below 1 GB for a million steps."""
-    peaks = []
-    for n in (20, 120):
-        sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 2e-3 * n), step=2e-3, method="pherk5")
-        cost = mbdae.Squares({"q.crank": np.zeros(len(sol.t))})
-        mbdae.gradient(sol, cost, ["joint.crank.mass"])
-        tracemalloc.start()
-        mbdae.gradient(sol, cost, ["joint.crank.mass"])
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-    assert (peaks[1] - peaks[0]) / 100 < 1000

@@ -1,0 +1,67 @@
+"""Steps that are walked again have the same bits, and cost little memory."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.integrate import checkpoints
+from mbdae.integrate.checkpoints import Checkpoints
+from mbdae.integrate.trace import Trace
+from mbdae.studies.sensitivity.numbers import bound
+
+
+@pytest.fixture
+def short(monkeypatch):
+    monkeypatch.setattr(checkpoints, "SHORT", 5)
+
+
+def test_states_are_found_anew(short):
+    calls = []
+
+    def advance(i, x):
+        calls.append(i)
+        return x + [i]
+
+    walked = Checkpoints(23, [], advance)
+    assert calls == list(range(22))
+    assert [walked[i] for i in reversed(range(23))] == [list(range(i)) for i in reversed(range(23))]
+    assert len(calls) == 22 + 16  # the last segment stood already, and each of the others is walked along once more
+    assert walked.segment(1) == [list(range(i)) for i in range(5, 10)]
+
+
+@pytest.mark.parametrize(
+    ("model", "T", "options"),
+    [
+        ("four_bar", 1.0, {"method": "pherk5", "rtol": 1e-5}),
+        ("four_bar", 1.0, {"method": "arnold4", "step": 0.05, "project": True}),
+        ("bricard", 6.0, {"method": "pherk5", "step": 0.1}),
+    ],
+)
+def test_the_same_bits(model, T, options, monkeypatch):
+    """Backwards and in pieces as all at once; Bricard's rows change on the way."""
+    sol = mbdae.solve(mbdae.load(model), (0.0, T), **options)
+    at_once = Trace(sol, bound(sol.mechanism, [], None, 0.0)[1])
+    monkeypatch.setattr(checkpoints, "SHORT", 5)
+    pieces = Trace(sol, bound(sol.mechanism, [], None, 0.0)[1])
+    for i in reversed(range(len(sol.t))):
+        np.testing.assert_array_equal(pieces.state(i).carry, at_once.state(i).carry)
+    found = [mbdae.sensitivity(sol, start=True).dy]
+    monkeypatch.setattr(checkpoints, "SHORT", 1000)
+    found.append(mbdae.sensitivity(sol, start=True).dy)
+    np.testing.assert_array_equal(*found)
+
+
+def test_memory_of_an_adjoint(short):
+    """It grows by less than the run itself, so that a million steps of the pendulum stay far below 1 GB."""
+    peaks = []
+    for n in (30, 180):
+        sol = mbdae.solve(mbdae.load("pendulum"), (0.0, 1e-3 * n), step=1e-3, method="pherk3")
+        cost = mbdae.Squares({"q.ball.x": np.zeros(len(sol.t))})
+        mbdae.gradient(sol, cost, ["gravity.2"])
+        tracemalloc.start()
+        mbdae.gradient(sol, cost, ["gravity.2"])
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert (peaks[1] - peaks[0]) / 150 < 250
