@@ -62,8 +62,8 @@ class Squares:
         return value, slopes
 
 
-def evaluated(cost: Cost, sol: Solution) -> tuple[float, dict[str, Array]]:
-    """A cost and its derivatives, checked.
+def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, dict[str, Array]]:
+    """A cost of signals (n,) and its derivatives, checked.
 
     Raises:
         InputError: for a cost that is not finite, or derivatives of the wrong shape.
@@ -71,15 +71,13 @@ def evaluated(cost: Cost, sol: Solution) -> tuple[float, dict[str, Array]]:
     name = "Squares" if isinstance(cost, Squares) else function_name(cost)
     if not callable(cost):
         raise InputError(f"a cost is a function of signals that returns (value, slopes), got {cost!r:.60}")
-    found = cost(Signals(sol))
+    found = cost(signals)
     if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], Mapping)):
         raise InputError(f"cost {name!r} returns (value, {{signal: its derivative (n,)}}), got {found!r:.60}")
     value, slopes = float(found[0]), {key: np.asarray(x, float) for key, x in found[1].items()}
     if not np.isfinite(value):
         raise InputError(f"cost {name!r} is {value}")
     for key, x in slopes.items():
-        if x.shape != (len(sol.t),) or not np.isfinite(x).all():
-            raise InputError(
-                f"cost {name!r}: its derivative with respect to {key!r} must be {len(sol.t)} finite numbers"
-            )
+        if x.shape != (n,) or not np.isfinite(x).all():
+            raise InputError(f"cost {name!r}: its derivative with respect to {key!r} must be {n} finite numbers")
     return value, slopes

@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import require
 from ...integrate.trace import Trace
 from ...solution.solution import Solution
-from .cost import Cost, evaluated
+from .cost import Cost, Signals, evaluated
 from .ending import ending
 from .numbers import Model, Names, bound
 from .sensitivity import begun, places, start_columns
@@ -74,7 +74,7 @@ def gradient(
     points = sol.y.copy() if len(between) else sol.y
     for k in between:
         points[k] = trace.short(int(at[k]), float(sol.t[k] - trace.ts[at[k]]))[0]
-    value, weights = evaluated(cost, replace(sol, y=points))
+    value, weights = evaluated(cost, Signals(replace(sol, y=points)), len(sol.t))
     signals = SignalSlopes(trace, list(weights))
     w = np.array(list(weights.values())).reshape(len(weights), len(sol.t))
 

@@ -1,0 +1,30 @@
+"""How a search went: cost and parameters over the points that were tried."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..figures import WIDTH, beside, own_style, plain, positive, settled, sheet
+from .result import Optimum
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@settled
+def search(found: Optimum) -> "Figure":
+    """Draw the cost, and the parameters from 0 at the start to 1 at the optimum, over the points that were tried."""
+    figure = sheet(WIDTH, 4.0)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    costs = np.array([t.cost for t in found.history])
+    upper.plot(costs, ".-", color="#0072B2")
+    if (positive(costs) > 0).all() and costs.max() > 10 * costs.min():
+        upper.set_yscale("log")
+    upper.set_ylabel("cost")
+    for i, (name, end) in enumerate(found.values.items()):
+        way = np.array([t.values[name] for t in found.history])
+        lower.plot((way - way[0]) / ((end - way[0]) or 1.0), ".", label=plain(name), **own_style(i))
+    lower.set_ylabel("share of the way")
+    lower.set_xlabel("point")
+    beside(lower)
+    return figure

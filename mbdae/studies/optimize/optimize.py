@@ -1,0 +1,256 @@
+"""Numbers of a mechanism by which a cost of its motion is least: a bridge to `scipy.optimize`.
+
+    minimise c(p),   low <= p <= high,   low_j <= c_j(p) <= high_j
+
+by sequential least squares (Kraft, DFVLR-FB 88-28 (1988)) or another search of scipy with exact gradients: those of the
+adjoint of a run (`mbdae.gradient`), or along a curve of poses (`mbdae.kinematics`) by the implicit function theorem.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import Bounds, NonlinearConstraint, minimize
+
+from ...errors import InputError, MbdaeError, UnknownNameError
+from ...mechanism import Mechanism
+from ...mechanism.formats.remembered import number
+from ...mechanism.formats.template import Template
+from ...system import Array
+from ..fit.misfit import RTOL
+from ..sensitivity.cost import Cost
+from ..sensitivity.numbers import Names, maker
+from .motion import Measured, Motion, Moves, curves, runs
+from .result import Optimum, Tried
+
+__all__ = ["optimize"]
+
+SEARCHES = {"SLSQP": "ftol", "trust-constr": "gtol", "L-BFGS-B": "ftol"}  # of scipy, by what each ends
+ROUNDED = 8  # of SLSQP: no step along its direction makes the cost less
+FLAT = 1e-6  # of the cost at the start over a scale of a parameter: its slope where a search ends by rounding
+HOLDS = 1e-6  # of its size: by how much a constraint may be missed
+Pair = tuple[float | None, float | None]
+
+
+def optimize(
+    model: str | Path | Mechanism | Callable[..., Mechanism],
+    cost: Cost,
+    parameters: Names,
+    bounds: Mapping[str, Pair] | None = None,
+    constraints: Mapping[str, tuple[Cost, float | None, float | None]] | None = None,
+    *,
+    t_span: tuple[float, float] | None = None,
+    drive: str | None = None,
+    scales: Mapping[str, float] | None = None,
+    search: str = "SLSQP",
+    tolerance: float = 1e-10,
+    iterations: int = 200,
+    progress: Callable[[str], None] | None = None,
+    **settings: Any,
+) -> Optimum:
+    """Find the numbers of a mechanism by which a cost of its motion is least.
+
+    The motion is a run from the mechanism's start; or, with ``drive``, the curve of its poses over an input, where
+    nothing but positions, their rates and holding efforts matter. What cannot be computed with some numbers (loops that
+    do not close, runs that fail) counts as infinitely costly; the start must be computable.
+
+    Args:
+        model: what `mbdae.load` takes, a mechanism that was loaded, or a function that makes one.
+        cost: signals -> (value, {signal: derivative (n,)}), see `mbdae.gradient`; or `mbdae.Squares`. The parameters
+            are among the signals, with one number as derivative. Signals are those of `mbdae.Solution.signals` for runs;
+            for curves ``u``, ``q.<joint>``, ``v.<joint>`` (per unit speed of the drive), ``position.<frame>.x``, .y, .z
+            and ``holding``, what the drive must give to hold each pose at rest, in N m or N.
+        parameters: dotted names, as of sweeps; or name = value, where the search starts.
+        bounds: (low, high) of parameters, None for none.
+        constraints: by a name of one's own, (function like a cost, low, high), None for none; low = high is an equation.
+        t_span: start and end of the run; 0 and the model's duration when left out.
+        drive: a joint or driver, the input of a curve of poses.
+        scales: by which size a parameter typically changes; a tenth of its range, or of its value, when left out.
+        search: ``"SLSQP"``, ``"trust-constr"`` or, without constraints, ``"L-BFGS-B"``.
+        tolerance: where the search ends, relative to the cost at the start.
+        iterations: at most.
+        progress: told what is done, in words.
+        settings: arguments of `mbdae.solve`; or, with ``drive``, of `mbdae.kinematics`: span, turns, hold, points, q.
+
+    Raises:
+        InputError: for a start that cannot be computed, bounds that are none, signals or parameters without a gradient.
+        UnknownNameError: for names that lead nowhere.
+    """
+    if search not in SEARCHES:
+        raise UnknownNameError("search", search, SEARCHES)
+    if search == "L-BFGS-B" and constraints:
+        raise InputError("search 'L-BFGS-B' takes no constraints, only bounds")
+    loaded = model if isinstance(model, Mechanism) else None
+    make = maker(loaded, None if loaded else str(model) if isinstance(model, Path) else model)
+    start = _start(make, parameters)
+    box = _pairs("parameter", start, bounds or {})
+    limits = {name: _pair(f"constraint {name!r}", x[1:]) for name, x in (constraints or {}).items()}
+    for name, x in start.items():
+        if not box[name][0] <= x <= box[name][1]:
+            raise InputError(f"parameter {name!r} starts at {x:g}, outside its bounds {box[name][0]:g} to {box[name][1]:g}")
+    moves = (
+        curves(make, drive, make.make(start), settings)
+        if drive is not None
+        else runs(make, t_span, {**({} if "step" in settings else {"rtol": RTOL}), **settings})
+    )
+    functions = {name: x[0] for name, x in (constraints or {}).items()}
+    problem = Problem(moves, cost, functions, start, limits, progress)
+    return problem.solve(box, _scales(start, box, scales or {}), search, tolerance, iterations)
+
+
+class Problem:
+    """The cost and the constraints as functions of coordinates z, p = p_0 + scale z, in units of their sizes."""
+
+    def __init__(
+        self,
+        moves: Moves,
+        cost: Cost,
+        functions: Mapping[str, Cost],
+        start: dict[str, float],
+        limits: dict[str, tuple[float, float]],
+        progress: Callable[[str], None] | None,
+    ) -> None:
+        self.moves, self.functions, self.limits = moves, {"": cost, **functions}, limits
+        self.start, self.tell, self.scale = start, progress or (lambda text: None), np.ones(len(start))
+        self.history: list[Tried] = []
+        self.last: tuple[Array, dict[str, Measured]] | None = None
+        self.best: tuple[Tried, Motion, dict[str, Measured]] | None = None
+        self.z = np.zeros(len(start))
+        first = self.measure(self.z)
+        self.sizes = {name: abs(m.value) or 1.0 for name, m in first.items()}
+        for name, pair in limits.items():
+            self.sizes[name] = max([abs(x) for x in pair if np.isfinite(x)], default=0.0) or self.sizes[name]
+
+    def values(self, z: Array) -> dict[str, float]:
+        """The parameters."""
+        return {name: x + float(s * y) for (name, x), s, y in zip(self.start.items(), self.scale, z, strict=True)}
+
+    def measure(self, z: Array) -> dict[str, Measured]:
+        """The cost and the constraints at a point; an infinite cost where they cannot be computed."""
+        if self.last is not None and (self.last[0] == z).all():
+            return self.last[1]
+        values = self.values(z)
+        try:
+            motion = self.moves(values)
+            found = {name: motion.measure(function) for name, function in self.functions.items()}
+        except MbdaeError:
+            if not self.history:
+                raise
+            found = {name: Measured(np.nan, np.zeros(len(z))) for name in self.functions}
+            found[""] = Measured(np.inf, np.zeros(len(z)))
+            self.history.append(Tried(values, np.nan, {}))
+            found |= {name: Measured(m.value, m.slopes) for name, m in (self.best or self.last)[-1].items() if name}  # type: ignore[index]
+        else:
+            tried = Tried(values, found[""].value, {name: m.value for name, m in found.items() if name})
+            self.history.append(tried)
+            if self.best is None or self.rank(tried) < self.rank(self.best[0]):
+                self.best = tried, motion, found
+        self.tell(f"{len(self.history)} motions, cost {self.best[0].cost:.6g}" if self.best else "")
+        self.last = z.copy(), found
+        return found
+
+    def missed(self, tried: Tried) -> float:
+        """By how much the constraints are missed, in their sizes; 0 where they hold."""
+        parts = [max(self.limits[n][0] - x, x - self.limits[n][1], 0.0) / self.sizes[n] for n, x in tried.constraints.items()]
+        return max((x for x in parts if x > HOLDS), default=0.0)
+
+    def rank(self, tried: Tried) -> tuple[float, float]:
+        """Points that keep the constraints come first, by their cost; others by what they miss."""
+        return (self.missed(tried) if len(self.history) > 1 else 0.0), tried.cost
+
+    def value(self, z: Array, name: str = "") -> float:
+        """The cost or a constraint, in its size."""
+        return self.measure(z)[name].value / self.sizes[name]
+
+    def slopes(self, z: Array, name: str = "") -> Array:
+        """Their derivatives by z, (k,)."""
+        return self.measure(z)[name].slopes * self.scale / self.sizes[name]
+
+    def solve(
+        self, box: dict[str, tuple[float, float]], scale: Array, search: str, tolerance: float, iterations: int
+    ) -> Optimum:
+        """Search, and return the best point; what was found so far where the user stops it."""
+        start = np.array(list(self.start.values()))
+        low, high = (np.array([pair[i] for pair in box.values()]) for i in (0, 1))
+        self.scale, interrupted = scale, False
+        rows = [
+            NonlinearConstraint(
+                lambda z, n=name: self.value(z, n), pair[0] / self.sizes[name], pair[1] / self.sizes[name],
+                jac=lambda z, n=name: self.slopes(z, n)[None],
+            )
+            for name, pair in self.limits.items()
+        ]  # fmt: skip
+        try:
+            result = minimize(
+                self.value, self.z, jac=self.slopes, method=search, constraints=rows,
+                bounds=Bounds((low - start) / scale, (high - start) / scale),
+                options={SEARCHES[search]: tolerance, "maxiter": iterations},
+            )  # fmt: skip
+            converged, message = bool(result.success), str(result.message)
+            if search == "SLSQP" and result.status == ROUNDED:
+                converged = not rows and self.flat(result.x, (low - start) / scale, (high - start) / scale)
+        except KeyboardInterrupt:
+            converged, interrupted, message = False, True, "stopped by the user"
+        assert self.best is not None  # the start was computed
+        best, motion, found = self.best
+        missing = [n for n in self.limits if self.missed(best._replace(constraints={n: best.constraints[n]}))]
+        if missing and not interrupted:
+            converged, message = False, f"constraint {missing[0]!r} does not hold; {message}"
+        gradient = dict(zip(self.start, found[""].slopes.tolist(), strict=True))
+        return Optimum(
+            best.values, best.cost, gradient, best.constraints, self.limits, box, motion.result.mechanism,
+            motion.result, tuple(self.history), converged, interrupted, message,
+        )  # fmt: skip
+
+    def flat(self, z: Array, low: Array, high: Array) -> bool:
+        """Whether the cost has no slope within the bounds."""
+        inside = np.clip(z - self.slopes(z), low, high) - z
+        return bool(np.abs(inside).max(initial=0.0) < FLAT)
+
+
+def _start(make: Any, names: Names) -> dict[str, float]:
+    if isinstance(names, str) or not names:
+        raise InputError(f"parameters are a list of names, or name = value, got {names!r}")
+    if isinstance(names, Mapping):
+        return {name: float(value) for name, value in names.items()}
+    if not isinstance(make, Template):
+        raise InputError("the parameters of a function that makes a mechanism are given as name = value")
+    return {name: number(make, name) for name in names}
+
+
+def _pairs(
+    what: str, names: Mapping[str, Any], given: Mapping[str, Sequence[float | None]]
+) -> dict[str, tuple[float, float]]:
+    for name in given:
+        if name not in names:
+            raise UnknownNameError(what, name, names)
+    return {name: _pair(f"{what} {name!r}", given.get(name, (None, None))) for name in names}
+
+
+def _pair(what: str, given: Any) -> tuple[float, float]:
+    """The lower and the upper end of a range.
+
+    Raises:
+        InputError: for what is none.
+    """
+    try:
+        low, high = given
+        ends = (-np.inf if low is None else float(low), np.inf if high is None else float(high))
+    except (TypeError, ValueError):
+        ends = (1.0, 0.0)
+    if not ends[0] <= ends[1]:
+        raise InputError(f"{what} takes (low, high) with low <= high, None for no end, got {given!r:.60}")
+    return ends
+
+
+def _scales(
+    start: Mapping[str, float], box: Mapping[str, tuple[float, float]], given: Mapping[str, float]
+) -> Array:
+    found = []
+    for name, x in start.items():
+        width = box[name][1] - box[name][0]
+        found.append(float(given.get(name, (width if np.isfinite(width) else abs(x) or 10.0) / 10 or 1.0)))
+    if not all(s > 0 for s in found):
+        raise InputError("scales of parameters must be positive")
+    return np.array(found)

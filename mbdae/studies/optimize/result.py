@@ -1,0 +1,121 @@
+"""What `mbdae.optimize` returns: the numbers found, the cost there, and how the search went."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...errors import InputError
+from ...files import write_whole
+from ...mechanism import Mechanism
+from ...solution.solution import Solution
+from ..kinematics.result import Kinematics
+
+__all__: list[str] = []
+
+
+class Tried(NamedTuple):
+    """A point of a search: the parameters, the cost, and the constraints by name."""
+
+    values: dict[str, float]
+    cost: float
+    constraints: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The best numbers that a search has found.
+
+    Attributes:
+        values: the parameters.
+        cost: the cost there.
+        gradient: its derivative with respect to each parameter.
+        constraints: their values there.
+        limits: (low, high) of each constraint.
+        bounds: (low, high) of each parameter.
+        mechanism: with these numbers.
+        motion: its run, a Solution, or its curve, a Kinematics.
+        history: all points in the order in which they were tried, the start first; nan where nothing could be computed.
+        converged: whether the search came to an end, and the constraints hold.
+        interrupted: whether the user has stopped it.
+        message: how it ended.
+    """
+
+    values: dict[str, float]
+    cost: float
+    gradient: dict[str, float]
+    constraints: dict[str, float]
+    limits: dict[str, tuple[float, float]]
+    bounds: dict[str, tuple[float, float]]
+    mechanism: Mechanism = field(repr=False)
+    motion: Solution | Kinematics = field(repr=False)
+    history: tuple[Tried, ...] = field(repr=False)
+    converged: bool = True
+    interrupted: bool = False
+    message: str = ""
+
+    @property
+    def start(self) -> Tried:
+        """Where the search began."""
+        return self.history[0]
+
+    @property
+    def at_bounds(self) -> list[str]:
+        """Parameters that stand at a bound."""
+        return [name for name, x in self.values.items() if _touches(x, *self.bounds[name])]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        plain = ("values", "cost", "gradient", "constraints", "at_bounds", "converged", "interrupted", "message")
+        return {
+            "model": self.mechanism.title,
+            **{key: getattr(self, key) for key in plain},
+            "limits": {name: [_finite(x) for x in pair] for name, pair in self.limits.items()},
+            "bounds": {name: [_finite(x) for x in pair] for name, pair in self.bounds.items()},
+            "history": [
+                {"values": t.values, "cost": _finite(t.cost), "constraints": t.constraints} for t in self.history
+            ],
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write everything but the motion as JSON.
+
+        Raises:
+            InputError: for another suffix, or a path that cannot be written.
+        """
+        if Path(path).suffix != ".json":
+            raise InputError(f"an optimum is saved as .json, got {str(path)!r}")
+        with write_whole(path) as temporary:
+            temporary.write_text(json.dumps(self.to_dict(), allow_nan=False), encoding="utf-8")
+
+    def plot(self, path: str | Path) -> None:
+        """Draw cost and parameters over the points that were tried, as .png, .svg or .pdf."""
+        from .. import figures
+        from .figure import search
+
+        figures.save(search(self), str(path))
+
+    def __str__(self) -> str:
+        lines = [f"optimum of {self.mechanism.title}: cost {self.start.cost:.6g} -> {self.cost:.6g}, "
+                 f"{len(self.history)} motions computed"]  # fmt: skip
+        for name, x in self.values.items():
+            mark = " (at its bound)" if name in self.at_bounds else ""
+            lines.append(f"  {name:36s} {self.start.values[name]:14.8g} -> {x:14.8g}{mark}")
+        for name, x in self.constraints.items():
+            low, high = self.limits[name]
+            mark = " (at its limit)" if _touches(x, low, high) else ""
+            lines.append(f"  {name:36s} {self.start.constraints[name]:14.8g} -> {x:14.8g}{mark}")
+        if not self.converged:
+            lines.append(f"  not an optimum: {self.message}")
+        return "\n".join(lines)
+
+
+def _touches(x: float, low: float, high: float) -> bool:
+    size = high - low if np.isfinite(high - low) else 1.0 + abs(x)
+    return bool(min(x - low, high - x) < 1e-6 * size)
+
+
+def _finite(x: float) -> float | None:
+    return x if np.isfinite(x) else None
