@@ -153,3 +153,24 @@ def test_arm_modes(capsys):
     assert abs(result["shipped"] - 0.1448422723) < 1e-9
     assert result["best"] > 3 * result["shipped"]
     assert "dies out" in capsys.readouterr().out
+
+
+def test_balancing(capsys):
+    result = example("balancing").main()
+    assert abs(result["mass"] - result["closed"]) < 1e-7
+    assert result["after"] < 0.6 * result["before"]
+    assert "closed form" in capsys.readouterr().out
+
+
+def test_lift_assist(capsys):
+    result = example("lift_assist").main(points=9)
+    assert result["after"] < 0.05 * result["before"]
+    assert "N m after (RMS)" in capsys.readouterr().out
+
+
+def test_foot_path(tmp_path, capsys):
+    result = example("foot_path").main(points=37, plot=tmp_path / "path.png")
+    assert result["after"] < 0.75 * result["before"]
+    assert min(result["stride kept"], result["lift kept"]) > 1 - 1e-6
+    assert (tmp_path / "path.png").stat().st_size > 10_000
+    assert "mm after" in capsys.readouterr().out

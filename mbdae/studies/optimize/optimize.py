@@ -26,7 +26,7 @@ from .result import Optimum, Tried
 
 __all__ = ["optimize"]
 
-SEARCHES = {"SLSQP": "ftol", "trust-constr": "gtol", "L-BFGS-B": "ftol"}  # of scipy, by what each ends
+SEARCHES = ("SLSQP", "L-BFGS-B")  # of scipy
 ROUNDED = 8  # of SLSQP: no step along its direction makes the cost less
 FLAT = 1e-6  # of the cost at the start over a scale of a parameter: its slope where a search ends by rounding
 HOLDS = 1e-6  # of its size: by how much a constraint may be missed
@@ -58,16 +58,16 @@ def optimize(
     Args:
         model: what `mbdae.load` takes, a mechanism that was loaded, or a function that makes one.
         cost: signals -> (value, {signal: derivative (n,)}), see `mbdae.gradient`; or `mbdae.Squares`. The parameters
-            are among the signals, with one number as derivative. Signals are those of `mbdae.Solution.signals` for runs;
-            for curves ``u``, ``q.<joint>``, ``v.<joint>`` (per unit speed of the drive), ``position.<frame>.x``, .y, .z
+            are among the signals, with one number as derivative. Signals of runs are those of `mbdae.Solution.signals`;
+            of curves ``u``, ``q.<joint>``, ``v.<joint>`` (per unit speed of the drive), ``position.<frame>.x``, .y, .z,
             and ``holding``, what the drive must give to hold each pose at rest, in N m or N.
         parameters: dotted names, as of sweeps; or name = value, where the search starts.
         bounds: (low, high) of parameters, None for none.
-        constraints: by a name of one's own, (function like a cost, low, high), None for none; low = high is an equation.
+        constraints: by a name of one's own, (function like a cost, low, high), None for none; equal ends are allowed.
         t_span: start and end of the run; 0 and the model's duration when left out.
         drive: a joint or driver, the input of a curve of poses.
         scales: by which size a parameter typically changes; a tenth of its range, or of its value, when left out.
-        search: ``"SLSQP"``, ``"trust-constr"`` or, without constraints, ``"L-BFGS-B"``.
+        search: ``"SLSQP"`` or, without constraints, ``"L-BFGS-B"``.
         tolerance: where the search ends, relative to the cost at the start.
         iterations: at most.
         progress: told what is done, in words.
@@ -87,8 +87,9 @@ def optimize(
     box = _pairs("parameter", start, bounds or {})
     limits = {name: _pair(f"constraint {name!r}", x[1:]) for name, x in (constraints or {}).items()}
     for name, x in start.items():
-        if not box[name][0] <= x <= box[name][1]:
-            raise InputError(f"parameter {name!r} starts at {x:g}, outside its bounds {box[name][0]:g} to {box[name][1]:g}")
+        low, high = box[name]
+        if not low <= x <= high:
+            raise InputError(f"parameter {name!r} starts at {x:g}, outside its bounds {low:g} to {high:g}")
     moves = (
         curves(make, drive, make.make(start), settings)
         if drive is not None
@@ -152,7 +153,8 @@ class Problem:
 
     def missed(self, tried: Tried) -> float:
         """By how much the constraints are missed, in their sizes; 0 where they hold."""
-        parts = [max(self.limits[n][0] - x, x - self.limits[n][1], 0.0) / self.sizes[n] for n, x in tried.constraints.items()]
+        found = [(x, self.sizes[name], *self.limits[name]) for name, x in tried.constraints.items()]
+        parts = [max(low - x, x - high) / size for x, size, low, high in found]
         return max((x for x in parts if x > HOLDS), default=0.0)
 
     def rank(self, tried: Tried) -> tuple[float, float]:
@@ -185,7 +187,7 @@ class Problem:
             result = minimize(
                 self.value, self.z, jac=self.slopes, method=search, constraints=rows,
                 bounds=Bounds((low - start) / scale, (high - start) / scale),
-                options={SEARCHES[search]: tolerance, "maxiter": iterations},
+                options={"ftol": tolerance, "maxiter": iterations},
             )  # fmt: skip
             converged, message = bool(result.success), str(result.message)
             if search == "SLSQP" and result.status == ROUNDED:

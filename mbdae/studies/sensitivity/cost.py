@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, UnknownNameError
 from ...mechanism.callbacks import function_name
 from ...solution.solution import Solution
 from ...system import Array
@@ -24,6 +24,8 @@ class Signals(Mapping[str, Array]):
     def __getitem__(self, name: str) -> Array:
         if name not in self.found:
             self.found |= columns(self.sol, {name})
+        if name not in self.found:
+            raise UnknownNameError("signal", name, self)
         return self.found[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -1,0 +1,110 @@
+"""The counterweight that balances a slider-crank as well as one can, against the closed form.
+
+A crank at constant speed shakes its bed. The rod acts as two masses, at the crank pin and at the wrist pin: what turns
+with the crank can be balanced by a counterweight, what goes to and fro only by turning half of it against the slide.
+That half is best for the sum of squares of both components of the force, whatever the ratio of crank and rod: the even
+harmonics that the rod brings in are beyond a mass that turns with the crank.
+
+Run: python examples/balancing.py
+"""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import mbdae
+
+CRANK, ROD, COM, ARM, SPEED = 0.1, 0.35, 0.12, 0.08, 20.0  # m, m, m from the crank pin, m, rad/s
+ROD_MASS, BLOCK_MASS = 0.4, 0.6  # kg
+HINGE = 'joint = "revolute"\naxis = [0.0, -1.0, 0.0]'
+MACHINE = f"""
+title = "Slider-crank on its bed"
+gravity = [0.0, 0.0, 0.0]
+[[body]] # three directions, held by the closure: its multipliers are the force on the ground
+name = "bed"
+parent = "world"
+joint = "translation"
+mass = 5.0
+[[body]]
+name = "crank"
+parent = "bed"
+{HINGE}
+mass = 1.5
+inertia = [0.006, 0.012, 0.006, 0.0, 0.0, 0.0]
+[[body]]
+name = "counterweight"
+parent = "crank"
+joint = "fixed"
+xyz = [{-ARM}, 0.0, 0.0]
+mass = 0.1
+[[body]]
+name = "rod"
+parent = "crank"
+{HINGE}
+xyz = [{CRANK}, 0.0, 0.0]
+mass = {ROD_MASS}
+com = [{COM}, 0.0, 0.0]
+inertia = [0.0, 0.004, 0.004, 0.0, 0.0, 0.0]
+[[body]]
+name = "block"
+parent = "bed"
+joint = "prismatic"
+axis = [1.0, 0.0, 0.0]
+mass = {BLOCK_MASS}
+[[frame]]
+name = "rod_tip"
+parent = "rod"
+xyz = [{ROD}, 0.0, 0.0]
+[[closure]]
+name = "ground"
+kind = "point"
+frames = ["world", "bed"]
+[[closure]]
+name = "wrist pin"
+kind = "point"
+frames = ["rod_tip", "block"]
+[[driver]]
+name = "motor"
+joint = "crank"
+motion = {{ kind = "polynomial", coefficients = [0.0, {SPEED}] }}
+[start]
+guess = {{ block = {CRANK + ROD} }}
+"""
+
+
+def shaking(signals) -> tuple[float, dict[str, np.ndarray]]:
+    """Half the mean square of the force on the ground in N^2, and its slopes."""
+    parts = {name: signals[name] for name in ("lam.ground.1", "lam.ground.3")}
+    n = len(signals["t"])
+    return sum(f @ f for f in parts.values()) / (2 * n), {name: f / n for name, f in parts.items()}
+
+
+def main(points: int = 24) -> dict[str, float]:
+    """Print the best counterweight and the closed form, and return both."""
+    turn = 2 * np.pi / SPEED
+    times = turn * np.arange(points) / points  # equal angles of one turn
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "machine.toml")
+        path.write_text(MACHINE)
+        found = mbdae.optimize(
+            path,
+            shaking,
+            ["body.counterweight.mass"],
+            bounds={"body.counterweight.mass": (0.0, 5.0)},
+            t_span=(0.0, turn),
+            t_eval=times,
+            step=turn / (2 * points),
+        )
+    turning, sliding = ROD_MASS * (1 - COM / ROD), ROD_MASS * COM / ROD + BLOCK_MASS
+    closed = (turning + sliding / 2) * CRANK / ARM
+    mass = found.values["body.counterweight.mass"]
+    print(found)
+    print(f"counterweight {mass:.9f} kg, closed form {closed:.9f} kg: all that turns and half of what slides")
+    before, after = ((2 * x) ** 0.5 for x in (found.start.cost, found.cost))
+    print(f"root mean square of the force on the ground {before:.4g} -> {after:.4g} N")
+    return {"mass": mass, "closed": closed, "before": before, "after": after}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""Lengths of Theo Jansen's leg for a flatter path of the foot on the ground.
+
+While the foot stands, it shall stay at one height, and go as far and lift as high as it did. Poses over one turn of the
+crank are differentiated by the lengths of the bars; each may change by a tenth.
+
+Run: python examples/foot_path.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+import mbdae
+
+MODEL, FOOT = "jansen_walker?legs=1", "position.foot_0"
+RODS = {"upper_rod_tip": 0.5, "lower_rod_tip": 0.619}  # m
+ARMS = {"thigh_top": 0.415, "arm_tip": 0.393, "hanger_tip": 0.394, "knee": 0.367}
+LENGTHS = {f"frame.{name}_0.xyz.0": length for name, length in (RODS | ARMS).items()}
+SHARE = 0.1
+STANDING = 1 / 3  # of a turn, in which the foot is on the ground
+
+
+def main(points: int = 73, plot: str | Path | None = None) -> dict[str, float]:
+    """Print the lengths, and how flat the foot walks; return that."""
+    shipped = mbdae.kinematics(mbdae.load(MODEL), "crank", points=points).signals()
+    x, z = shipped[f"{FOOT}.x"], shipped[f"{FOOT}.z"]
+    stands = np.isin(np.arange(points), np.argsort(z)[: int(STANDING * points)])  # always the same poses
+    ends = np.flatnonzero(stands)[[np.argmin(x[stands]), np.argmax(x[stands])]]
+    top = int(np.argmax(z))
+
+    def bumps(signals):
+        """Half the variance of the height of the standing foot in mm^2, and its slopes."""
+        height = 1e3 * signals[f"{FOOT}.z"]
+        left = np.where(stands, height - height[stands].mean(), 0.0)
+        return left @ left / (2 * stands.sum()), {f"{FOOT}.z": 1e3 * left / stands.sum()}
+
+    def stride(signals):
+        slope = np.zeros(points)
+        slope[ends] = -1, 1
+        return slope @ signals[f"{FOOT}.x"], {f"{FOOT}.x": slope}
+
+    def lift(signals):
+        slope = np.where(stands, -1 / stands.sum(), 0.0)
+        slope[top] = 1
+        return slope @ signals[f"{FOOT}.z"], {f"{FOOT}.z": slope}
+
+    was = {name: function(shipped)[0] for name, function in (("stride", stride), ("lift", lift))}
+    found = mbdae.optimize(
+        MODEL,
+        bumps,
+        LENGTHS,
+        bounds={name: ((1 - SHARE) * length, (1 + SHARE) * length) for name, length in LENGTHS.items()},
+        constraints={"stride": (stride, was["stride"], None), "lift": (lift, was["lift"], None)},
+        drive="crank",
+        points=points,
+    )
+    print(found)
+    before, after = ((2 * c) ** 0.5 for c in (found.start.cost, found.cost))
+    print(f"the standing foot leaves its mean height by {before:.3g} mm before, {after:.3g} mm after (RMS)")
+    if plot:
+        draw({"shipped": shipped, "optimised": found.motion.signals()}, stands, plot)
+    return {"before": before, "after": after, **{f"{n} kept": found.constraints[n] / was[n] for n in was}}
+
+
+def draw(paths, stands, path: str | Path) -> None:
+    """Draw paths of the foot."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 3), layout="constrained")
+    axes = figure.subplots()
+    for name, signals in paths.items():
+        x, z = 1e3 * signals[f"{FOOT}.x"], 1e3 * signals[f"{FOOT}.z"]
+        (line,) = axes.plot(x, z, label=name, linewidth=1)
+        axes.plot(x[stands], z[stands], ".", color=line.get_color(), markersize=4)
+    axes.set(aspect="equal", xlabel="x (mm)", ylabel="z (mm)")
+    axes.legend()
+    figure.savefig(path, dpi=150)
+
+
+if __name__ == "__main__":
+    main(plot="foot_path.png")

@@ -1,0 +1,191 @@
+"""Numbers by which a motion is best: closed forms, gradients against differences, failures, and what stops a search."""
+
+import json
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.formats.template import Template
+from mbdae.studies.optimize.motion import curves, runs
+
+ARM = """
+title = "Arm under a spring"
+[[body]]
+name = "arm"
+parent = "world"
+axis = [0.0, -1.0, 0.0]
+mass = 2.0
+com = [0.5, 0.0, 0.0]
+inertia = [0.0, 0.1, 0.1, 0.0, 0.0, 0.0]
+[[frame]]
+name = "top"
+parent = "world"
+xyz = [0.0, 0.0, 0.6]
+[[frame]]
+name = "eye"
+parent = "arm"
+xyz = [0.4, 0.0, 0.0]
+[[force]]
+name = "spring"
+kind = "spring_damper"
+frames = ["top", "eye"]
+stiffness = 10.0
+"""
+STIFFNESS = {"force.spring.stiffness": 10.0}
+BALANCE = 2.0 * 9.81 * 0.5 / (0.6 * 0.4)  # k h a = m g r: a spring without rest length carries the arm everywhere
+
+
+@pytest.fixture
+def arm(tmp_path):
+    path = tmp_path / "arm.toml"
+    path.write_text(ARM)
+    return path
+
+
+def uneven(signals):
+    torque = signals["holding"]
+    return torque @ torque / 2, {"holding": torque}
+
+
+@pytest.mark.parametrize("search", ["SLSQP", "L-BFGS-B"])
+def test_a_spring_without_rest_length_carries_an_arm(arm, search):
+    found = mbdae.optimize(arm, uneven, STIFFNESS, drive="arm", span=(-1.0, 1.0), points=9, search=search)
+    assert found.converged, found
+    assert found.values["force.spring.stiffness"] == pytest.approx(BALANCE, rel=1e-6)
+    assert found.cost < 1e-9 * found.start.cost
+    assert found.mechanism.forces[0].stiffness == found.values["force.spring.stiffness"]
+    assert found.motion.drive == "arm"
+
+
+def test_constraints_hold(arm):
+    """The spring may not pull with more than 20 N when the arm is level: k d = 20, below the balance."""
+    reach = np.hypot(0.6, 0.4)
+
+    def pull(signals):
+        k = signals["force.spring.stiffness"]
+        return k * reach, {"force.spring.stiffness": reach}
+
+    found = mbdae.optimize(arm, uneven, STIFFNESS, constraints={"pull": (pull, None, 20.0)}, drive="arm",
+                           span=(-1.0, 1.0), points=9)  # fmt: skip
+    assert found.converged, found
+    assert found.constraints["pull"] == pytest.approx(20.0, rel=1e-5)
+    assert found.values["force.spring.stiffness"] == pytest.approx(20.0 / reach, rel=1e-5)
+
+
+CURVES = [
+    ("four_bar", {"span": (1.2, 2.2)}, ["v.rocker", "q.coupler", "holding", "position.coupler_tip.x"],
+     {"frame.coupler_tip.xyz.0": 2.5, "joint.rocker.xyz.0": 3.0, "joint.coupler.mass": 1.0}),
+    ("jansen_walker?legs=1", {}, ["position.foot_0.z", "holding", "v.shin_0"],
+     {"frame.knee_0.xyz.0": 0.367, "body.thigh_0.xyz.0": -0.38}),
+]  # fmt: skip
+SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+
+
+@pytest.mark.parametrize(("model", "options", "signals", "values"), CURVES)
+def test_curves_are_differentiated_at_equal_inputs(model, options, signals, values):
+    make = Template(model)
+    follow = curves(make, "crank", make.make(values), {"points": 5, **options})
+    here = follow(values).signals
+    for i, (name, x) in enumerate(values.items()):
+        h = 2e-3 * abs(x)
+        near = {k: follow({**values, name: x + k * h}).signals for k in (-3, -2, -1, 1, 2, 3)}
+        for signal in signals:
+            quotient = sum(w / h * (near[k][signal] - near[-k][signal]) for k, w in SIXTH.items())
+            own = here.derivative(signal)[:, i]
+            assert np.abs(own - quotient).max() < 1e-8 * (1 + np.abs(own).max()), (name, signal)
+
+
+def test_what_holds_a_pose_is_what_inverse_dynamics_says():
+    mech = mbdae.load("four_bar")
+    make = Template("four_bar")
+    signals = curves(make, "crank", mech, {"span": (1.2, 2.2), "points": 5})({"gravity.2": -9.81}).signals
+    statics = mbdae.inverse_dynamics(mech, signals.found, speed=1e-7)
+    np.testing.assert_allclose(signals["holding"], statics.efforts[:, 0], rtol=1e-10)
+
+
+def test_runs_are_differentiated_with_what_the_parameters_cost_themselves():
+    def cost(signals):
+        end = np.zeros(len(signals["t"]))
+        end[-1] = 1.0
+        g = signals["gravity.2"]
+        return signals["q.rocker"][-1] + g**2, {"q.rocker": end, "gravity.2": 2 * g}
+
+    run = runs(Template("four_bar"), (0.0, 0.2), {"step": 0.02})
+    found = run({"gravity.2": -9.0}).measure(cost)
+    near = {k: run({"gravity.2": -9.0 + 0.01 * k}).measure(cost).value for k in (-2, -1, 1, 2)}
+    quotient = (near[-2] - 8 * near[-1] + 8 * near[1] - near[2]) / 0.12
+    assert found.slopes[0] == pytest.approx(quotient, rel=1e-9)
+
+
+def test_where_loops_do_not_close_the_cost_is_infinite():
+    """A shorter and shorter coupler cannot reach the rocker: the search turns back there."""
+    coupler = "frame.coupler_tip.xyz.0"
+
+    def length(signals):
+        return signals[coupler], {coupler: 1.0}
+
+    options = {"drive": "crank", "span": (1.2, 2.2), "points": 5}
+    found = mbdae.optimize("four_bar", length, {coupler: 2.5}, scales={coupler: 2.0}, iterations=3, **options)
+    assert any(np.isnan(t.cost) for t in found.history)
+    assert found.cost == min(t.cost for t in found.history if np.isfinite(t.cost)) < 2.5
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_what_was_found_stays_when_the_user_stops_a_search(arm, tmp_path):
+    said = []
+
+    def stop(text):
+        said.append(text)
+        if len(said) == 3:
+            raise KeyboardInterrupt
+
+    found = mbdae.optimize(arm, uneven, STIFFNESS, drive="arm", span=(-1.0, 1.0), points=5, progress=stop)
+    assert found.interrupted
+    assert not found.converged
+    assert len(found.history) == 3
+    assert found.cost == min(t.cost for t in found.history)
+    assert "stopped by the user" in str(found)
+    found.save(tmp_path / "found.json")
+    assert json.loads((tmp_path / "found.json").read_text())["values"] == found.values
+    found.plot(tmp_path / "found.png")
+    assert (tmp_path / "found.png").stat().st_size > 1000
+
+
+def height(signals):
+    return float(signals["q.rocker"][-1]), {"q.rocker": np.eye(1, len(signals["t"]), len(signals["t"]) - 1)[0]}
+
+
+def unknown(signals):
+    return signals["q.nothing"].sum(), {}
+
+
+def infinite(signals):
+    return np.inf, {}
+
+
+G = {"gravity.2": -9.0}
+TURN = {"drive": "crank", "span": (1.2, 2.2), "points": 5}
+WRONG = [
+    (height, G, {"search": "fastest"}, UnknownNameError, "unknown search 'fastest'"),
+    (height, G, {"search": "L-BFGS-B", "constraints": {"a": (height, 0, 1)}}, InputError, "takes no constraints"),
+    (height, G, {"bounds": {"gravity.1": (0, 1)}}, UnknownNameError, "gravity.1"),
+    (height, G, {"bounds": {"gravity.2": (1, 0)}}, InputError, r"parameter 'gravity\.2' takes \(low, high\)"),
+    (height, G, {"bounds": {"gravity.2": (-8, 0)}}, InputError, "outside its bounds -8 to 0"),
+    (height, G, {"constraints": {"a": (height, 1, 0)}}, InputError, r"constraint 'a' takes \(low, high\)"),
+    (height, "gravity.2", {}, InputError, "parameters are a list of names"),
+    (height, {"gravity.x": 1.0}, {}, UnknownNameError, "gravity"),
+    (unknown, G, {}, UnknownNameError, "q.nothing"),
+    (infinite, G, {}, InputError, "cost 'infinite' is inf"),
+    (unknown, G, TURN, UnknownNameError, "unknown signal of a curve 'q.nothing'"),
+    (infinite, G, {"drive": "rocker", "points": 5}, InputError, "'rocker' meets a dead point"),
+    (height, {"joint.rocker.rpy.0": 0.0}, TURN, InputError, "opens closures that depend on each other"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("cost", "parameters", "options", "error", "words"), WRONG)
+def test_what_is_wrong_is_said_by_name(cost, parameters, options, error, words):
+    run = {} if "drive" in options else {"t_span": (0.0, 0.1), "step": 0.05}
+    with pytest.raises(error, match=words):
+        mbdae.optimize("four_bar", cost, parameters, **{**run, **options})
