@@ -9,6 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from ...errors import InputError, StepError
+from ...integrate.binding import bind
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index1 import Index1System
@@ -99,7 +100,7 @@ class Motion:
         to rounding: what is measured is the error of its steps, and not that of an interpolation. Behind a singular
         configuration, which that equation does not pass, it is interpolated.
         """
-        m, system = self.mechanism, self.mechanism.system("index1")
+        m, (system, _) = self.mechanism, bind(self.mechanism, None, "index1", None, self.backend)
         assert isinstance(system, Index1System)
         y = np.array([_carried(system, sol, t) for t in self.times])
         lam = np.full((len(y), m.ng), np.nan)  # there is none in a singular configuration
