@@ -14,6 +14,7 @@ from .mechanism import (
     Driver,
     Function,
     Mechanism,
+    Stop,
     load,
     model_names,
 )
@@ -51,6 +52,7 @@ __all__ = [
     "MbdaeError",
     "Mechanism",
     "Solution",
+    "Stop",
     "load",
     "model_names",
     "solve",

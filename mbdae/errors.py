@@ -20,6 +20,8 @@ STATUS = {
     "rank": "the rank of the closures changed",
     "driver": "a driver is not defined there, or its derivatives do not fit",
     "force": "a force law or an event function failed",
+    "impact": "an impact has no solution",
+    "switching": "modes switched without an end",
     "chart": "a joint turned too far within one step",
 }
 

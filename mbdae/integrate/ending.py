@@ -76,6 +76,9 @@ def report(run: RunState, status: str, message: str, seconds: float, times: Arra
     passed = run.singular.found if run.singular else []
     rows = [(i, rows) for i, rows in run.in_use if i < n]
     rest: dict[str, Any] = {"events": found, "singular": passed, "in_use": rows}
+    if run.modes:
+        rest |= {"modes": [(i, mode) for i, mode in run.modes.modes if i < n], "impacts": run.modes.impacts}
+        stats |= {"transitions": len(run.modes.modes) - 1, "impacts": len(run.modes.impacts)}
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **rest)
     if full.success and isinstance(run.system, Index2System) and (words := doubts(full, run.system)):
         full.status, full.message = status, message = "doubtful", words

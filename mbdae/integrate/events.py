@@ -113,7 +113,8 @@ class EventWatch:
         """What keeps the core from looking, in words."""
         named = [f"event {function_name(e.function)!r} is a function" for e in self.functions.values()]
         others = [self.events[i].function for i, s in self.signals.items() if not s.signal.compiled]
-        return ", ".join([*named, *(f"the core does not have {text!r}" for text in others)])
+        modes = [] if named or others or self.by_signal else ["modes switch in Python"]
+        return ", ".join([*modes, *named, *(f"the core does not have {text!r}" for text in others)])
 
     def plain(self) -> list[Any]:
         """Return signals as the core takes them."""

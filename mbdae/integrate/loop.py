@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import STATUS, InputError, StepError
 from ..solution.solution import Problem
 from .ending import end_events, end_in_event
+from .modes.cut import ended
 from .run import RunState
 from .step_map import StepMap
 
@@ -63,7 +64,7 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
         events.looked = False
         leapt = run.singular is not None and run.singular.leap(run)
         if not leapt:
-            run.stepper.advance(run, 1 if not events.by_signal else left)
+            run.stepper.advance(run, 1 if run.modes or not events.by_signal else left)
         if len(run.ts) == before:
             continue
         if run.stiffness:
@@ -71,14 +72,19 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
         if events.stopped:
             end_events(run)
             return True
+        fired = ended(run, None if leapt else start) if run.modes else []
         if events.events and not events.looked:
             step = StepMap(run, None if leapt else start)
             stop = events.step(step)
             if stop:
                 end_in_event(step, *stop)
                 return True
+        if run.modes and fired and run.to_go() > 0:
+            run.modes.switch(run, fired)
         if run.t == run.leg.end and run.leg.restart is not None:
             run.cross(run.leg.restart)
+            if run.modes and (fired := run.modes.violated(run.t, run.ys[-1])):
+                run.modes.switch(run, fired)
         if progress:
             progress(1 - run.to_go() / total)
     return False

@@ -17,6 +17,7 @@ from .binding import bind
 from .ending import event_value
 from .events import Event, EventWatch, as_events
 from .jumps import Jumps
+from .modes.watch import ModeWatch
 from .retrace import retracer
 from .run import RunState
 from .signal_events import SignalEvent
@@ -76,7 +77,17 @@ def prepare(
     wanted = as_events(events)
     run.events = EventWatch(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
     _set_watches(run, inner, formulation)
+    if isinstance(problem, Mechanism) and problem.switches:
+        _refuse_modes(formulation, tableau, run.sign)
+        run.modes, run.events.by_signal = ModeWatch(system), False
     return run
+
+
+def _refuse_modes(formulation: str, tableau: Any, sign: float) -> None:
+    if formulation != "index2" or isinstance(tableau, Baseline):
+        raise InputError(f"stops and unilateral closures need formulation 'index2', got {formulation!r}")
+    if sign < 0:
+        raise InputError("stops and unilateral closures are followed forward in time: impacts cannot be undone")
 
 
 def _stepper(

@@ -12,6 +12,7 @@ from ..system import Array, State, Step, System
 from .events import EventWatch
 from .growing_array import GrowingArray
 from .jumps import Jumps
+from .modes.watch import ModeWatch
 from .singularity_watch import SingularWatch
 from .stiffness import StiffnessWatch
 
@@ -44,6 +45,7 @@ class RunState:
         self.back: Callable[[Array], tuple[Array, Array, Array]] | None = None  # see `mbdae.integrate.retrace`
         self.singular: SingularWatch | None = None
         self.stiffness: StiffnessWatch | None = None
+        self.modes: ModeWatch | None = None
         self.settings: dict[str, Any] = {}  # what is recorded with the solution
         self.fallback = ""  # what keeps the run from the compiled core, in words
         self._record: Solution | None = None
@@ -52,6 +54,8 @@ class RunState:
         """Find the derivative at the start; a method with an explicit first stage carries it."""
         y = self.system.jump(self.t, self.ys[-1].copy())
         if not self.in_use:
+            if self.modes:
+                y = self.modes.start(self, y)
             y = self._closed(y)
         self._begin_at(y)
         self.leg = self.ahead.leg(self.t)
@@ -65,15 +69,15 @@ class RunState:
             return closed if self.project else y
         return y
 
-    def _begin_at(self, y: Array) -> None:
+    def _begin_at(self, y: Array, anew: bool = False) -> None:
         y = self.ys[-1] = self.system.settle(self.t, State(y)).y
-        self._note()
+        self._note(anew)
         self.F, z = self.system.derivative(self.t, y)
         self.zs[-1], self.state = z, State(y, self.system.carry(self.F, z))
 
-    def _note(self) -> None:
+    def _note(self, anew: bool = False) -> None:
         rows = self.system.in_use
-        if not self.in_use or self.in_use[-1][1] != rows:
+        if anew or not self.in_use or self.in_use[-1][1] != rows:
             self.in_use.append((len(self.ts) - 1, rows))
 
     def cross(self, t: float) -> None:
@@ -83,6 +87,15 @@ class RunState:
         self.ts.append(t)
         self.t = t
         self.begin()
+        self.stepper.restart()
+        self.behind_jump()
+
+    def turn(self, y: Array) -> None:
+        """Begin again in another mode: a second point of the solution at the same time."""
+        self.zs.append(self.zs[-1])
+        self.ys.append(y)
+        self.ts.append(self.t)
+        self._begin_at(y, anew=True)
         self.stepper.restart()
         self.behind_jump()
 
@@ -176,5 +189,6 @@ class RunState:
             stats = {"backend": self.stepper.backend}
             tables: dict[str, Any] = {"t": self.ts, "y": self.ys, "z_own": self.zs, "in_use": self.in_use}
             tables |= {"status": "finished", "message": "", "stats": stats, "settings": settings}
+            tables["modes"] = self.modes.modes if self.modes else []
             self._record = Solution(self.problem, **tables)
         return self._record

@@ -77,6 +77,7 @@ class SingularWatch:
         """A workspace of the watch's own, made when there is something to look at: what it computes is not counted."""
         if self._workspace is None:
             self._workspace = self.system.twin()
+        self._workspace.enter(self.system.mode)
         if self._workspace.in_use != self.system.in_use:
             self._workspace.hold(self.system.in_use)
         return self._workspace

@@ -3,6 +3,7 @@
 from ..errors import NotCompiled
 from .closures.closure import Closure
 from .closures.driver import Driver
+from .closures.one_sided import Stop
 from .contacts import Contact, contact
 from .forces import NAMES
 from .formats.library import model_names
@@ -29,6 +30,7 @@ __all__ = [
     "NotCompiled",
     "Reaction",
     "Singular",
+    "Stop",
     "contact",
     "depth_first",
     "describe",

@@ -16,15 +16,18 @@ from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
 from .closures.constraints import Constraints, anchors
 from .closures.driver import Driver
+from .closures.one_sided import Stop
 from .forces import bind_forces, named_force
 from .forces.elements import ForceElements
 from .formulations.compiled import COMPILED
 from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
+from .ends import ends
 from .frames import find_joint, joint_names
 from .joints import is_depth_first
 from .manifold import Manifold
+from .modes.switches import switches_of
 from .scene.scene import Scene
 from .start import Motor, OrderSettings, Start, coordinates
 from .workspace import make_data
@@ -42,6 +45,7 @@ class Mechanism:
         model: a Pinocchio model; its gravity counts, its joint limits and friction do not.
         closures: loop closures, see `mbdae.Closure`.
         drivers: joints, couplings or distances that follow functions of time, see `mbdae.Driver`.
+        stops: ends of the ways of joints, see `mbdae.Stop`.
         forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
         start: values of joints at the start, see `mbdae.mechanism.start.Start`.
         visuals: Pinocchio geometry for the replay; generated from the joints when left out.
@@ -67,6 +71,7 @@ class Mechanism:
         forces: Sequence[Any] = (),
         *,
         drivers: Sequence[Driver] = (),
+        stops: Sequence[Stop] = (),
         start: Start | None = None,
         visuals: pin.GeometryModel | None = None,
         title: str = "",
@@ -79,11 +84,11 @@ class Mechanism:
         self.model, self.visuals, self.source = model, visuals, source
         self.title, self.duration, self.order = title or model.name, duration, order or OrderSettings()
         self.motors, self.left_out = tuple(motors), tuple(left_out)
-        self.closures, self.drivers = tuple(closures), tuple(drivers)
-        self.constraints: tuple[Closure | Driver, ...] = (*self.closures, *self.drivers)
+        self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), ends(model, stops)
+        self.constraints: tuple[Closure | Driver | Stop, ...] = (*self.closures, *self.drivers, *self.stops)
         names = [c.name for c in self.constraints]
         if len(set(names)) < len(names):
-            raise InputError(f"closures and drivers need names of their own, got {', '.join(names)}")
+            raise InputError(f"closures, drivers and stops need names of their own, got {', '.join(names)}")
         if any(isinstance(j, pin.JointModelMimic) for j in model.joints):
             raise InputError("mimic joints are not supported: close them by a coupling or lock them")
         if not is_depth_first(model):
@@ -95,6 +100,7 @@ class Mechanism:
         data = make_data(model)
         bound = Constraints(model, data, self.constraints)  # wrong names are refused here
         self.row_units, self.positional = bound.units(), bound.positional
+        self.switches = switches_of(self)
         self.manifold = Manifold(model)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
         self.states = self.bind_forces(data).states()  # wrong names are refused here

@@ -190,6 +190,12 @@ double bare(PyCore& c, const Array& q, const Array& v, int repetitions) {
   }
 }
 
+void leave_out(PyCore& c, const std::vector<bool>& off) {
+  const Turn turn(c);
+  if (!off.empty() && static_cast<int>(off.size()) != c.core->system.ng) refuse("off has the wrong length");
+  c.core->system.leave_out(off);
+}
+
 void use(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool held) {
   const Turn turn(c);
   within(rows, c.core->system.ng, "row");
@@ -233,6 +239,7 @@ NB_MODULE(_native, m) {
       .def_prop_ro("largest_rate", [](const PyCore& c) { return c.core->system.largest_rate; })
       .def("use", use, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
            "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
+      .def("leave_out", leave_out, nb::arg("off"), "Say which rows the mode does not have; none for an empty list.")
       .def("settle", settle, nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),
            "Choose the rows of the next step: say whether others are taken, and return y and carry, or None.")
       .def("step", step, nb::arg("tableau"), nb::arg("t"), nb::arg("h"), nb::arg("y"), nb::arg("carry").none(),

@@ -46,6 +46,11 @@ void Constraints::value(const Mechanics& m, const double* q, const std::vector<i
   for (int r : which) {
     const Row& row = rows[r];
     double* out = G + static_cast<size_t>(r) * m.nv;
+    if (!off.empty() && off[r]) {
+      for (int c : row.columns) out[c] = 0;
+      if (g) g[r] = 0;
+      continue;
+    }
     if (row.between_joints()) {
       double slope;
       const double x = row.coordinate_value(q, &slope);
@@ -83,6 +88,10 @@ void Constraints::bias(const Mechanics& m, const double* q, const double* v, con
   int located = -1;
   for (int r : which) {
     const Row& row = rows[r];
+    if (!off.empty() && off[r]) {
+      out[r] = 0;
+      continue;
+    }
     if (row.between_joints()) {
       out[r] = row.coordinate_bias(q, v);
       continue;

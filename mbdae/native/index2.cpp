@@ -45,6 +45,12 @@ void Index2System::use(const std::vector<int>& in_use, int rank, double floor, b
   rows.use(in_use, rank, floor, held);
 }
 
+void Index2System::leave_out(std::vector<bool> off) {
+  constraints.off = std::move(off);
+  point.forget();
+  std::fill(point.G.begin(), point.G.end(), 0.0), std::fill(point.Z.begin(), point.Z.end(), 0.0);
+}
+
 void Index2System::probe() {
   if (rows.many() && rows.dependent() && !saddle.others_depend(probe_)) rows.estranged = true;
 }

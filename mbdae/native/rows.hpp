@@ -123,6 +123,7 @@ class Constraints {
   std::vector<int> all;   // (ng,) 0, 1, ...
   std::vector<std::vector<int>> of_pair;  // rows of each pair
   std::vector<Driver> drivers;
+  std::vector<bool> off;  // (ng,) rows that the mode leaves out: zero, with all that belongs to them; empty: none
 
   // Entries of G for some rows, into G + row * nv (zero outside row.columns), and g where asked for.
   void value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);

@@ -8,6 +8,7 @@ from ..errors import InputError
 from ..mechanism import Reaction, joint_reaction, loaded, loads, reaction
 from ..mechanism.contacts import contact, path, rolling
 from ..mechanism.frames import find_joint
+from .sampling import kept
 from ..system import Array
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def residuals(sol: "Solution") -> Residuals:
     if not len(sol.t):
         raise InputError(f"the solution of {mech.title!r} has no times: the run ended before the first of t_eval")
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that explodes
-        g, Gv, energies = sol.system.residuals(np.asarray(sol.t), np.asarray(sol.y))
+        g, Gv, energies = kept(sol)
     return Residuals(g, Gv, *energies.T)
 
 

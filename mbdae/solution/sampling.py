@@ -31,6 +31,19 @@ def at_times(sol: "Solution") -> tuple[Array, Array]:
     return F, z
 
 
+def kept(sol: "Solution") -> tuple[Array, Array, Array]:
+    """Return g (n, ng), G v + g_t (n, ng) and energies (n, 2) at the times of a solution, each in its mode."""
+    t, y = np.asarray(sol.t), np.asarray(sol.y)
+    if not sol.modes:
+        return sol.system.residuals(t, y)
+    out = np.zeros((len(t), sol.mechanism.ng)), np.zeros((len(t), sol.mechanism.ng)), np.zeros((len(t), 2))
+    nodes = np.arange(len(t)) if sol.steps is None else sol.before(t)
+    for part in parts(sol, nodes):
+        for whole, some in zip(out, sol.at(int(nodes[part[0]])).residuals(t[part], y[part]), strict=True):
+            whole[part] = some
+    return out
+
+
 def at_once(sol: "Solution", times: Array) -> Array | None:
     """Return y at all times, (n, ...), as `Solution.point` does; None where they must be computed one by one.
 

@@ -16,6 +16,7 @@ from ..system import Array
 from ..textbook.hessenberg import Hessenberg
 from .archive import read, write
 from .columns import reaction_of, signals
+from .impact import Impact
 from .sampling import at_once, at_times
 
 
@@ -42,6 +43,8 @@ class Solution:
         steps: times, points and own multipliers of all steps, when ``t_eval`` asked for others.
         events: for each event function the times (k,) and points (k, ...) of its zeros.
         singular: configurations on the way in which closures lose rank.
+        modes: where stops and contacts open and close: from which node on which states of ``mechanism.switches``.
+        impacts: those on the way.
         in_use: where rows of closures depend on each other: from which node on which of them were solved for.
     """
 
@@ -57,6 +60,8 @@ class Solution:
     events: list[tuple[Array, Array]] = field(default_factory=list, repr=False)
     singular: list[Singular] = field(default_factory=list, repr=False)
     in_use: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
+    modes: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
+    impacts: list[Impact] = field(default_factory=list, repr=False)
     viewer: ClassVar[Callable[["Solution"], str] | None] = None  # the page for notebooks, set by the package
 
     def __post_init__(self) -> None:
@@ -83,9 +88,15 @@ class Solution:
     def at(self, i: int) -> Any:
         """The workspace, with the rows that were solved for at node i: what it computes depends on nothing else."""
         rows = next((rows for first, rows in reversed(self.in_use) if first <= i), None)
+        if self.modes:
+            self.system.enter(self.mode(i))
         if rows and (not self.system.held or rows != self.system.in_use):
             self.system.hold(rows)
         return self.system
+
+    def mode(self, i: int) -> tuple[int, ...]:
+        """The states of the mechanism's switches at node i."""
+        return next((mode for first, mode in reversed(self.modes) if first <= i), ())
 
     def before(self, t: Array) -> Array:
         """The node before each time, (k,): the later one of two at a jump."""

@@ -77,6 +77,11 @@ class Fixed(PythonStepper):
         """Say whether a step is accepted, and choose the next one."""
         return True
 
+    def take_back(self) -> None:
+        """The last step ends before its end: the next one leads to where it would have."""
+        self.i -= self.on_grid
+        self.on_grid = False
+
     def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:
         """Say whether a move of the state away from y stays within 1e-8."""
         m = run.system.measured

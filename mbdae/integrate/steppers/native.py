@@ -59,6 +59,9 @@ class NativeStepper(Stepper):
     def restart(self) -> None:  # noqa: D102
         self.inner.restart()
 
+    def take_back(self) -> None:  # noqa: D102
+        self.inner.take_back()
+
     def _try(self, run: "RunState", most: int) -> int:
         """Let the core try steps; return how many, 0 where the next one is one for Python."""
         self._to_native(run, most)
@@ -103,7 +106,7 @@ class NativeStepper(Stepper):
             e.watch(events.plain() if events.by_signal else [])
             e.same, e.spacings, e.share, e.iterations = SAME, SHARP, SHARE, ITERATIONS
             j.times, j.margin, j.crowd = sorted({*run.ahead.times, *self.system.laws.breaks()}), MARGIN, CROWD
-        j.crossed = events.by_signal or not events.events
+        j.crossed = (events.by_signal or not events.events) and not run.modes
         j.restart = np.nan if run.leg.restart is None else run.leg.restart
         if events.events and events.by_signal:
             e.start = events.start[0]

@@ -43,6 +43,9 @@ class Stepper(ABC):
     def restart(self) -> None:  # noqa: B027, most have nothing to do
         """Begin anew behind a jump: nothing of the steps before it holds."""
 
+    def take_back(self) -> None:  # noqa: B027
+        """The last step ends before its end."""
+
 
 class PythonStepper(Stepper):
     """One step at a time: proposed, taken, measured, judged."""

@@ -7,10 +7,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..signals import Harmonic
-from ..tables import Table
 from .contact import ConvexBody
 from .curves import Law, LawTable
 from .keys import BETWEEN_FRAMES, GRIPS, check_numbers, keys
+from .one_sided import OneSided
 from .primitives import primitives_of
 from .profiles import AnyProfile, Profile
 from .rows import FrameRows, JointRow, unit_axis
@@ -27,7 +27,7 @@ Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 Surface = Literal["plane", "sphere", "cylinder"]
 
 
-class Closure(Table):
+class Closure(OneSided):
     """A closure between two frames a and b, or a coupling between two joints i and j.
 
     ===========  ====  ===============================================================================

@@ -47,6 +47,7 @@ class Constraints:
         columns: which velocities move the joints of a row, or joints that carry them, (ng, nv).
         positional: which rows have a g, (ng,).
         W: the wrenches of the rows between frames where G was asked for last, (6, ng).
+        off: numbers of the rows that the mode leaves out; g, G and Gdot v are 0 for them.
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, specs: Sequence[Spec]) -> None:
@@ -57,7 +58,7 @@ class Constraints:
         self.ng = sum(spec.m for spec in specs)
         self.columns = np.zeros((self.ng, model.nv), bool)
         self.sign, self.W = np.zeros((self.ng, model.nv)), np.zeros((6, self.ng))
-        self.positional = np.ones(self.ng, bool)
+        self.positional, self.off = np.ones(self.ng, bool), np.empty(0, int)
         at = 0
         for spec in specs:
             numbered: list[tuple[slice, Any]] = []
@@ -112,6 +113,7 @@ class Constraints:
         G *= self.sign
         for part in self.joint_parts:
             G[part.at, part.columns] = part.value()[1]
+        G[self.off] = 0.0
         return G
 
     def value(self, t: float | None) -> tuple[Array, Array]:
@@ -126,7 +128,7 @@ class Constraints:
             g -= self.motion(t)[0]
         if len(self._periodic):
             g[self._periodic] -= self._periods * np.round(g[self._periodic] / self._periods)
-        g[self._rates] = 0.0
+        g[self._rates] = g[self.off] = 0.0
         return g, G
 
     def bias(self, v: Array) -> Array:
@@ -141,6 +143,7 @@ class Constraints:
                 out[s] = relative @ r.rate(pair) + bias @ w
         for part in self.joint_parts:
             out[part.at] = part.bias(v)
+        out[self.off] = 0.0
         return out
 
     def slopes(self, v: Array, lam: Array) -> tuple[Array, Array]:
@@ -156,6 +159,7 @@ class Constraints:
             K[at[:, None], at] += here.torque(F, *turning.reshape(2, 6, 6))
         for part in self.joint_parts:
             part.slopes(v, float(lam[part.at]), K, B[part.at])
+        B[self.off] = 0.0
         return K, B
 
     def bias_slopes(self, v: Array) -> tuple[Array, Array]:
@@ -167,6 +171,7 @@ class Constraints:
                 by_q[s, at], by_v[s, at] = here.bias(r.rate, w, *r.slopes(pair))
         for part in self.joint_parts:
             part.bias_slopes(v, by_q[part.at], by_v[part.at])
+        by_q[self.off] = by_v[self.off] = 0.0
         return by_q, by_v
 
     def motion(self, t: float | None) -> Array:

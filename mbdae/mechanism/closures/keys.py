@@ -17,14 +17,16 @@ BETWEEN_FRAMES: dict[str, tuple[str, str]] = {  # kind: which gaps vanish, which
     "in_line": ("across", ""),
     "parallel": ("", "axis"),
 }
+ONE_SIDED = ("unilateral", "restitution", "rest")
 OTHER_KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, and further ones
-    "distance": (("frames", "length"), ()),
+    "distance": (("frames", "length"), ONE_SIDED),
     "coupling": (("joints",), ("coefficients", "curve")),
     "cam": (("frames", "profile"), ("radius", "axis")),
     "slot": (("frames", "profile"), ()),
     "rolling": (
         ("frames",),
-        ("radius", "tyre", "axis", "semi_axes", "centre", "grip", "contact", "surface", "surface_radius"),
+        ("radius", "tyre", "axis", "semi_axes", "centre", "grip", "contact", "surface", "surface_radius")
+        + ONE_SIDED,
     ),
     "knife_edge": (("frames", "axis"), ()),
     "gear": (("frames", "radii"), ("axis",)),
@@ -42,7 +44,7 @@ def keys(kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     gap, direction = BETWEEN_FRAMES[kind]
     axis = ("axis",) if gap in ("across", "along") or direction in ("axis", "cross") else ()
     second = ("second_axis",) if direction in ("axis", "cross") else ()
-    return ("kind", "frames"), ("name", *axis, *second)
+    return ("kind", "frames"), ("name", *axis, *second, *(ONE_SIDED if kind == "in_plane" else ()))
 
 
 def check_numbers(closure: "Closure") -> None:

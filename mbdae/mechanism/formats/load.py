@@ -16,6 +16,7 @@ from ..assembly import START
 from ..callbacks import function_name
 from ..closures.closure import Closure
 from ..closures.driver import Driver
+from ..closures.one_sided import Stop
 from ..forces import FORCES, PYTHON_FORCES
 from ..forces.actuator import Actuator
 from ..mechanism import Mechanism
@@ -36,6 +37,7 @@ def load(
     *,
     closures: Sequence[Closure] = (),
     drivers: Sequence[Driver] = (),
+    stops: Sequence[Stop] = (),
     forces: Sequence[Any] = (),
     motors: Mapping[str, Any] | None = None,
     key: str = "",
@@ -49,6 +51,7 @@ def load(
             robot.yaml beside a robot.urdf, or a folder with one of these.
         closures: more closures, behind those of the file.
         drivers: more drivers, behind those of the file.
+        stops: more stops, behind those of the file.
         forces: more forces, behind those of the file.
         motors: controls of named inputs (`Mechanism.motors`): numbers or functions of time.
         key: keyframe of an MJCF file to start from; its first one when left out, ``"qpos0"`` for none.
@@ -61,7 +64,7 @@ def load(
         InputError: for a file that is wrong: one line with the key and what was expected.
     """
     described = [f for f in forces if isinstance(f, FORCES)]
-    more = {"closure": closures, "driver": drivers, "force": described, "motor": motors or {}}
+    more = {"closure": closures, "driver": drivers, "stop": stops, "force": described, "motor": motors or {}}
     recipe = read(path, parameters, key=key, assemble=assemble, more=more)
     if recipe.left_out:
         warnings.warn(f"{recipe.name}: not carried over: {'; '.join(map(shortened, recipe.left_out))}", stacklevel=2)
@@ -183,6 +186,7 @@ def _of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title
         file.closure,
         forces,
         drivers=file.driver,
+        stops=file.stop,
         start=file.start,
         title=title,
         duration=file.duration,
@@ -200,6 +204,7 @@ def describe(mech: Mechanism) -> dict[str, Any]:
         title=mech.title,
         closure=mech.closures,
         driver=mech.drivers,
+        stop=mech.stops,
         force=tuple(f for f in mech.forces if isinstance(f, FORCES)),
         start=mech.start_values,
         order=mech.order,

@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from ...errors import InputError, printable
 from ..closures.closure import Closure
 from ..closures.driver import Driver
+from ..closures.one_sided import Stop
 from ..closures.user_rows import UserRows
 from ..forces import FORCES, AnyForce
 from ..signals import SIGNALS, Signal
@@ -108,6 +109,7 @@ class MechanismFile(Table):
         body: extra bodies with their joints.
         closure: loop closures.
         driver: joints or distances that follow a function of time.
+        stop: ends of the ways of joints.
         force: springs, dampers, motors, controllers.
         start: the start state.
         order: the order study.
@@ -125,6 +127,7 @@ class MechanismFile(Table):
     body: tuple[Body, ...] = ()
     closure: tuple[Closure, ...] = ()
     driver: tuple[Driver, ...] = ()
+    stop: tuple[Stop, ...] = ()
     force: tuple[AnyForce, ...] = ()
     start: Start = Start()
     order: OrderSettings = OrderSettings()
@@ -193,6 +196,7 @@ def _known_keys(path: Sequence[Any]) -> list[str]:
         "source": Source,
         "closure": Closure,
         "driver": Driver,
+        "stop": Stop,
         "start": Start,
         "order": OrderSettings,
     }

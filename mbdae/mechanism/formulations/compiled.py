@@ -13,6 +13,7 @@ import numpy as np
 from ...system import Array, Counts, State, Step
 from ..closures.independent_rows import probe
 from ..manifold import GROUPS
+from ..modes.switches import Mode
 from .compiled_parts import constraints_of, laws_of, limits_of, samplers_of
 from .derivatives import Jacobians
 from .ggl import GGLSystem
@@ -52,6 +53,7 @@ class Compiled(Index2System):
         form = self.formulation, *self.baumgarte
         self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables, *form)
         self.core.sample(samplers_of(self.laws))
+        self._leave_out()
         self._seen = [0] * len(COUNTS)
         self._begun = False
         self._method: tuple[Any, Any] = (None, None)
@@ -177,6 +179,18 @@ class Compiled(Index2System):
         rows = [] if self.rows is None else self.rows.tolist()
         self.core.use(rows, len(rows), self.floor, self.held)
         self._begun = True
+
+    def enter(self, mode: Mode) -> None:
+        """See `Index2System.enter`."""
+        if mode != self.mode:
+            super().enter(mode)
+            self._leave_out()
+            self._begun = False
+
+    def _leave_out(self) -> None:
+        off = self.constraints.off
+        if len(self.mechanism.switches):
+            self.core.leave_out([k in off for k in range(self.ng)])
 
     def hold(self, rows: tuple[int, ...]) -> None:
         """See `mbdae.system.System`."""

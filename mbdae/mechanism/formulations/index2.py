@@ -15,6 +15,7 @@ from ...errors import StepError
 from ...system import Array, Counts, State, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
+from ..modes.switches import Mode, left_out
 from ..workspace import make_data
 from . import derivatives, interpolation, projection, residuals
 from .chart import Index2Chart
@@ -44,6 +45,8 @@ class Index2System(System):
         self.counts, self.driven = Counts(), bool(mechanism.drivers)
         self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # drivers: their work too
         self.constraints = Constraints(self.model, self.data, mechanism.constraints)
+        self.mode: Mode = (0,) * len(mechanism.switches)
+        self.constraints.off = left_out(mechanism.switches, self.mode)
         self.rank: int | None = None
         self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
         self.rows: Array | None = None
@@ -207,7 +210,21 @@ class Index2System(System):
 
     def twin(self) -> "Index2System":
         """See `mbdae.system.System`; it has the index-2 form whatever this one has."""
-        return self.mechanism.system(native=self.native)
+        out = self.mechanism.system(native=self.native)
+        out.enter(self.mode)
+        return out
+
+    def enter(self, mode: Mode) -> None:
+        """Go on in another mode; rank and rows are found anew."""
+        if mode == self.mode:
+            return
+        self.mode, switches = mode, self.mechanism.switches
+        self.constraints.off = left_out(switches, mode)
+        for switch, state in zip(switches, mode, strict=True):
+            switch.enter(self, state)
+        self.rank, self.rows, self.held, self.reason = None, None, False, independent_rows.Reason(self.ng)
+        self.least_pivot_ratio = 1.0
+        self._last_q = np.full(self.nq, np.nan)
 
     def order_of(self, tableau: Any) -> int:  # noqa: D102
         return tableau.order_linear

@@ -1,0 +1,151 @@
+"""What happens where guards pass zero: an impact, and then which rows carry load from there on."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...mechanism.modes.choice import choose
+from ...mechanism.modes.impact import strike
+from ...mechanism.modes.point import AllRows, ModePoint
+from ...mechanism.modes.switch import Candidate, Strike
+from ...solution.impact import Impact
+from ...system import Array
+
+if TYPE_CHECKING:
+    from ...mechanism.formulations.index2 import Index2System
+    from ...mechanism.modes.switches import Mode
+
+NEAR = 1e-10  # m or rad: rows nearer than that touch
+STILL = 1e-10  # of 1 + |v|: a row that opens no faster stays
+LOADED = 1e-10  # of the largest multiplier: less is none
+
+
+class Transition:
+    """Impacts and choices of modes of a mechanism.
+
+    Args:
+        system: the run's workspace.
+    """
+
+    def __init__(self, system: "Index2System") -> None:
+        self.system, self.all_rows = system, AllRows(system)
+        self.switches = system.mechanism.switches
+        switched = {row for s in self.switches for row in s.rows}
+        self.always = np.array([k for k in range(system.ng) if k not in switched], int)
+
+    def point(self, t: float, y: Array) -> ModePoint:
+        """Return a point in the mode of the workspace."""
+        return ModePoint(self.system, self.all_rows, t, y)
+
+    def impact(self, at: ModePoint, soft: set[int]) -> tuple[Array, Impact | None]:
+        """Return the point behind an impact, and what happened; None where nothing approaches.
+
+        Args:
+            at: the point.
+            soft: numbers of switches that come to rest: e = 0 for them.
+        """
+        mode, system = self.system.mode, self.system
+        found = {s.at: s.strike(at, mode[s.at], NEAR) for s in self.switches}
+        found = {i: strikes for i, strikes in found.items() if strikes}
+        rate, still = at.rate, STILL * (1 + float(np.abs(at.v).max()))
+        if not any(s.sign * rate[s.row] < -still for strikes in found.values() for s in strikes if s.sign):
+            return at.y, None
+        hit = [i for i, strikes in found.items() if strikes[0].sign * rate[strikes[0].row] <= still or mode[i]]
+        touched: list[tuple[int, Strike]] = [(i, s) for i in hit for s in found[i] if s.sign]
+        others = [s.row for i in hit for s in found[i] if not s.sign]
+        apart = [(i, s) for i in found if i not in hit for s in found[i] if s.sign]
+        kept = np.array([*self.always, *others], int)
+        both = [*touched, *apart]
+        rows = np.array([s.row for _, s in both], int)
+        signs = np.array([s.sign for _, s in both])
+        e = np.array([0.0 if i in soft else s.restitution for i, s in both])
+        G, g_t = at.values[1:]
+        U = np.triu(system.inertia(at.t, at.q))
+        blow = strike(U, G[kept], g_t[kept], signs[:, None] * G[rows], signs * g_t[rows], e, at.v)
+        y = at.y.copy()
+        y[system.nq : system.nq + system.nv] = blow.v
+        y[-1] += blow.work
+        whole = np.zeros(system.ng)
+        whole[rows] = signs * blow.p
+        whole[kept] += blow.P
+        struck = [(self.switches[i].name, float(p)) for (i, _), p in zip(both, blow.p, strict=True) if p > 0]
+        where, impulse = zip(*struck, strict=True) if struck else ((), ())
+        loss = -blow.work
+        return y, Impact(at.t, tuple(where), tuple(impulse), tuple(whole.tolist()), loss)
+
+    def choice(self, t: float, y: Array, opened: set[int]) -> "Mode":
+        """Return the mode behind a point, whose velocities do not jump any more.
+
+        Args:
+            t: time.
+            y: the point.
+            opened: numbers of switches that let go there.
+        """
+        system, before = self.system, self.system.mode
+        at = self.point(t, y)
+        still = STILL * (1 + float(np.abs(at.v).max()))
+        found: dict[int, tuple[Candidate, ...]] = {}
+        for s in self.switches:
+            candidates = s.candidate(at, before[s.at], NEAR)
+            if candidates and abs(at.rate[candidates[0].row]) <= still:
+                found[s.at] = candidates
+        mode, left = list(before), dict(found)
+        for s in self.switches:
+            if s.at not in found:
+                mode[s.at] = s.settled(at, (), (), False)
+        waiting = {i for i in opened if i in left}
+        while True:
+            among = {i: c for i, c in left.items() if i not in waiting}
+            lam, rates, free = self._loads(at, mode, among)
+            pressed = [i for i in waiting if self._approaches(at, left[i][0], rates)]
+            if pressed:  # it cannot let go: others press it
+                waiting -= set(pressed[:1])
+                continue
+            held = {i: self._held(c[0], lam[c[0].row], lam) for i, c in among.items()}
+            gone = [i for i, yes in held.items() if not yes and len(among[i]) > 1]
+            if not gone:
+                break
+            left = {i: c for i, c in left.items() if i not in gone}
+            for i in gone:
+                mode[i] = self.switches[i].settled(at, (), (), False)
+        for i, c in among.items():
+            values = [lam[x.row] for x in c], [rates[x.row] for x in c]
+            mode[i] = self.switches[i].settled(at, *values, held[i])
+        for i in waiting:
+            mode[i] = self.switches[i].settled(at, (), (), False)
+        return tuple(mode)
+
+    def _held(self, c: Candidate, lam: float, among: Array) -> bool:
+        near = LOADED * float(np.abs(among).max(initial=0.0))
+        return bool(c.lower + near < lam < c.upper - near)
+
+    def _approaches(self, at: ModePoint, c: Candidate, rates: Array) -> bool:
+        inward = -rates[c.row] if np.isfinite(c.lower) else rates[c.row]
+        return bool(inward > 1e-9 * (1 + float(np.abs(rates).max())))
+
+    def _loads(self, at: ModePoint, mode: list[int], found: dict[int, tuple[Candidate, ...]]) -> tuple[Array, Array, Array]:
+        """Multipliers (ng,), accelerations G v' + gamma of all rows (ng,), and v', with loads on candidates."""
+        system, before = self.system, self.system.mode
+        base = tuple(0 if i in found else state for i, state in enumerate(mode))
+        system.enter(base)
+        F, _ = system.derivative(at.t, at.y)
+        system.enter(before)
+        rates = at.G @ F[system.nv : 2 * system.nv] + at.gamma
+        lam = np.zeros(system.ng)
+        rows = np.array([c.row for cs in found.values() for c in cs], int)
+        if not len(rows):
+            return lam, rates, F
+        lower, upper = (np.array([getattr(c, k) for cs in found.values() for c in cs]) for k in ("lower", "upper"))
+        carried = {row for s, state in zip(self.switches, base, strict=True) for row in s.active(state)}
+        kept = np.array([*self.always, *sorted(carried)], int)
+        U = np.triu(system.inertia(at.t, at.q))
+        B = np.linalg.solve(U.T, at.G.T)
+        C = B[:, rows]
+        if len(kept):
+            left, sizes, _ = np.linalg.svd(B[:, kept], full_matrices=False)
+            Q = left[:, sizes > 1e-10 * sizes[:1]]
+            C = C - Q @ (Q.T @ C)
+        lam[rows] = choose(C, rates[rows], lower, upper)
+        vdot = C @ lam[rows]
+        free = B - Q @ (Q.T @ B) if len(kept) else B
+        return lam, rates + free.T @ vdot, F

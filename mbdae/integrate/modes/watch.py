@@ -1,0 +1,121 @@
+"""Follows the modes of a run from step to step."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import InputError, StepError
+from ...mechanism.modes.point import ModePoint
+from ...mechanism.modes.switch import Guard
+from ...mechanism.modes.switches import words
+from ...solution.impact import Impact
+from ...system import Array
+from .guards import band, first
+from .transition import Transition
+
+if TYPE_CHECKING:
+    from ...mechanism.formulations.index2 import Index2System
+    from ...mechanism.modes.switches import Mode
+    from ..run import RunState
+    from ..step_map import StepMap
+
+TOUCHING = 1e-9  # m or rad: a row that is open by no more at the start touches
+MANY = 100  # transitions, and as many for each switch: if they all fall into the time of a rest, they have no end
+
+
+class ModeWatch:
+    """The modes of a run.
+
+    Args:
+        system: the run's workspace, of a mechanism that has switches.
+
+    Attributes:
+        modes: from which node on which mode was there.
+        impacts: those that were found.
+    """
+
+    def __init__(self, system: "Index2System") -> None:
+        self.system, self.transition = system, Transition(system)
+        self.switches = system.mechanism.switches
+        self.modes: list[tuple[int, Mode]] = []
+        self.impacts: list[Impact] = []
+        self.sizes: dict[int, float] = {}
+        self.struck: dict[int, float] = {}  # when each switch was struck last
+        self.times: list[float] = []  # of transitions
+        self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
+        self._enter(system.mode)
+
+    def _enter(self, mode: "Mode", run: "RunState | None" = None) -> None:
+        self.system.enter(mode)
+        for signal in run.events.signals.values() if run else ():
+            signal.system.enter(mode)
+        self.guards: tuple[Guard, ...] = tuple(g for s in self.switches for g in s.guards(mode[s.at]))
+        self.sizes = {}
+
+    def start(self, run: "RunState", y: Array) -> Array:
+        """Choose the mode of a start; return the point, behind an impact where something approaches what it touches.
+
+        Raises:
+            InputError: where a gap is negative.
+        """
+        at = self.transition.point(run.t, y)
+        for s in self.switches:
+            for guard in s.guards(0):
+                if guard.kind == "touch" and (gap := guard.value(at)) < -TOUCHING:
+                    unit = self.system.mechanism.row_units[s.rows[0]]
+                    raise InputError(f"{s.name!r} is passed by {-gap:.3g} {unit} at the start")
+        y, mode = self._settled(at, set())
+        self.modes = [(0, mode)]
+        self._enter(mode, run)
+        return y
+
+    def _settled(self, at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
+        recent = {i for i, when in self.struck.items() if abs(at.t - when) < self.switches[i].rest}
+        y, impact = self.transition.impact(at, recent)
+        if impact:
+            self.impacts.append(impact)
+            self.struck |= {s.at: at.t for s in self.switches if s.name in impact.where}
+        return y, self.transition.choice(at.t, y, opened)
+
+    def look(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
+        """Return the share of a step at which the mode ends, and the guards that say so; 2 and none where it lasts."""
+        known: dict[float, ModePoint] = {}
+
+        def at(theta: float) -> ModePoint:
+            if theta not in known:
+                y = step.y if not theta else step.y1 if theta == 1 else step.point(theta)
+                known[theta] = self.transition.point(step.t + theta * step.h, y)
+            return known[theta]
+
+        found = first(self.guards, step, at, self.sizes)
+        for i, guard in enumerate(self.guards):
+            self.sizes[i] = max(self.sizes.get(i, 0.0), abs(guard.value(at(1.0))))
+        return found
+
+    def violated(self, t: float, y: Array) -> list[Guard]:
+        """Return guards that are negative at a point: where a load jumps."""
+        at = self.transition.point(t, y)
+        return [g for i, g in enumerate(self.guards) if g.value(at) < -band(self.sizes.get(i, 0.0))]
+
+    def switch(self, run: "RunState", fired: list[Guard]) -> None:
+        """Go on in the mode that follows: a second point of the run at the same time.
+
+        Raises:
+            StepError: where modes switch without an end, or an impact has no solution.
+        """
+        self._count(run.t, fired)
+        opened = {g.at for g in fired if g.kind == "let go"}
+        y, mode = self._settled(self.transition.point(run.t, run.ys[-1]), opened)
+        self._enter(mode, run)
+        if run.project:
+            y = self.system.restore(run.t, y)
+        self.modes.append((len(run.ts), mode))
+        run.turn(y)
+
+    def _count(self, t: float, fired: list[Guard]) -> None:
+        most = MANY * (1 + len(self.switches))
+        self.times = [*self.times[-most:], t]
+        if len(self.times) > most and abs(t - self.times[0]) < max(self.rest, 1e-9 * abs(t)):
+            names = " and ".join(repr(g.name) for g in fired)
+            mode = words(self.switches, self.system.mode)
+            raise StepError("switching", f"{names}: modes switch without an end at t = {t:.17g} ({mode})")

@@ -1,0 +1,37 @@
+"""Which rows carry load: Gauss's principle of least constraint over a box.
+
+    minimise  lam W lam/2 + lam c,   lower <= lam <= upper,   W = S A S^T,  c = S a + gamma_S
+
+S are the rows that may carry load, a the accelerations without them, A = M^-1 but for rows that are kept. What lies
+within its box does not accelerate; what is held at an end of it gives way, with the sign of its acceleration.
+
+Source: Moreau (1966), Quadratic programming in mechanics, SIAM J. Control 4.
+"""
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ...system import Array
+
+RANK = 1e-10  # of the largest singular value
+
+
+def choose(C: Array, c: Array, lower: Array, upper: Array) -> Array:
+    """Return multipliers (k,).
+
+    Args:
+        C: M^1/2 A S^T, (nv, k): W = C^T C.
+        c: accelerations of the rows with no load, (k,).
+        lower: least multipliers, (k,).
+        upper: largest multipliers, (k,).
+    """
+    d = np.linalg.lstsq(C.T, c, rcond=RANK)[0]
+    sizes = np.linalg.norm(C, axis=0)
+    sizes[~(sizes > RANK * sizes.max(initial=0.0))] = 1.0
+    scale = float(np.linalg.norm(d)) or 1.0
+    bounds = lower * sizes / scale, upper * sizes / scale
+    if len(c) == 1:
+        x = np.clip(-(C[:, 0] / sizes[0]) @ d / scale, *bounds)
+    else:
+        x = lsq_linear(C / sizes, -d / scale, bounds, method="bvls", tol=1e-15, max_iter=100 * len(c)).x
+    return x * scale / sizes

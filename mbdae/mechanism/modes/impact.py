@@ -1,0 +1,117 @@
+"""Impacts: velocities that jump where rows touch, with all loops kept shut.
+
+    v+ = v- + M^-1 (G^T P + U^T p),   G v+ + b = 0,   0 <= p  _|_  U v+ + e U v- >= 0
+
+Newton's law for the touched rows U that approach. v+ is the nearest point, in the mass metric, to v- among those that
+meet G v+ + b = 0 and U v+ >= -e U v-: least-distance programming, solved by non-negative least squares. v+ is unique, p
+need not be. Rows that separate already are left out, else energy could rise; those that then approach strike next.
+
+Sources: Moreau (1988), in Nonsmooth Mechanics and Applications; Lawson, Hanson, Solving Least Squares Problems (1974),
+23.4.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
+
+from ...errors import StepError
+from ...system import Array
+
+STILL = 1e-12  # of 1 + |v|: a speed below is none
+ROUNDS = 200  # of rows that strike one after another at one instant; the last one with e = 0
+RANK = 1e-10  # of the largest singular value
+
+
+class Blow(NamedTuple):
+    """What an impact does.
+
+    Attributes:
+        v: velocities behind it, (nv,).
+        p: impulses of the rows that were touched, (m,), in N s, in the direction in which they open.
+        P: impulses of the rows that are kept, (k,).
+        work: of all impulses in J: what the kinetic energy changes by.
+    """
+
+    v: Array
+    p: Array
+    P: Array
+    work: float
+
+
+def strike(U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array) -> Blow:
+    """Return what happens where rows touch.
+
+    Args:
+        U: the Cholesky factor of M = U^T U, (nv, nv).
+        kept: the rows G that are kept, (k, nv), which may depend on each other.
+        b: and their g_t, (k,).
+        rows: the rows that touch, (m, nv), by the direction in which they open.
+        c: and their g_t in that direction, (m,).
+        e: restitution, (m,).
+        v: velocities before, (nv,).
+
+    Raises:
+        StepError: where the kept rows and the touched ones contradict each other.
+    """
+    n, m = len(v), len(rows)
+    BG, BU = (np.linalg.solve(U.T, X.T) if len(X) else np.zeros((n, 0)) for X in (kept, rows))
+    total, x, work = np.zeros(m), U @ v, 0.0  # x = M^1/2 v
+    P = np.zeros(len(kept))
+    Q, pinv = _range(BG)
+    for k in range(ROUNDS + 1):
+        speed = BU.T @ x + c
+        still = STILL * (1 + float(np.abs(v).max()))
+        last = k == ROUNDS
+        if k and not (speed < -still).any():
+            break
+        which = np.arange(m) if last else np.flatnonzero(speed <= still)
+        goal = -(0.0 if last else e[which]) * np.minimum(speed[which], 0.0) - c[which]
+        closed = x - BG @ (pinv @ (BG.T @ x + b)) if len(kept) else x
+        A = BU[:, which] - Q @ (Q.T @ BU[:, which])
+        p = _least(A, goal - BU[:, which].T @ closed)
+        new = closed + A @ p
+        impulse = pinv @ (new - x - BU[:, which] @ p) if len(kept) else P
+        work += float(p @ (BU[:, which].T @ (x + new))) / 2 + float(impulse @ (BG.T @ (x + new))) / 2
+        total[which] += p
+        P = P + impulse if len(kept) else P
+        x = new
+    return Blow(np.linalg.solve(U, x), total, P, work)
+
+
+def _range(B: Array) -> tuple[Array, Array]:
+    """An orthonormal basis of the range of B (n, k), and its pseudoinverse (k, n)."""
+    if not B.shape[1]:
+        return np.zeros((len(B), 0)), np.zeros((0, len(B)))
+    left, sizes, right = np.linalg.svd(B, full_matrices=False)
+    r = int(np.count_nonzero(sizes > RANK * sizes[:1]))
+    return left[:, :r], (right[:r].T / sizes[:r]) @ left[:, :r].T
+
+
+def _least(A: Array, f: Array) -> Array:
+    """The p >= 0 (m,) for which x = A p is the shortest x with A^T x >= f.
+
+    Raises:
+        StepError: where no x meets all of them.
+    """
+    scale = float(np.abs(f).max(initial=0.0))
+    if not scale or not (f > 0).any():
+        return np.zeros(len(f))
+    sizes = np.linalg.norm(A, axis=0)
+    able = sizes > RANK * sizes.max(initial=0.0)
+    if not able.all() and (f[~able] > STILL * scale).any():
+        raise StepError("impact", "closures keep what strikes from giving way")
+    An, fn = A[:, able] / sizes[able], f[able] / sizes[able]
+    scale = float(np.abs(fn).max())
+    E, last = np.vstack([An, fn / scale]), np.append(np.zeros(len(A)), 1.0)
+    u, _ = nnls(E, last)
+    rest = 1.0 - float(fn / scale @ u)
+    if not rest > RANK:
+        raise StepError("impact", "what strikes at one instant cannot all give way")
+    p, out = np.zeros(len(f)), np.flatnonzero(u > 0)
+    exact = np.linalg.lstsq(An[:, out].T, fn[out], rcond=RANK)[0]  # x, to rounding
+    found = np.linalg.lstsq(An[:, out], exact, rcond=RANK)[0]
+    if (found < 0).any() or (An.T @ exact < fn - 1e-9 * scale).any():
+        found = u[out] / rest * scale
+    p[np.flatnonzero(able)[out]] = found / sizes[able][out]
+    return p

@@ -1,0 +1,110 @@
+"""What switches between a few states: the base of all kinds."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
+    from ..mechanism import Mechanism
+    from .point import ModePoint
+
+Value = Callable[["ModePoint"], float]
+
+
+class Guard(NamedTuple):
+    """A function of the point that is positive while a state lasts.
+
+    Attributes:
+        kind: in a word: ``"touch"``, ``"let go"``, ``"slip"``, ``"rest"``.
+        name: of the switch.
+        at: its number.
+        value: the function.
+        rate: its rate, where it is known: then a visit below 0 and back within a step is seen.
+        loads: it depends on multipliers, and is sampled within steps.
+    """
+
+    kind: str
+    name: str
+    at: int
+    value: Value
+    rate: Value | None = None
+    loads: bool = False
+
+
+class Strike(NamedTuple):
+    """A row that takes part in an impact.
+
+    Attributes:
+        row: its number.
+        sign: 1 or -1: sign * (G v + g_t) is the speed at which it opens; 0 for a row that is kept.
+        restitution: of Newton's law.
+    """
+
+    row: int
+    sign: float
+    restitution: float = 0.0
+
+
+class Candidate(NamedTuple):
+    """A row that may carry load: its number, and the least and the largest multiplier."""
+
+    row: int
+    lower: float
+    upper: float
+
+
+class Switch:
+    """What switches.
+
+    Attributes:
+        name: of the stop, closure or joint.
+        at: its number among the switches of the mechanism.
+        states: words for its states.
+        rest: a flight that is shorter ends in rest, in s.
+    """
+
+    states: tuple[str, ...] = ("open", "closed")
+    rest: float = 0.0
+
+    def __init__(self, name: str) -> None:
+        self.name, self.at = name, -1
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> "Sequence[Switch]":
+        """Return the switches of this kind that a mechanism has."""
+        return ()
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """All its rows."""
+        raise NotImplementedError
+
+    def active(self, state: int) -> tuple[int, ...]:
+        """Return the rows that are solved for in a state."""
+        raise NotImplementedError
+
+    def guards(self, state: int) -> tuple[Guard, ...]:
+        """Return what ends a state."""
+        raise NotImplementedError
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:
+        """Return rows that take part in an impact at a point: those that touch, within ``near``."""
+        return ()
+
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:
+        """Return rows that may carry load behind a point; the first one decides, others go with it."""
+        return ()
+
+    def settled(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool) -> int:
+        """Return the state behind a point.
+
+        Args:
+            point: the point.
+            lam: multipliers of the candidates; empty where there were none.
+            rates: accelerations G v' + gamma of them.
+            held: the multiplier of the first lies within its box.
+        """
+        return int(held)
+
+    def enter(self, system: "Index2System", state: int) -> None:
+        """Set what else depends on the state in a workspace."""
