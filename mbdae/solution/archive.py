@@ -20,6 +20,7 @@ from ..errors import STATUS, InputError
 from ..files import write_whole
 from ..mechanism import Singular, describe, restore
 from ..mechanism.tables import one_line
+from .impact import Impact
 
 if TYPE_CHECKING:
     from .solution import Solution
@@ -71,6 +72,8 @@ class _Run(_Lenient):
     message: str
     singular: tuple[Singular, ...] = ()
     in_use: tuple[tuple[int, tuple[int, ...]], ...] = ()
+    modes: tuple[tuple[int, tuple[int, ...]], ...] = ()
+    impacts: tuple[Impact, ...] = ()
 
 
 def versions() -> dict[str, str]:
@@ -98,6 +101,8 @@ def write(sol: "Solution", path: str | Path) -> None:
         "message": sol.message,
         "singular": [x.to_dict() for x in sol.singular],
         "in_use": sol.in_use,
+        "modes": sol.modes,
+        "impacts": sol.impacts,
         "versions": versions(),
         "command": sys.argv,
     }
@@ -167,10 +172,14 @@ def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, A
         raise ValueError(f"status {run.status!r}; known: {', '.join(STATUS)}")
     if any(not 0 <= k < mechanism.ng for _, rows in run.in_use for k in rows):
         raise ValueError("rows are in use that the mechanism does not have")
+    sizes = [len(s.states) for s in mechanism.switches]
+    if any(len(m) != len(sizes) or any(not 0 <= k < n for k, n in zip(m, sizes, strict=True)) for _, m in run.modes):
+        raise ValueError("modes that the mechanism does not have")
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
     arrays = {name: data[name] for name in ("t", "y", "z_own")}
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
     passed, in_use = list(run.singular), list(run.in_use)
+    rest |= {"modes": list(run.modes), "impacts": list(run.impacts)}
     return {"problem": mechanism, **arrays, **rest, "steps": steps, "singular": passed, "in_use": in_use}
 
 
