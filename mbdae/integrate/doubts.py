@@ -30,7 +30,8 @@ def doubts(sol: Solution, system: Index2System) -> str:
     found = []
     if system.ng:
         g, G = system.closures(q, ts[-1])
-        if not system.largest_g <= OPEN * (reach := float(np.abs(G).max())):
+        reach = float(np.abs(G).max())
+        if not system.largest_g <= OPEN * (reach or 1.0):
             which = largest_error(mech, g)
             opened = f"closures stood open by {system.largest_g:.2g}, on arms of {reach:.2g} m"
             found.append(f"{opened} ({which.name!r} by {which.text} at the end)")

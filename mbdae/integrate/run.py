@@ -59,6 +59,8 @@ class RunState:
             y = self._closed(y)
         self._begin_at(y)
         self.leg = self.ahead.leg(self.t)
+        if self.modes and len(self.ts) == 1:
+            self.modes.begin(self.t, self.ys[-1])
 
     def _closed(self, y: Array) -> Array:
         """Find rank and rows where loops are closed; the start itself is closed if the run keeps them so."""

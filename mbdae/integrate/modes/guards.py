@@ -1,6 +1,7 @@
 """Where the first guard of a mode passes zero in a step: located on shorter steps of the method, so that order survives."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,58 +21,86 @@ HALVINGS = 40  # towards the start of a step
 At = Callable[[float], "ModePoint"]
 
 
-def band(size: float) -> float:
-    """How near to zero a guard is rounding: size is the largest magnitude of what it is made of."""
-    return BAND * (1 + size)
+class Followed:
+    """A guard that is followed from step to step.
+
+    Attributes:
+        guard: the guard.
+        size: the largest magnitude that it had.
+        level: where it ends the mode: 0, or the value within rounding below it with which the mode began, until it
+            rises above 0.
+    """
+
+    def __init__(self, guard: Guard, point: "ModePoint") -> None:
+        self.guard, f = guard, guard.value(point)
+        self.size, self.level = abs(f), 0.0 if guard.loads else min(0.0, f)
+
+    def move(self, point: "ModePoint") -> None:
+        """Go on from the end of a step."""
+        f = self.guard.value(point)
+        self.size = max(self.size, abs(f))
+        if f >= 0:
+            self.level = 0.0
+
+    def value(self, point: "ModePoint") -> float:
+        """Return the guard less its level."""
+        return self.guard.value(point) - self.level
+
+    @property
+    def band(self) -> float:
+        """How near to zero the guard is rounding."""
+        return BAND * (1 + self.size)
 
 
-def first(guards: tuple[Guard, ...], step: "StepMap", at: At, sizes: dict[int, float]) -> tuple[float, list[Guard]]:
+def first(guards: Sequence[Followed], step: "StepMap", at: At) -> tuple[float, list[Guard]]:
     """Return the share of a step at which the first guards pass zero, and these; 2 and none where none does.
 
     Args:
         guards: of the mode.
         step: the step.
         at: the point after a share of it.
-        sizes: the largest magnitude that each guard had, by its place.
     """
     theta, fired = 2.0, []
-    for i, guard in enumerate(guards):
-        high = _below(guard, step, at, band(sizes.get(i, 0.0)))
+    near = 4 * _sharp(step)
+    for guard in guards:
+        high = _below(guard, step, at)
         if high is None:
             continue
-        if theta <= 1 and high > theta and guard.value(at(theta)) >= -band(sizes.get(i, 0.0)):
+        if theta <= 1 and high > theta and guard.value(at(theta)) >= -guard.band:
             continue  # it passes later than another one
-        found = _locate(guard, step, at, min(high, 1.0), band(sizes.get(i, 0.0)))
-        near = SHARP * 4 * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
+        found = _locate(guard, step, at, min(high, 1.0))
         if found < theta - near:
-            theta, fired = found, [guard]
+            theta, fired = found, [guard.guard]
         elif found <= theta + near:
-            fired.append(guard)
+            fired.append(guard.guard)
     return theta, fired
 
 
-def _below(guard: Guard, step: "StepMap", at: At, band: float) -> float | None:
+def _sharp(step: "StepMap") -> float:
+    """How sharply a zero is found, as a share of a step."""
+    return SHARP * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
+
+
+def _below(followed: Followed, step: "StepMap", at: At) -> float | None:
     """A share of the step at which a guard is negative; None where it is not."""
-    f1 = guard.value(at(1.0))
+    f1, band, guard = followed.value(at(1.0)), followed.band, followed.guard
     if f1 < -band:
         return 1.0
     if guard.rate is not None:
         r0, r1 = guard.rate(at(0.0)), guard.rate(at(1.0))
         if not r0 < 0 < r1:
             return None
-        f0, h = guard.value(at(0.0)), abs(step.h)
+        f0, h = followed.value(at(0.0)), abs(step.h)
         if _least(f0, f1, h * r0, h * r1) > 0.25 * min(f0, f1):
             return None
         rate = guard.rate
         theta = float(brentq(lambda x: rate(at(x)), 0.0, 1.0, xtol=1e-9, rtol=1e-9, maxiter=ITERATIONS))
-        return theta if guard.value(at(theta)) < -band else None
+        return theta if followed.value(at(theta)) < -band else None
     if guard.loads:
         for theta in SAMPLES:
-            try:
-                if guard.value(at(theta)) < -band:
+            with suppress(StepError):
+                if followed.value(at(theta)) < -band:
                     return theta
-            except StepError:
-                continue
     return None
 
 
@@ -82,14 +111,14 @@ def _least(f0: float, f1: float, m0: float, m1: float) -> float:
     return float(values.min())
 
 
-def _locate(guard: Guard, step: "StepMap", at: At, high: float, band: float) -> float:
+def _locate(guard: Followed, step: "StepMap", at: At, high: float) -> float:
     """The zero of a guard before a share of the step at which it is negative.
 
     A guard that is zero at the start (a row that was just struck) is divided by the share: what is left is its rate.
     """
     f0 = guard.value(at(0.0))
     low, power = 0.0, 0
-    if f0 <= band:
+    if f0 <= guard.band:
         power = 1
         low = next((high / 2**k for k in range(1, HALVINGS) if guard.value(at(high / 2**k)) > 0), 0.0)
         if not low:
@@ -99,5 +128,4 @@ def _locate(guard: Guard, step: "StepMap", at: At, high: float, band: float) -> 
         f = guard.value(at(theta)) if theta else f0
         return f / theta if power else f
 
-    sharp = SHARP * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
-    return float(brentq(value, low, high, xtol=sharp, rtol=SHARE, maxiter=ITERATIONS))
+    return float(brentq(value, low, high, xtol=_sharp(step), rtol=SHARE, maxiter=ITERATIONS))

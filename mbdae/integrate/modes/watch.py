@@ -10,7 +10,7 @@ from ...mechanism.modes.switch import Guard
 from ...mechanism.modes.switches import words
 from ...solution.impact import Impact
 from ...system import Array
-from .guards import band, first
+from .guards import Followed, first
 from .transition import Transition
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ class ModeWatch:
         self.switches = system.mechanism.switches
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
-        self.sizes: dict[int, float] = {}
         self.struck: dict[int, float] = {}  # when each switch was struck last
         self.times: list[float] = []  # of transitions
         self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
@@ -49,8 +48,12 @@ class ModeWatch:
         self.system.enter(mode)
         for signal in run.events.signals.values() if run else ():
             signal.system.enter(mode)
-        self.guards: tuple[Guard, ...] = tuple(g for s in self.switches for g in s.guards(mode[s.at]))
-        self.sizes = {}
+        self.guards: list[Followed] = []
+
+    def begin(self, t: float, y: Array) -> None:
+        """Follow the guards of the mode from a point on."""
+        at, mode = self.transition.point(t, y), self.system.mode
+        self.guards = [Followed(g, at) for s in self.switches for g in s.guards(mode[s.at])]
 
     def start(self, run: "RunState", y: Array) -> Array:
         """Choose the mode of a start; return the point, behind an impact where something approaches what it touches.
@@ -87,15 +90,16 @@ class ModeWatch:
                 known[theta] = self.transition.point(step.t + theta * step.h, y)
             return known[theta]
 
-        found = first(self.guards, step, at, self.sizes)
-        for i, guard in enumerate(self.guards):
-            self.sizes[i] = max(self.sizes.get(i, 0.0), abs(guard.value(at(1.0))))
-        return found
+        theta, fired = first(self.guards, step, at)
+        if not fired:
+            for guard in self.guards:
+                guard.move(at(1.0))
+        return theta, fired
 
     def violated(self, t: float, y: Array) -> list[Guard]:
         """Return guards that are negative at a point: where a load jumps."""
         at = self.transition.point(t, y)
-        return [g for i, g in enumerate(self.guards) if g.value(at) < -band(self.sizes.get(i, 0.0))]
+        return [g.guard for g in self.guards if g.value(at) < -g.band]
 
     def switch(self, run: "RunState", fired: list[Guard]) -> None:
         """Go on in the mode that follows: a second point of the run at the same time.
@@ -111,6 +115,7 @@ class ModeWatch:
             y = self.system.restore(run.t, y)
         self.modes.append((len(run.ts), mode))
         run.turn(y)
+        self.begin(run.t, run.ys[-1])
 
     def _count(self, t: float, fired: list[Guard]) -> None:
         most = MANY * (1 + len(self.switches))
