@@ -22,6 +22,7 @@ STATUS = {
     "force": "a force law or an event function failed",
     "impact": "an impact has no solution",
     "switching": "modes switched without an end",
+    "friction": "friction leaves no motion, or several",
     "chart": "a joint turned too far within one step",
 }
 
