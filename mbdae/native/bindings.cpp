@@ -3,6 +3,7 @@
 #include <set>
 
 #include "py_core.hpp"
+#include "projection.hpp"
 #include "residuals.hpp"
 
 using namespace mbdae;
@@ -160,6 +161,31 @@ nb::object residuals(PyCore& c, const Array& t, const Array& y) {
   return nb::make_tuple(array(g, {n, ng}), array(rate, {n, ng}), array(energies, {n, 2}));
 }
 
+// Whatever the mode leaves out.
+nb::object every(PyCore& c, double t, const Array& y) {
+  return attempt(c, [&](Index2System& s) {
+    Numbers at = numbers(y, s.length, "y"), g(s.ng), rate(s.ng);
+    std::vector<bool> off;
+    off.swap(s.constraints.off);
+    try {
+      residual(s, t, at.data(), g.data(), rate.data());
+    } catch (const Trouble&) {
+      off.swap(s.constraints.off);
+      throw;
+    }
+    off.swap(s.constraints.off);
+    return nb::make_tuple(vector(g), vector(rate));
+  });
+}
+
+nb::object restored(PyCore& c, double t, const Array& y) {
+  return attempt(c, [&](Index2System& s) {
+    Numbers at = numbers(y, s.length, "y");
+    restore(s, t, at.data());
+    return nb::cast(vector(at));
+  });
+}
+
 void sample(PyCore& c, const nb::list& list) {
   const Turn turn(c);
   Index2System& s = c.core->system;
@@ -260,6 +286,8 @@ NB_MODULE(_native, m) {
       .def("sample", sample, nb::arg("samplers"), "Say which controllers look at the mechanism at instants.")
       .def("residuals", residuals, nb::arg("t"), nb::arg("y"),
            "Return g (n, ng), G v + g_t (n, ng), and kinetic and potential energy (n, 2) at many points.")
+      .def("every", every, nb::arg("t"), nb::arg("y"), "Return g and G v + g_t over all rows whatever the mode, or None.")
+      .def("restore", restored, nb::arg("t"), nb::arg("y"), "Return the point on the closures, or None.")
       .def("ratio", ratio, nb::arg("q"), nb::arg("rank"),
            "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
       .def("bare", bare, nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),

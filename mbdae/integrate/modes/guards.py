@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 BAND = 1e-13  # of the size of a guard: nearer to zero it is rounding
 SAMPLES = (0.25, 0.5, 0.75)  # of a step: where multipliers are looked at
 HALVINGS = 40  # towards the start of a step
+NEWTON = 12  # iterations, of which three or four are needed
 At = Callable[[float], "ModePoint"]
 
 
@@ -111,21 +112,48 @@ def _least(f0: float, f1: float, m0: float, m1: float) -> float:
     return float(values.min())
 
 
-def _locate(guard: Followed, step: "StepMap", at: At, high: float) -> float:
+def _locate(followed: Followed, step: "StepMap", at: At, high: float) -> float:
     """The zero of a guard before a share of the step at which it is negative.
 
-    A guard that is zero at the start (a row that was just struck) is divided by the share: what is left is its rate.
+    Where the rate is known Newton's iteration begins at the zero of the cubic through values and rates; else, and where
+    that leaves the bracket, Brent's method. A guard that is zero at the start (a row that was just struck) is divided
+    by the share: what is left is its rate.
     """
-    f0 = guard.value(at(0.0))
-    low, power = 0.0, 0
-    if f0 <= guard.band:
-        power = 1
-        low = next((high / 2**k for k in range(1, HALVINGS) if guard.value(at(high / 2**k)) > 0), 0.0)
+    f0, guard, h = followed.value(at(0.0)), followed.guard, abs(step.h)
+    struck = f0 <= followed.band
+    sharp = _sharp(step)
+    if guard.rate is not None:
+        r0 = guard.rate(at(0.0))
+        theta = _cubic_zero(max(f0, 0.0), followed.value(at(high)), high * h * r0, high * h * guard.rate(at(high)))
+        theta, nearest, best = theta * high, 0.0, np.inf
+        for _ in range(NEWTON):
+            if not 0 < theta < high:
+                break
+            f, slope = followed.value(at(theta)), h * guard.rate(at(theta))
+            if not slope < 0 or not abs(f) < best:
+                if best <= followed.band:
+                    return nearest
+                break
+            nearest, best, move = theta, abs(f), f / slope
+            if abs(move) <= sharp + SHARE * theta:
+                return theta
+            theta -= move
+    low = 0.0
+    if struck:
+        low = next((high / 2**k for k in range(1, HALVINGS) if followed.value(at(high / 2**k)) > 0), 0.0)
         if not low:
             return 0.0
 
     def value(theta: float) -> float:
-        f = guard.value(at(theta)) if theta else f0
-        return f / theta if power else f
+        f = followed.value(at(theta)) if theta else f0
+        return f / theta if struck else f
 
-    return float(brentq(value, low, high, xtol=_sharp(step), rtol=SHARE, maxiter=ITERATIONS))
+    return float(brentq(value, low, high, xtol=sharp, rtol=SHARE, maxiter=ITERATIONS))
+
+
+def _cubic_zero(f0: float, f1: float, m0: float, m1: float) -> float:
+    """The first zero between 0 and 1, not at 0, of the cubic with values f0 >= 0 > f1 and slopes m there; 1 for none."""
+    c = [2 * (f0 - f1) + m0 + m1, 3 * (f1 - f0) - 2 * m0 - m1, m0]
+    roots = np.roots([*c, f0] if f0 > 0 else c)
+    real = [float(x.real) for x in roots if abs(x.imag) < 1e-9 and 0 < x.real < 1]
+    return min(real, default=1.0)

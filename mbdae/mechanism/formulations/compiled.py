@@ -180,6 +180,16 @@ class Compiled(Index2System):
         self.core.use(rows, len(rows), self.floor, self.held)
         self._begun = True
 
+    def restore(self, t: float, y: Array, tight: bool = False) -> Array:
+        """See `Index2System.restore`."""
+        found = self.core.restore(t, y) if self._begun and not tight else None
+        self.after()
+        return super().restore(t, y, tight) if found is None else found
+
+    def every_row(self, t: float, y: Array) -> tuple[Array, Array] | None:
+        """See `Index2System.every_row`."""
+        return self.core.every(t, y)
+
     def enter(self, mode: Mode) -> None:
         """See `Index2System.enter`."""
         if mode != self.mode:

@@ -214,6 +214,10 @@ class Index2System(System):
         out.enter(self.mode)
         return out
 
+    def every_row(self, t: float, y: Array) -> tuple[Array, Array] | None:
+        """Return g and G v + g_t over all rows whatever the mode, (ng,) each; None where nothing is faster than that."""
+        return None
+
     def enter(self, mode: Mode) -> None:
         """Go on in another mode; rank and rows are found anew."""
         if mode == self.mode:

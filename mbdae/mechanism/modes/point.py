@@ -52,20 +52,28 @@ class ModePoint:
         """Return g (ng,), G (ng, nv) and g_t (ng,) of all rows."""
         return self.all_rows(self.t, self.q)
 
+    @cached_property
+    def _rows(self) -> tuple[Array, Array]:
+        found = self.system.every_row(self.t, self.y)
+        if found is not None:
+            return found
+        g, G, g_t = self.values
+        return g, G @ self.v + g_t
+
     @property
     def g(self) -> Array:
         """Return g of all rows, (ng,)."""
-        return self.values[0]
+        return self._rows[0]
 
     @property
     def G(self) -> Array:
         """Return G of all rows, (ng, nv)."""
         return self.values[1]
 
-    @cached_property
+    @property
     def rate(self) -> Array:
         """Return G v + g_t of all rows, (ng,)."""
-        return self.G @ self.v + self.values[2]
+        return self._rows[1]
 
     @cached_property
     def gamma(self) -> Array:
