@@ -77,7 +77,7 @@ def prepare(
     wanted = as_events(events)
     run.events = EventWatch(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
     _set_watches(run, inner, formulation)
-    if isinstance(problem, Mechanism) and problem.switches:
+    if isinstance(problem, Mechanism) and isinstance(system, Index2System) and problem.switches:
         _refuse_modes(formulation, tableau, run.sign)
         run.modes, run.events.by_signal = ModeWatch(system), False
     return run

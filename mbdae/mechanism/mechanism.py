@@ -17,13 +17,13 @@ from .closures.closure_error import ClosureError, largest_error
 from .closures.constraints import Constraints, anchors
 from .closures.driver import Driver
 from .closures.one_sided import Stop
+from .ends import ends
 from .forces import bind_forces, named_force
 from .forces.elements import ForceElements
 from .formulations.compiled import COMPILED
 from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
-from .ends import ends
 from .frames import find_joint, joint_names
 from .joints import is_depth_first
 from .manifold import Manifold

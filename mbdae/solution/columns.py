@@ -8,8 +8,8 @@ from ..errors import InputError
 from ..mechanism import Reaction, joint_reaction, loaded, loads, reaction
 from ..mechanism.contacts import contact, path, rolling
 from ..mechanism.frames import find_joint
-from .sampling import kept
 from ..system import Array
+from .sampling import kept
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism

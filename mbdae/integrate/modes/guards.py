@@ -1,4 +1,4 @@
-"""Where the first guard of a mode passes zero in a step: located on shorter steps of the method, so that order survives."""
+"""Where the first guard of a mode passes zero in a step: located on steps of the method, so that order survives."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -152,7 +152,7 @@ def _locate(followed: Followed, step: "StepMap", at: At, high: float) -> float:
 
 
 def _cubic_zero(f0: float, f1: float, m0: float, m1: float) -> float:
-    """The first zero between 0 and 1, not at 0, of the cubic with values f0 >= 0 > f1 and slopes m there; 1 for none."""
+    """The first zero in (0, 1) of the cubic with values f0 >= 0 > f1 and slopes m at 0 and 1; 1 for none."""
     c = [2 * (f0 - f1) + m0 + m1, 3 * (f1 - f0) - 2 * m0 - m1, m0]
     roots = np.roots([*c, f0] if f0 > 0 else c)
     real = [float(x.real) for x in roots if abs(x.imag) < 1e-9 and 0 < x.real < 1]

@@ -81,7 +81,7 @@ class Transition:
             y: the point.
             opened: numbers of switches that let go there.
         """
-        system, before = self.system, self.system.mode
+        before = self.system.mode
         at = self.point(t, y)
         still = STILL * (1 + float(np.abs(at.v).max()))
         found: dict[int, tuple[Candidate, ...]] = {}
@@ -96,7 +96,7 @@ class Transition:
         waiting = {i for i in opened if i in left}
         while True:
             among = {i: c for i, c in left.items() if i not in waiting}
-            lam, rates, free = self._loads(at, mode, among)
+            lam, rates = self._loads(at, mode, among)
             pressed = [i for i in waiting if self._approaches(at, left[i][0], rates)]
             if pressed:  # it cannot let go: others press it
                 waiting -= set(pressed[:1])
@@ -123,8 +123,8 @@ class Transition:
         inward = -rates[c.row] if np.isfinite(c.lower) else rates[c.row]
         return bool(inward > 1e-9 * (1 + float(np.abs(rates).max())))
 
-    def _loads(self, at: ModePoint, mode: list[int], found: dict[int, tuple[Candidate, ...]]) -> tuple[Array, Array, Array]:
-        """Multipliers (ng,), accelerations G v' + gamma of all rows (ng,), and v', with loads on candidates."""
+    def _loads(self, at: ModePoint, mode: list[int], found: dict[int, tuple[Candidate, ...]]) -> tuple[Array, Array]:
+        """Multipliers (ng,) and accelerations G v' + gamma of all rows (ng,), with loads on candidates."""
         system, before = self.system, self.system.mode
         base = tuple(0 if i in found else state for i, state in enumerate(mode))
         system.enter(base)
@@ -134,7 +134,7 @@ class Transition:
         lam = np.zeros(system.ng)
         rows = np.array([c.row for cs in found.values() for c in cs], int)
         if not len(rows):
-            return lam, rates, F
+            return lam, rates
         lower, upper = (np.array([getattr(c, k) for cs in found.values() for c in cs]) for k in ("lower", "upper"))
         carried = {row for s, state in zip(self.switches, base, strict=True) for row in s.active(state)}
         kept = np.array([*self.always, *sorted(carried)], int)
@@ -148,4 +148,4 @@ class Transition:
         lam[rows] = choose(C, rates[rows], lower, upper)
         vdot = C @ lam[rows]
         free = B - Q @ (Q.T @ B) if len(kept) else B
-        return lam, rates + free.T @ vdot, F
+        return lam, rates + free.T @ vdot

@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ...errors import InputError, StepError
 from ...mechanism.modes.point import ModePoint
 from ...mechanism.modes.switch import Guard

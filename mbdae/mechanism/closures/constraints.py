@@ -19,10 +19,11 @@ from ..pair_slopes import PairSlopes
 from .closure import Closure
 from .driver import Driver
 from .joint_part import JointPart, joint_part
+from .one_sided import Stop
 from .rows import FrameRows
 from .user_rows import UserRow
 
-Spec = Closure | Driver
+Spec = Closure | Driver | Stop
 
 
 class FramePart(NamedTuple):

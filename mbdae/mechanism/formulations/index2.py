@@ -215,7 +215,7 @@ class Index2System(System):
         return out
 
     def every_row(self, t: float, y: Array) -> tuple[Array, Array] | None:
-        """Return g and G v + g_t over all rows whatever the mode, (ng,) each; None where nothing is faster than that."""
+        """Return g and G v + g_t over all rows whatever the mode, (ng,) each; None where Python computes them."""
         return None
 
     def enter(self, mode: Mode) -> None:
