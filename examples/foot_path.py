@@ -17,7 +17,7 @@ RODS = {"upper_rod_tip": 0.5, "lower_rod_tip": 0.619}  # m
 ARMS = {"thigh_top": 0.415, "arm_tip": 0.393, "hanger_tip": 0.394, "knee": 0.367}
 LENGTHS = {f"frame.{name}_0.xyz.0": length for name, length in (RODS | ARMS).items()}
 SHARE = 0.1
-STANDING = 1 / 3  # of a turn, in which the foot is on the ground
+STANDING = 0.45  # of a turn, in which the foot is on the ground
 
 
 def main(points: int = 73, plot: str | Path | None = None) -> dict[str, float]:
@@ -53,6 +53,7 @@ def main(points: int = 73, plot: str | Path | None = None) -> dict[str, float]:
         constraints={"stride": (stride, was["stride"], None), "lift": (lift, was["lift"], None)},
         drive="crank",
         points=points,
+        tolerance=1e-6,
     )
     print(found)
     before, after = ((2 * c) ** 0.5 for c in (found.start.cost, found.cost))

@@ -85,7 +85,8 @@ def main(torque: float = -1.0, points: int = 25) -> dict[str, float]:
     with TemporaryDirectory() as folder:
         path = Path(folder, "hatch.toml")
         path.write_text(HATCH)
-        found = mbdae.optimize(path, cost, list(BOUNDS), BOUNDS, drive="arm", span=(SHUT, OPEN), points=points)
+        found = mbdae.optimize(path, cost, list(BOUNDS), BOUNDS, drive="arm", span=(SHUT, OPEN), points=points,
+                               tolerance=1e-6)  # fmt: skip
     print(found)
     before, after = ((2 * x) ** 0.5 for x in (found.start.cost, found.cost))
     print(f"the torque departs from {torque:g} N m by {before:.3g} N m before, {after:.2g} N m after (RMS)")

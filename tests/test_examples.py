@@ -164,13 +164,13 @@ def test_balancing(capsys):
 
 def test_lift_assist(capsys):
     result = example("lift_assist").main(points=9)
-    assert result["after"] < 0.05 * result["before"]
+    assert result["after"] < 0.06 * result["before"]
     assert "N m after (RMS)" in capsys.readouterr().out
 
 
 def test_foot_path(tmp_path, capsys):
-    result = example("foot_path").main(points=37, plot=tmp_path / "path.png")
-    assert result["after"] < 0.75 * result["before"]
+    result = example("foot_path").main(points=19, plot=tmp_path / "path.png")
+    assert result["after"] < 0.6 * result["before"]
     assert min(result["stride kept"], result["lift kept"]) > 1 - 1e-6
     assert (tmp_path / "path.png").stat().st_size > 10_000
     assert "mm after" in capsys.readouterr().out

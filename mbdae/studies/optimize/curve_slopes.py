@@ -9,7 +9,7 @@ and a frame's origin moves with q and with the places of the joints that carry i
 drive that holds a pose at rest is -f(q) . v with the forces f.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -32,13 +32,18 @@ class CurveSignals(Mapping[str, Array]):
 
     Args:
         found: a curve without dead points.
-        numbers: the parameters of its mechanism, whose last driver is the input.
+        numbers: gives the parameters of its mechanism with the input as its last driver, when derivatives are asked.
     """
 
-    def __init__(self, found: Kinematics, numbers: Parameters) -> None:
-        self.found, self.numbers, self.system = found, numbers, numbers.system
+    def __init__(self, found: Kinematics, numbers: Callable[[], Parameters]) -> None:
+        self.found, self._numbers, self.system = found, numbers, found.mechanism.system()
         self.known = {n: x for n, x in signal_values(found.mechanism).items() if n[:2] in ("q.", "v.")}
-        self.states = np.array(list(numbers.mech.states.values()))
+        self.states = np.array(list(found.mechanism.states.values()))
+
+    @cached_property
+    def numbers(self) -> Parameters:
+        """The parameters."""
+        return self._numbers()
 
     def __iter__(self) -> Iterator[str]:
         frames = [name for name in frame_names(self.found.mechanism.model) if name != WORLD]
@@ -84,7 +89,7 @@ class CurveSignals(Mapping[str, Array]):
         return tuple(np.array(x) for x in zip(*self._poses(), strict=True))  # type: ignore[return-value]
 
     def _poses(self) -> Iterator[tuple[Array, Array]]:
-        s, all_rows = self.system, np.arange(self.system.ng)
+        s, all_rows = self.numbers.system, np.arange(self.numbers.system.ng)
         for u, q, v in zip(self.found.u, self.found.q, self.found.rates, strict=True):
             G, B = s.rate_slopes(u, q, v, all_rows)
             Q, g = self.numbers.of_rows(u, q, v)
@@ -113,7 +118,7 @@ class CurveSignals(Mapping[str, Array]):
         return np.array([by_q[0, row] @ d + by_p[0, row] for (by_q, by_p), d in zip(parts, dq, strict=True)])
 
     def _holding_slopes(self, dq: Array, dv: Array) -> Array:
-        s, nv, out = self.system, self.system.nv, []
+        s, nv, out = self.numbers.system, self.system.nv, []
         still, rest = np.zeros(nv), np.zeros(s.ng)
         u = np.concatenate([still, self.states, [0.0]])
         for q, v, by_p, turn in zip(self.found.q, self.found.rates, dq, dv, strict=True):

@@ -25,10 +25,10 @@ from .curve_slopes import CurveSignals, check_whole
 
 
 class Measured(NamedTuple):
-    """A cost and its derivatives with respect to the parameters, (k,)."""
+    """A cost, and what computes its derivatives with respect to the parameters, (k,)."""
 
     value: float
-    slopes: Array
+    slopes: Callable[[], Array]
 
 
 class WithNumbers(Mapping[str, Any]):
@@ -82,7 +82,7 @@ class RunMotion:
         """Take a cost and its gradient."""
         own = _OfSignals(cost, self.values)
         found = gradient(self.result, own, self.values, model=self.make)
-        return Measured(found.value, own.own + np.array(list(found.gradient.values())))
+        return Measured(found.value, lambda: own.own + np.array(list(found.gradient.values())))
 
 
 @dataclass(frozen=True)
@@ -91,24 +91,29 @@ class CurveMotion:
 
     Attributes:
         result: the curve.
-        numbers: the parameters.
-        values: alike, by name.
+        make: makes mechanisms whose last driver is its input.
+        values: their parameters.
     """
 
     result: Kinematics
-    numbers: Parameters
+    make: Callable[[Mapping[str, float]], Mechanism]
     values: dict[str, float]
 
     @cached_property
     def signals(self) -> CurveSignals:
         """Its signals with their derivatives."""
-        return CurveSignals(self.result, self.numbers)
+        return CurveSignals(self.result, self._numbers)
+
+    def _numbers(self) -> Parameters:
+        found = Parameters(self.make, self.values, backend.load())
+        found.refuse(float(self.result.u[0]), self.result.q[0])
+        return found
 
     def measure(self, cost: Cost) -> Measured:
         """Take a cost and its gradient."""
         own = _OfSignals(cost, self.values)
         value, slopes = evaluated(own, self.signals, len(self.result.u))
-        return Measured(value, own.own + sum(x @ self.signals.derivative(name) for name, x in slopes.items()))
+        return Measured(value, lambda: own.own + sum(x @ self.signals.derivative(n) for n, x in slopes.items()))
 
 
 Motion = RunMotion | CurveMotion
@@ -154,8 +159,6 @@ def curves(make: Makes, drive: str, first: Mechanism, options: Mapping[str, Any]
         def moved(other: Mapping[str, float]) -> Mechanism:
             return driven(make.make(other), drive, hold, found.q[0])
 
-        numbers = Parameters(moved, values, backend.load())
-        numbers.refuse(float(found.u[0]), found.q[0])
-        return CurveMotion(found, numbers, values)
+        return CurveMotion(found, moved, values)
 
     return follow

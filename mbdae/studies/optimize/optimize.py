@@ -119,6 +119,8 @@ class Problem:
         self.best: tuple[Tried, Motion, dict[str, Measured]] | None = None
         self.z = np.zeros(len(start))
         first = self.measure(self.z)
+        for m in first.values():
+            m.slopes()  # parameters without a derivative are refused here
         self.sizes = {name: abs(m.value) or 1.0 for name, m in first.items()}
         for name, pair in limits.items():
             self.sizes[name] = max([abs(x) for x in pair if np.isfinite(x)], default=0.0) or self.sizes[name]
@@ -138,10 +140,9 @@ class Problem:
         except MbdaeError:
             if not self.history:
                 raise
-            found = {name: Measured(np.nan, np.zeros(len(z))) for name in self.functions}
-            found[""] = Measured(np.inf, np.zeros(len(z)))
             self.history.append(Tried(values, np.nan, {}))
-            found |= {name: Measured(m.value, m.slopes) for name, m in (self.best or self.last)[-1].items() if name}  # type: ignore[index]
+            assert self.best is not None  # the start was computed
+            found = {**self.best[2], "": Measured(np.inf, lambda: np.zeros(len(z)))}
         else:
             tried = Tried(values, found[""].value, {name: m.value for name, m in found.items() if name})
             self.history.append(tried)
@@ -167,7 +168,7 @@ class Problem:
 
     def slopes(self, z: Array, name: str = "") -> Array:
         """Their derivatives by z, (k,)."""
-        return self.measure(z)[name].slopes * self.scale / self.sizes[name]
+        return self.measure(z)[name].slopes() * self.scale / self.sizes[name]
 
     def solve(
         self, box: dict[str, tuple[float, float]], scale: Array, search: str, tolerance: float, iterations: int
@@ -199,7 +200,7 @@ class Problem:
         missing = [n for n in self.limits if self.missed(best._replace(constraints={n: best.constraints[n]}))]
         if missing and not interrupted:
             converged, message = False, f"constraint {missing[0]!r} does not hold; {message}"
-        gradient = dict(zip(self.start, found[""].slopes.tolist(), strict=True))
+        gradient = dict(zip(self.start, found[""].slopes().tolist(), strict=True))
         return Optimum(
             best.values, best.cost, gradient, best.constraints, self.limits, box, motion.result.mechanism,
             motion.result, tuple(self.history), converged, interrupted, message,

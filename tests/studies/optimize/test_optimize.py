@@ -116,7 +116,7 @@ def test_runs_are_differentiated_with_what_the_parameters_cost_themselves():
     found = run({"gravity.2": -9.0}).measure(cost)
     near = {k: run({"gravity.2": -9.0 + 0.01 * k}).measure(cost).value for k in (-2, -1, 1, 2)}
     quotient = (near[-2] - 8 * near[-1] + 8 * near[1] - near[2]) / 0.12
-    assert found.slopes[0] == pytest.approx(quotient, rel=1e-9)
+    assert found.slopes()[0] == pytest.approx(quotient, rel=1e-9)
 
 
 def test_where_loops_do_not_close_the_cost_is_infinite():
@@ -180,7 +180,7 @@ WRONG = [
     (infinite, G, {}, InputError, "cost 'infinite' is inf"),
     (unknown, G, TURN, UnknownNameError, "unknown signal of a curve 'q.nothing'"),
     (infinite, G, {"drive": "rocker", "points": 5}, InputError, "'rocker' meets a dead point"),
-    (height, {"joint.rocker.rpy.0": 0.0}, TURN, InputError, "opens closures that depend on each other"),
+    (uneven, {"joint.rocker.rpy.0": 0.0}, TURN, InputError, "opens closures that depend on each other"),
 ]  # fmt: skip
 
 
