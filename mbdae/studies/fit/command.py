@@ -7,6 +7,7 @@ import click
 
 from ...cli.options import (
     FAILED,
+    PAGES,
     PICTURES,
     UNJUDGED,
     as_json,
@@ -31,7 +32,10 @@ from ...errors import InputError
 @method_option
 @rtol_option
 @step_option
+@click.option("--starts", type=click.IntRange(min=1), default=1, help="Searches, from starts within the bounds.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the places of other starts.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Write the result here, .json.")
+@click.option("--html", type=click.Path(dir_okay=False), help="Write one page: signals, residuals, values.")
 @plot_option
 @as_json
 def fit(
@@ -43,7 +47,10 @@ def fit(
     method: str,
     rtol: float | None,
     step: float | None,
+    starts: int,
+    seed: int,
     output: str | None,
+    html: str | None,
     plot: str | None,
     as_json: bool,
 ) -> None:
@@ -55,14 +62,15 @@ def fit(
 
     if step is not None and rtol is not None:
         raise InputError("give --step for steps of one size, or --rtol for steps under control, not both")
-    written = writable((output, (".json",)), (plot, PICTURES))
+    written = writable((output, (".json",)), (html, PAGES), (plot, PICTURES))
     settings: dict[str, Any] = {"method": method}
     settings |= {"step": step} if step is not None else {} if rtol is None else {"rtol": rtol}
     with bar("fit", None) as tell:
         found = study(model, dict(map(_bounds, given)), list(data), signals=signals, sigma=_levels(sigma),
-                      progress=tell, **settings)  # fmt: skip
-    if output:
-        found.save(output)
+                      starts=starts, seed=seed, progress=tell, **settings)  # fmt: skip
+    for path in (output, html):
+        if path:
+            found.save(path)
     if plot:
         found.plot(plot)
     emit({**found.to_dict(), "written": written}, "\n".join([str(found), *(f"wrote {p}" for p in written)]), as_json)

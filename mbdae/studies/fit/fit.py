@@ -7,7 +7,7 @@ by a trust region with bounds (Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (199
 first samples are fitted first, then more of them.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import chi2 as chi2_distribution
 
-from ...errors import InputError
+from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import number
 from ...mechanism.formats.template import Template
@@ -24,7 +24,7 @@ from ..sensitivity.numbers import Makes, maker
 from ..sweep.outputs import columns
 from .data import records
 from .misfit import Misfit
-from .result import TIED, Fit
+from .result import TIED, Fit, Search
 
 __all__ = ["fit"]
 
@@ -55,6 +55,8 @@ def fit(
     t_span: Sequence[float] | None = None,
     spans: Sequence[float] = SPANS,
     known: Sequence[Mapping[str, float]] | Mapping[str, float] = (),
+    starts: int = 1,
+    seed: int = 0,
     progress: Callable[[str], None] | None = None,
     **settings: Any,
 ) -> Fit:
@@ -73,6 +75,9 @@ def fit(
         t_span: where runs start, and the latest time of data; 0 and the last of them when left out.
         spans: shares of the samples that are fitted one after another; ``(1,)`` for all at once.
         known: other numbers of each run, for instance start values: a table for each, or one for all.
+        starts: how many searches: the first from the start that is given, others from places within the bounds, by
+            their logarithms where these are positive. The best is returned, the others are in its ``searches``.
+        seed: of these places.
         progress: told what is done, in words.
         settings: arguments of `mbdae.solve`: method, rtol, step, ...
 
@@ -94,18 +99,54 @@ def fit(
     scale = np.array([float((scales or {}).get(name, (u.high - u.low) / 10)) for name, u in unknown.items()])
     if not (scale > 0).all():
         raise InputError("scales of parameters must be positive")
-    x = np.clip([u.start for u in unknown.values()], low, high)
-    message, converged = "", False
-    for share in problem.shares(spans, len(x)):
+    first = np.clip([u.start for u in unknown.values()], low, high)
+    if not (isinstance(starts, int) and starts >= 1):
+        raise InputError(f"starts is a number of searches, at least 1, got {starts!r}")
+    found_all = []
+    for i, x in enumerate(_places(first, low, high, starts, seed)):
+        tell = (lambda text, i=i: progress(f"start {i + 1}, {text}" if starts > 1 else text)) if progress else None
+        try:
+            found_all.append(_search(problem, x, low, high, scale, problem.shares(spans, len(x)), tell))
+        except MbdaeError as e:
+            if not i:
+                raise
+            found_all.append(Search(dict(zip(unknown, x.tolist(), strict=True)), {}, np.inf, False, str(e)))
+    return _result(problem, found_all, low, high, scale)
+
+
+def _places(first: Array, low: Array, high: Array, n: int, seed: int) -> Iterator[Array]:
+    """Where searches start: n places, the first one given."""
+    yield first
+    random = np.random.default_rng(seed)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.where(low > 0, np.log(low), low), np.where(low > 0, np.log(high), high)
+    for _ in range(n - 1):
+        x = random.uniform(*ends)
+        yield np.clip(np.where(low > 0, np.exp(np.where(low > 0, x, 0.0)), x), low, high)
+
+
+def _search(
+    problem: Misfit, start: Array, low: Array, high: Array, scale: Array, shares: Sequence[float],
+    progress: Callable[[str], None] | None,
+) -> Search:  # fmt: skip
+    """Search from a start over growing shares of the samples.
+
+    Raises:
+        MbdaeError: of a run that fails where a search begins.
+    """
+    x, message, converged, r = start, "", False, np.empty(0)
+    for share in shares:
         problem.share, tolerance = share, TOLERANCE if share == 1 else ROUGH
         if progress:
             progress(f"{share:.0%} of the samples")
+        problem.solved(x)
         result = least_squares(
             problem.residuals, x, problem.jacobian, (low, high), x_scale=scale,
             ftol=tolerance, xtol=tolerance, gtol=tolerance,
         )  # fmt: skip
-        x, message, converged = result.x, result.message, result.status > 0
-    return _result(problem, x, low, high, scale, converged, message)
+        x, message, converged, r = result.x, result.message, result.status > 0, result.fun
+    begun, ended = (dict(zip(problem.names, y.tolist(), strict=True)) for y in (start, x))
+    return Search(begun, ended, float(r @ r), converged, message)
 
 
 def _unknown(make: Makes, name: str, given: Any) -> Unknown:
@@ -137,7 +178,9 @@ def _unknown(make: Makes, name: str, given: Any) -> Unknown:
     return Unknown(start[0], low, high)
 
 
-def _result(problem: Misfit, x: Array, low: Array, high: Array, scale: Array, converged: bool, message: str) -> Fit:
+def _result(problem: Misfit, searches: list[Search], low: Array, high: Array, scale: Array) -> Fit:
+    best = min(searches, key=lambda s: s.chi2)
+    x, problem.share = np.array(list(best.values.values())), 1.0
     r, J, names = problem.residuals(x), problem.jacobian(x) * scale, problem.names
     _, sizes, V = np.linalg.svd(J, full_matrices=False)
     kept = sizes > LOST * sizes.max(initial=0.0)
@@ -169,5 +212,6 @@ def _result(problem: Misfit, x: Array, low: Array, high: Array, scale: Array, co
         dict(zip(names, deviation.tolist(), strict=True)),
         covariance, correlations, chi2, dof, probability, list(dict.fromkeys(untold)), at_bounds, residuals, computed,
         [record.columns for record in problem.found], [record.t for record in problem.found],
-        [record.name for record in problem.found], problem.runs, problem.gradients, converged, message,
+        [record.name for record in problem.found], problem.runs, problem.gradients, best.converged, best.message,
+        searches,
     )  # fmt: skip

@@ -3,7 +3,7 @@
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,19 @@ __all__: list[str] = []
 
 IMPROBABLE = 1e-6  # of chi-squared: residuals that are hardly noise
 TIED = 0.999  # correlation: two parameters of which the data tell a combination
+
+
+SAME = 1e-3  # of chi-squared: searches that end in the same minimum
+
+
+class Search(NamedTuple):
+    """A search of a fit: where it started, where it ended (nothing where it failed), and how."""
+
+    start: dict[str, float]
+    values: dict[str, float]
+    chi2: float
+    converged: bool
+    message: str
 
 
 @dataclass(frozen=True)
@@ -41,6 +54,7 @@ class Fit:
         gradients: number of runs with derivatives.
         converged: whether the search came to an end.
         message: how it ended.
+        searches: one for each start.
     """
 
     model: str
@@ -62,6 +76,12 @@ class Fit:
     gradients: int = 0
     converged: bool = True
     message: str = ""
+    searches: list[Search] = field(default_factory=list, repr=False)
+
+    @property
+    def agreeing(self) -> int:
+        """How many of the searches came to this minimum."""
+        return sum(s.chi2 <= self.chi2 * (1 + SAME) + 1e-12 for s in self.searches)
 
     @property
     def refuted(self) -> bool:
@@ -83,6 +103,7 @@ class Fit:
             "untold": [list(group) for group in self.untold],
             "covariance": self.covariance.tolist(),
             "correlations": self.correlations.tolist(),
+            "searches": [s._asdict() for s in self.searches],
             "data": [
                 {"name": name, "t": t.tolist()}
                 | {key: {x: a.tolist() for x, a in part.items()} for key, part in parts.items()}
@@ -95,15 +116,21 @@ class Fit:
         return [{"measured": m, "computed": c, "residuals": r} for m, c, r in both]
 
     def save(self, path: str | Path) -> None:
-        """Write everything as JSON.
+        """Write everything as .json, or one page as .html: figure, values, correlations, and what stands against them.
 
         Raises:
             InputError: for another suffix, or a path that cannot be written.
         """
-        if Path(path).suffix != ".json":
-            raise InputError(f"a fit is saved as .json, got {str(path)!r}")
+        if Path(path).suffix not in (".json", ".html"):
+            raise InputError(f"a fit is saved as .json or .html, got {str(path)!r}")
+        if Path(path).suffix == ".html":
+            from .page import page
+
+            text = page(self)
+        else:
+            text = json.dumps(_finite(self.to_dict()), allow_nan=False)
         with write_whole(path) as temporary:
-            temporary.write_text(json.dumps(_finite(self.to_dict()), allow_nan=False), encoding="utf-8")
+            temporary.write_text(text, encoding="utf-8")
 
     def plot(self, path: str | Path) -> None:
         """Draw measured and computed signals, and residuals, as .png, .svg or .pdf."""
@@ -124,14 +151,22 @@ class Fit:
         for size, i, j in sorted(pairs, reverse=True)[:3]:
             if np.isfinite(size) and size > 0.5:
                 lines.append(f"  correlation of {names[j]} and {names[i]}: {self.correlations[i, j]:+.3f}")
+        if len(self.searches) > 1:
+            lines.append(f"  {self.agreeing} of {len(self.searches)} searches came to this minimum")
+        return "\n".join([*lines, *(f"  {text}" for text in self.warnings)])
+
+    @property
+    def warnings(self) -> list[str]:
+        """What stands against the values, in words."""
+        lines = []
         for group in self.untold:
             what = "the data do not tell" if len(group) == 1 else "the data tell a combination only of"
-            lines.append(f"  {what} {', '.join(group)}")
+            lines.append(f"{what} {', '.join(group)}")
         if self.refuted:
-            lines.append("  residuals are no noise: a false minimum, noise levels too low, or another mechanism")
+            lines.append("residuals are no noise: a false minimum, noise levels too low, or another mechanism")
         if not self.converged:
-            lines.append(f"  the search did not end: {self.message}")
-        return "\n".join(lines)
+            lines.append(f"the search did not end: {self.message}")
+        return lines
 
 
 def _finite(data: Any) -> Any:

@@ -30,12 +30,18 @@ def page(report: "Report") -> str:
     """The page as text."""
     writers = (_model, _run, _drift, _orders, _comparison, _repeat)
     bodies = {name: write(report) for name, write in zip(SECTIONS, writers, strict=True)}
-    shown = {name: body for name, body in bodies.items() if body}
     c, meta = report.card, report.meta
+    summary = f"Degrees of freedom: {c.freedom}. mbdae {meta['versions']['mbdae']}, {meta['date']}."
+    return document(c.title, summary, meta["versions"]["mbdae"], bodies)
+
+
+def document(title: str, summary: str, version: str, sections: dict[str, str]) -> str:
+    """A page of sections that have something to say, HTML by heading, with its contents."""
+    shown = {name: body for name, body in sections.items() if body}
     filling = {
-        "version": meta["versions"]["mbdae"],
-        "title": escape(c.title),
-        "summary": f"Degrees of freedom: {c.freedom}. mbdae {meta['versions']['mbdae']}, {meta['date']}.",
+        "version": version,
+        "title": escape(title),
+        "summary": escape(summary),
         "contents": "".join(f'<a href="#{name}">{name}</a>' for name in shown),
         "sections": "\n".join(f'<h2 id="{name}">{name}</h2>\n{body}' for name, body in shown.items()),
     }
@@ -50,7 +56,7 @@ def _model(report: "Report") -> str:
         + (f" ({x['dependent']} depend on others)" if x["dependent"] else "")
         for x in c.closures
     ]
-    facts = {
+    known = {
         "sizes": f"nq = {c.nq}, nv = {c.nv}, {c.ng} closure rows of rank {c.rank}; degrees of freedom: {c.freedom}",
         "joints": ", ".join(f"{name} ({kind})" for name, kind in c.joints),
         "closures": "\n".join(closures) or "none",
@@ -60,7 +66,7 @@ def _model(report: "Report") -> str:
         "not modelled": ", ".join(c.not_modelled),
     }
     note = "<p>Reactions of dependent rows are not unique: lam is the one of minimum norm.</p>" if c.ng > c.rank else ""
-    return _facts(facts) + note
+    return facts(known) + note
 
 
 def _run(report: "Report") -> str:
@@ -74,7 +80,7 @@ def _run(report: "Report") -> str:
         f"{sol.t[0]:g} to {sol.t[-1]:g} s: {escape(sol.message)}. {s['steps']} steps, {s['rejected'] or 0} rejected, "
         f"{s['solves']} linear solves, {s['seconds']:.2g} s ({s['backend']} back end).{slow}</p>"
     )
-    return text + frame(replay_page(sol, fps=30.0, speed=speed), 660) + _image(motion(sol), "motion over time")
+    return text + frame(replay_page(sol, fps=30.0, speed=speed), 660) + image(motion(sol), "motion over time")
 
 
 def _drift(report: "Report") -> str:
@@ -86,7 +92,7 @@ def _drift(report: "Report") -> str:
         + [f"{d.energy_relative:.1e}", f"{d.work_end:.4g}"]
         for h, d in zip(report.histories, report.drifts, strict=True)
     ]
-    return _table(heads, rows) + _image(drifts(report.histories), "drift of the closures and of the energy over time")
+    return table(heads, rows) + image(drifts(report.histories), "drift of the closures and of the energy over time")
 
 
 def _orders(report: "Report") -> str:
@@ -102,7 +108,7 @@ def _orders(report: "Report") -> str:
         notes += [f"{name}, {s.quantity}: {s.verdict}" for s in slopes if s.verdict != "holds"]
     text = f"<p>Observed (claimed) orders with fixed steps, T = {study.T:g} s; a slope holds at the claim less 0.2.</p>"
     excuse = f'<p class="note">{escape("; ".join(notes))}</p>' if notes else ""
-    return text + _table(["method", *quantities], rows, safe=True) + excuse + _image(convergence(study), "convergence")
+    return text + table(["method", *quantities], rows, safe=True) + excuse + image(convergence(study), "convergence")
 
 
 def _comparison(report: "Report") -> str:
@@ -114,13 +120,13 @@ def _comparison(report: "Report") -> str:
         f"what is below five times that is marked &lt; and not known. All runs: {escape(result.computed_by)}.</p>"
     )
     ranking = "".join(f"<li>{escape(s)}</li>" for s in result.sentences())
-    picture = _image(work_precision(result), "work-precision diagram")
-    return text + picture + f'<ul class="note">{ranking}</ul>' + _table(heads, rows)
+    picture = image(work_precision(result), "work-precision diagram")
+    return text + picture + f'<ul class="note">{ranking}</ul>' + table(heads, rows)
 
 
 def _repeat(report: "Report") -> str:
     meta = report.meta
-    facts = {
+    known = {
         "command": meta["command"],
         "parameters": json.dumps(meta["parameters"]),
         "versions": ", ".join(f"{name} {number}" for name, number in meta["versions"].items()),
@@ -128,21 +134,24 @@ def _repeat(report: "Report") -> str:
         "date": meta["date"],
     }
     whole = escape(json.dumps(report.mechanism, indent=1))
-    return _facts(facts) + f"<details><summary>The mechanism as it was read</summary><pre>{whole}</pre></details>"
+    return facts(known) + f"<details><summary>The mechanism as it was read</summary><pre>{whole}</pre></details>"
 
 
-def _facts(facts: dict[str, str]) -> str:
-    rows = (f"<tr><td>{escape(k)}</td><td>{escape(v).replace(chr(10), '<br>')}</td></tr>" for k, v in facts.items())
+def facts(known: dict[str, str]) -> str:
+    """What is known of a thing, as a table of two columns."""
+    rows = (f"<tr><td>{escape(k)}</td><td>{escape(v).replace(chr(10), '<br>')}</td></tr>" for k, v in known.items())
     return f'<table class="facts">{"".join(rows)}</table>'
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
+    """A table; cells are HTML where they are safe."""
     head = "".join(f"<th>{escape(h)}</th>" for h in heads)
     body = "".join("<tr>" + "".join(f"<td>{c if safe else escape(c)}</td>" for c in row) + "</tr>" for row in rows)
     return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
 
 
-def _image(figure: "Figure", words: str) -> str:
+def image(figure: "Figure", words: str) -> str:
+    """A figure inside the page, and what it shows."""
     data = base64.b64encode(figures.svg(figure)).decode()
     return f'<div class="wide"><img alt="{escape(words)}" src="data:image/svg+xml;base64,{data}"></div>'
 

@@ -159,7 +159,7 @@ def report(
         orders=orders,
         comparison=comparison,
         mechanism=describe(mech),
-        meta=_meta(parameters),
+        meta=provenance(parameters),
     )
 
 
@@ -171,7 +171,8 @@ def _finished(sol: Solution) -> Solution:
     return sol
 
 
-def _meta(parameters: dict[str, Any]) -> dict[str, Any]:
+def provenance(parameters: dict[str, Any]) -> dict[str, Any]:
+    """What repeats a result: command, parameters, versions, machine and date."""
     program = Path(sys.argv[0]).name
     return {
         "command": shlex.join(["mbdae" if program == "__main__.py" else program, *sys.argv[1:]]),

@@ -4,17 +4,22 @@ import json
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.library import find
 from mbdae.mechanism.formats.remembered import number
 from mbdae.mechanism.formats.template import Template
+from mbdae.studies.fit.data import records
+from mbdae.studies.fit.fit import ROUGH, SPANS, TOLERANCE
+from mbdae.studies.fit.misfit import Misfit
 
 COMMANDS = (
     "run four_bar -t 0.4 --step 0.02 -o fit.csv",
-    "fit four_bar fit.csv -p gravity.2=-12:-8 -s q.crank --step 0.02 -o fit.json --plot fit.svg",
+    "fit four_bar fit.csv -p gravity.2=-12:-8 -s q.crank --step 0.02 -o fit.json --plot fit.svg --html fit.html",
 )
+COARSE = {"step": 0.1, "method": "herk3"}
 STEP = {"step": 0.02, "method": "pherk5"}
 CRANK = {"force.spring.stiffness": 80.0, "force.damper.damping": 0.02, "joint.slider.mass": 0.8}
 FORCES = """
@@ -48,14 +53,14 @@ def crank(folder, more=""):
 
 def test_three_parameters_of_a_noisy_slider_crank(tmp_path):
     """Starts off by factors 0.5 to 2.5; noise of 0.1 mm."""
-    path, times = crank(tmp_path), np.linspace(0.04, 2.0, 50)
+    path, times = crank(tmp_path), np.linspace(0.04, 1.2, 30)
     data = measured(path, CRANK, times, ["q.slider"], **STEP)
-    data["q.slider"] += 1e-4 * np.random.default_rng(1).standard_normal(50)
+    data["q.slider"] += 1e-4 * np.random.default_rng(1).standard_normal(30)
     starts = {"force.spring.stiffness": (40.0, 10, 1000), "force.damper.damping": (0.05, 0, 1)}
     found = mbdae.fit(path, {**starts, "joint.slider.mass": (1.52, 0.1, 5)}, data, sigma=1e-4, **STEP)
     assert found.success, found
     assert found.runs < 60
-    assert 0.5 < found.chi2 / found.dof < 1.6
+    assert 0.4 < found.chi2 / found.dof < 1.8
     for name, value in CRANK.items():
         assert abs(found.values[name] - value) < 3.5 * found.deviations[name], (name, found)
     assert found.correlations[0, 2] > 0.9
@@ -67,7 +72,7 @@ def test_eight_parameters_of_four_bar_from_clean_data():
     template = Template("four_bar")
     truth = {name: number(template, name) for name in names}
     truth["start.v.crank"] = 0.5
-    data = measured("four_bar", truth, np.linspace(0.05, 0.8, 16), ["q.crank", "q.coupler", "q.rocker"], **STEP)
+    data = measured("four_bar", truth, np.linspace(0.05, 0.6, 10), ["q.crank", "q.coupler", "q.rocker"], **STEP)
     bounds = {name: sorted((0.8 * x, 1.3 * x)) for name, x in truth.items()}
     given = {name: (1.02 * x, *bounds[name]) for name, x in truth.items()}
     found = mbdae.fit("four_bar", given, data, spans=(1.0,), **STEP)
@@ -78,16 +83,24 @@ def test_eight_parameters_of_four_bar_from_clean_data():
 
 
 def test_a_false_minimum_is_refuted():
-    """Gravity from a crank that is out of step by periods: whole spans at once lead astray, growing ones do not."""
-    data = measured("pendulum", {"gravity.2": -9.81}, np.linspace(0.5, 10.0, 20), ["q.ball.x"], step=0.1)
-    given = {"gravity.2": (-24.0, -40.0, -1.0)}
-    whole = mbdae.fit("pendulum", given, data, sigma=1e-3, spans=(1.0,), step=0.1)
+    """Gravity from a bob that is out of step by periods: whole spans at once lead astray, growing ones do not.
+
+    Other starts find the truth, too.
+    """
+    data = measured("pendulum", {"gravity.2": -9.81}, np.linspace(0.5, 5.0, 10), ["q.ball.x"], **COARSE)
+    given = {"gravity.2": (-24.0, -30.0, -5.0)}
+    whole = mbdae.fit("pendulum", given, data, sigma=1e-3, spans=(1.0,), **COARSE)
     assert whole.refuted
     assert not whole.success
     assert "no noise" in str(whole)
-    growing = mbdae.fit("pendulum", given, data, sigma=1e-3, step=0.1)
+    growing = mbdae.fit("pendulum", given, data, sigma=1e-3, **COARSE)
     assert growing.success
     assert growing.values["gravity.2"] == pytest.approx(-9.81, abs=1e-6)
+    several = mbdae.fit("pendulum", given, data, sigma=1e-3, spans=(1.0,), starts=2, seed=0, **COARSE)
+    assert several.success
+    assert several.searches[0].chi2 == whole.chi2 > 1e3 * several.chi2
+    assert several.agreeing == 1
+    assert "1 of 2 searches came to this minimum" in str(several)
 
 
 def test_what_the_data_do_not_tell_is_named(tmp_path):
@@ -106,6 +119,24 @@ def test_what_the_data_do_not_tell_is_named(tmp_path):
     assert "combination only of force.spring.stiffness, force.other.stiffness" in str(found)
 
 
+def test_fewer_runs_than_with_quotients(tmp_path):
+    """A run with derivatives counts as two."""
+    path, times = crank(tmp_path), np.linspace(0.04, 0.6, 15)
+    truth = {name: CRANK[name] for name in ("force.spring.stiffness", "joint.slider.mass")}
+    data = measured(path, truth, times, ["q.slider"], **STEP)
+    given = {"force.spring.stiffness": (40.0, 10, 1000), "joint.slider.mass": (1.5, 0.1, 5)}
+    found = mbdae.fit(path, given, data, sigma=1e-4, **STEP)
+    assert found.values == pytest.approx(truth, rel=1e-6)
+    problem = Misfit(Template(str(path)), list(given), records(data), [{}], 1e-4, None, dict(STEP))
+    x, low, high = np.array(list(given.values())).T
+    for share in problem.shares(SPANS, 2):
+        problem.share, tolerance = share, ROUGH if share < 1 else TOLERANCE
+        x = least_squares(problem.residuals, x, "2-point", (low, high), x_scale=(high - low) / 10, ftol=tolerance,
+                          xtol=tolerance, gtol=tolerance).x  # fmt: skip
+    assert x == pytest.approx(list(truth.values()), rel=1e-3)
+    assert found.runs + found.gradients < problem.runs
+
+
 def test_several_runs_with_starts_of_their_own(tmp_path):
     known = [{"start.q.crank": 1.2}, {"start.q.crank": 0.9}]
     tables = [
@@ -120,8 +151,10 @@ def test_several_runs_with_starts_of_their_own(tmp_path):
     assert found.values["gravity.2"] == pytest.approx(-9.5, abs=1e-7)
     found.save(tmp_path / "fit.json")
     assert json.loads((tmp_path / "fit.json").read_text())["values"] == found.values
-    found.plot(tmp_path / "fit.png")
-    assert (tmp_path / "fit.png").stat().st_size > 1000
+    found.save(tmp_path / "fit.html")
+    page = (tmp_path / "fit.html").read_text()
+    for words in ("Fit of", "standard deviation", "gravity.2", "nothing stands against", "data:image/svg+xml"):
+        assert words in page, words
 
 
 def test_parquet(tmp_path):
@@ -151,6 +184,7 @@ WRONG = [
     ({}, {"joint.rocker.rpy.0": (-1, 1)}, InputError, "opens closures that depend on each other"),
     ({"known": [{}, {}]}, {}, InputError, "2 tables for 1 runs"),
     ({"spans": (2.0,)}, {}, InputError, "shares of the samples"),
+    ({"starts": 0}, {}, InputError, "starts is a number of searches"),
 ]
 
 

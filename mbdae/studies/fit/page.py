@@ -1,0 +1,55 @@
+"""A fit as one HTML page: values, what stands against them, measured against computed signals, correlations."""
+
+import numpy as np
+
+from ..report.page import document, facts, image, table
+from ..report.report import provenance
+from .figure import compared
+from .result import Fit
+
+
+def page(fit: Fit) -> str:
+    """The page as text, in the style of `mbdae.studies.report`."""
+    meta = provenance({})
+    version = meta["versions"]["mbdae"]
+    ratio = fit.chi2 / fit.dof if fit.dof else np.nan
+    summary = f"{len(fit.names)} runs measured, {fit.runs} computed. mbdae {version}, {meta['date']}."
+    against = fit.warnings or ["nothing stands against these values"]
+    quality = {
+        "chi-squared": f"{fit.chi2:.6g} for {fit.dof} degrees of freedom, {ratio:.4g} each",
+        "probability": "unknown without noise levels" if np.isnan(fit.probability) else f"{fit.probability:.3g}",
+        "warnings": "\n".join(against),
+    }
+    sections = {
+        "Values": _values(fit) + facts(quality),
+        "Signals": image(compared(fit), "measured and computed signals, and residuals"),
+        "Correlations": _correlations(fit) if len(fit.values) > 1 else "",
+        "Searches": _searches(fit) if len(fit.searches) > 1 else "",
+        "Repeat": facts({"command": meta["command"], "machine": meta["machine"]}),
+    }
+    return document(f"Fit of {fit.model}", summary, version, sections)
+
+
+def _values(fit: Fit) -> str:
+    rows = [
+        [name, f"{x:.8g}", f"{fit.deviations[name]:.2g}", "at its bound" if name in fit.at_bounds else ""]
+        for name, x in fit.values.items()
+    ]
+    return table(["parameter", "value", "standard deviation", ""], rows)
+
+
+def _correlations(fit: Fit) -> str:
+    names = list(fit.values)
+    rows = [[n, *(f"{x:+.3f}" for x in row)] for n, row in zip(names, fit.correlations, strict=True)]
+    return table(["", *names], rows)
+
+
+def _searches(fit: Fit) -> str:
+    heads = [*(f"{name}, start" for name in fit.values), *fit.values, "chi-squared", ""]
+    rows = [
+        [f"{x:.6g}" for x in s.start.values()]
+        + ([f"{x:.6g}" for x in s.values.values()] or ["-"] * len(fit.values))
+        + [f"{s.chi2:.6g}", "" if s.converged else s.message]
+        for s in sorted(fit.searches, key=lambda s: s.chi2)
+    ]
+    return table(heads, rows)
