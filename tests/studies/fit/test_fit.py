@@ -72,7 +72,7 @@ def test_eight_parameters_of_four_bar_from_clean_data():
     template = Template("four_bar")
     truth = {name: number(template, name) for name in names}
     truth["start.v.crank"] = 0.5
-    data = measured("four_bar", truth, np.linspace(0.05, 0.6, 10), ["q.crank", "q.coupler", "q.rocker"], **STEP)
+    data = measured("four_bar", truth, np.linspace(0.05, 0.8, 16), ["q.crank", "q.coupler", "q.rocker"], **STEP)
     bounds = {name: sorted((0.8 * x, 1.3 * x)) for name, x in truth.items()}
     given = {name: (1.02 * x, *bounds[name]) for name, x in truth.items()}
     found = mbdae.fit("four_bar", given, data, spans=(1.0,), **STEP)
