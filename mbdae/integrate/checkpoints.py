@@ -11,7 +11,7 @@ from ..system import State
 
 SHORT = 1000  # steps of which all states are kept
 
-Advance = Callable[[int, State], State]
+Walk = Callable[[int, int, State], list[State]]
 
 
 class Checkpoints:
@@ -20,32 +20,29 @@ class Checkpoints:
     Args:
         n: number of nodes.
         start: the state at node 0.
-        advance: i and the state at node i -> that at node i + 1. It goes along all steps once, and then by segments.
+        walk: i, j and the state at node i -> the states at nodes i, ..., j. It goes along all once, later segment by
+            segment.
 
     Attributes:
         length: of a segment, in nodes: k.
     """
 
-    def __init__(self, n: int, start: State, advance: Advance) -> None:
-        self.n, self.advance, self.length = n, advance, max(SHORT, isqrt(n))
+    def __init__(self, n: int, start: State, walk: Walk) -> None:
+        self.n, self.walk, self.length = n, walk, max(SHORT, isqrt(n))
         self.kept = [start]
         while len(self.kept) * self.length < n:
-            self.kept.append(advance(len(self.kept) * self.length - 1, self._walk(len(self.kept) - 1)[-1]))
-        self._walk(len(self.kept) - 1)
+            self.kept.append(self._found(len(self.kept) - 1).pop())
+        self._found(len(self.kept) - 1)
 
     def __getitem__(self, i: int) -> State:
         """The state at node i."""
         return self.segment(i // self.length)[i % self.length]
 
     def segment(self, j: int) -> list[State]:
-        """The states at nodes j k, ..., j k + k - 1."""
-        return self._states if j == self._at else self._walk(j)
+        """The states at nodes j k, ..., j k + k - 1, perhaps with one more."""
+        return self._states if j == self._at else self._found(j)
 
-    def _walk(self, j: int) -> list[State]:
-        first, state = j * self.length, self.kept[j]
-        states = [state]
-        for i in range(first, min(first + self.length, self.n) - 1):
-            state = self.advance(i, state)
-            states.append(state)
-        self._at, self._states = j, states
-        return states
+    def _found(self, j: int) -> list[State]:
+        first = j * self.length
+        self._at, self._states = j, self.walk(first, min(first + self.length, self.n - 1), self.kept[j])
+        return self._states

@@ -99,7 +99,7 @@ class Trace:
         self.walked: Checkpoints | None = None
         if self.n_carry:
             self.hold(0)
-            self.walked = Checkpoints(len(self.ts), State(self.ys[0], self._anew(0, self.ys[0])), self._advance)
+            self.walked = Checkpoints(len(self.ts), State(self.ys[0], self._anew(0, self.ys[0])), self._walk)
 
     def jumps(self, i: int) -> bool:
         """Say whether nodes i and i + 1 stand before and after a jump."""
@@ -178,6 +178,13 @@ class Trace:
         if self.n_carry:
             nv, n = self.system.nv, self.slopes.ny + self.slopes.k
             yield LinearPart(self.slopes.rate(t, y).rate[nv:, :n], True)
+
+    def _walk(self, i: int, j: int, state: State) -> list[State]:
+        """The states at nodes i, ..., j."""
+        states = [state]
+        for k in range(i, j):
+            states.append(self._advance(k, states[-1]))
+        return states
 
     def _advance(self, i: int, state: State) -> State:
         """Find what the method carried at node i + 1, and see that the step is that of the run.
