@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 BAND = 1e-13  # of the size of a guard: nearer to zero it is rounding
 SAMPLES = (0.25, 0.5, 0.75)  # of a step: where multipliers are looked at
+LATER = 1.05  # times the flight that speed and acceleration tell: when a row that was struck is below zero
 HALVINGS = 40  # towards the start of a step
 NEWTON = 12  # iterations, of which three or four are needed
 At = Callable[[float], "ModePoint"]
@@ -30,11 +31,14 @@ class Followed:
         size: the largest magnitude that it had.
         level: where it ends the mode: 0, or the value within rounding below it with which the mode began, until it
             rises above 0.
+        back: when a row that was just struck comes back, as far as its acceleration says; nan where it does not.
     """
 
     def __init__(self, guard: Guard, point: "ModePoint") -> None:
         self.guard, f = guard, guard.value(point)
-        self.size, self.level = abs(f), 0.0 if guard.loads else min(0.0, f)
+        self.size, self.level, self.back = abs(f), 0.0 if guard.loads else min(0.0, f), np.nan
+        if guard.rate and guard.bend and f <= self.band and (speed := guard.rate(point)) > 0 > (a := guard.bend(point)):
+            self.back = point.t - LATER * 2 * speed / a
 
     def move(self, point: "ModePoint") -> None:
         """Go on from the end of a step."""
@@ -63,18 +67,20 @@ def first(guards: Sequence[Followed], step: "StepMap", at: At) -> tuple[float, l
     """
     theta, fired = 2.0, []
     near = 4 * _sharp(step)
-    for guard in guards:
-        high = _below(guard, step, at)
-        if high is None:
-            continue
-        if theta <= 1 and high > theta and guard.value(at(theta)) >= -guard.band:
-            continue  # it passes later than another one
-        found = _locate(guard, step, at, min(high, 1.0))
+    waiting = [(guard, _below(guard, step, at)) for guard in guards]
+    while True:
+        if theta <= 1:  # those that pass zero before, perhaps more than once
+            waiting = [(g, theta) for g in guards if g.guard not in fired and g.value(at(theta)) < -g.band]
+        guard, high = next(((g, x) for g, x in waiting if x is not None), (None, None))
+        if guard is None or high is None:
+            return theta, fired
+        found = _locate(guard, step, at, high)
         if found < theta - near:
             theta, fired = found, [guard.guard]
         elif found <= theta + near:
             fired.append(guard.guard)
-    return theta, fired
+        else:
+            return theta, fired
 
 
 def _sharp(step: "StepMap") -> float:
@@ -87,6 +93,9 @@ def _below(followed: Followed, step: "StepMap", at: At) -> float | None:
     f1, band, guard = followed.value(at(1.0)), followed.band, followed.guard
     if f1 < -band:
         return 1.0
+    back = (followed.back - step.t) / step.h
+    if 0 < back < 1 and followed.value(at(back)) < -band:
+        return back
     if guard.rate is not None:
         r0, r1 = guard.rate(at(0.0)), guard.rate(at(1.0))
         if not r0 < 0 < r1:

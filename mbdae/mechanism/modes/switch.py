@@ -20,6 +20,7 @@ class Guard(NamedTuple):
         at: its number.
         value: the function.
         rate: its rate, where it is known: then a visit below 0 and back within a step is seen.
+        bend: and the rate of that.
         loads: it depends on multipliers, and is sampled within steps.
     """
 
@@ -28,6 +29,7 @@ class Guard(NamedTuple):
     at: int
     value: Value
     rate: Value | None = None
+    bend: Value | None = None
     loads: bool = False
 
 

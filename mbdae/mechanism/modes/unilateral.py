@@ -63,13 +63,18 @@ class Unilateral(Switch):
         """Return the rate of the gap."""
         return self.sign * float(point.rate[self.row])
 
+    def bend(self, point: "ModePoint") -> float:
+        """Return the second derivative of the gap."""
+        vdot = point.derivative[0][len(point.v) : 2 * len(point.v)]
+        return self.sign * float(point.G[self.row] @ vdot + point.gamma[self.row])
+
     def pressure(self, point: "ModePoint") -> float:
         """Return the force that presses, positive while it does."""
         return self.sign * float(point.lam[self.row])
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == OPEN:
-            return (Guard("touch", self.name, self.at, self.gap, self.speed),)
+            return (Guard("touch", self.name, self.at, self.gap, self.speed, self.bend),)
         return (Guard("let go", self.name, self.at, self.pressure, loads=True),)
 
     def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
