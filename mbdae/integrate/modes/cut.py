@@ -23,7 +23,11 @@ def ended(run: "RunState", start: State | None) -> list[Guard]:
     """
     assert run.modes
     step = StepMap(run, start)
-    theta, fired = run.modes.look(run, step)
+    try:
+        theta, fired = run.modes.look(run, step)
+    except StepError:  # what a guard needs cannot be computed: the run ends before
+        run.take_back(start or State(step.y))
+        raise
     if not fired or theta >= 1:
         return fired
     at, taken, t = start or State(step.y), None, step.t + theta * step.h

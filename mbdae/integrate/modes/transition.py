@@ -42,7 +42,8 @@ class Transition:
 
         Args:
             at: the point.
-            soft: numbers of switches that come to rest: e = 0 for them.
+            soft: numbers of switches that were struck a moment ago. Where nothing else strikes they come to rest, all
+                of them that touch: none throws off another one. Else e = 0 for them.
         """
         mode, system = self.system.mode, self.system
         found = {s.at: s.strike(at, mode[s.at], NEAR) for s in self.switches}
@@ -54,6 +55,10 @@ class Transition:
         touched: list[tuple[int, Strike]] = [(i, s) for i in hit for s in found[i] if s.sign]
         others = [s.row for i in hit for s in found[i] if not s.sign]
         apart = [(i, s) for i in found if i not in hit for s in found[i] if s.sign]
+        if all(i in soft for i, s in touched if s.sign * rate[s.row] < -still):
+            rests = [(i, s) for i, s in touched if i in soft or mode[i]]
+            others += [s.row for _, s in rests]
+            touched = [x for x in touched if x not in rests]
         kept = np.array([*self.always, *others], int)
         both = [*touched, *apart]
         rows = np.array([s.row for _, s in both], int)
@@ -68,7 +73,8 @@ class Transition:
         whole = np.zeros(system.ng)
         whole[rows] = signs * blow.p
         whole[kept] += blow.P
-        struck = [(self.switches[i].name, float(p)) for (i, _), p in zip(both, blow.p, strict=True) if p > 0]
+        hits = [(self.switches[i].name, s.sign * whole[s.row]) for i in found for s in found[i][:1] if s.sign]
+        struck = [(name, float(p)) for name, p in hits if p > 0]
         where, impulse = zip(*struck, strict=True) if struck else ((), ())
         loss = -blow.work
         return y, Impact(at.t, tuple(where), tuple(impulse), tuple(whole.tolist()), loss)

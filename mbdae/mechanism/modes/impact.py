@@ -67,7 +67,7 @@ def strike(U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: 
             break
         which = np.arange(m) if last else np.flatnonzero(speed <= still)
         goal = -(0.0 if last else e[which]) * np.minimum(speed[which], 0.0) - c[which]
-        closed = x - BG @ (pinv @ (BG.T @ x + b)) if len(kept) else x
+        closed = x - pinv.T @ (BG.T @ x + b) if len(kept) else x
         A = BU[:, which] - Q @ (Q.T @ BU[:, which])
         p = _least(A, goal - BU[:, which].T @ closed)
         new = closed + A @ p
