@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...mechanism.modes.choice import choose
-from ...mechanism.modes.impact import strike
+from ...mechanism.modes.impact import RANK, strike
 from ...mechanism.modes.point import AllRows, ModePoint
 from ...mechanism.modes.switch import Candidate, Strike
 from ...solution.impact import Impact
@@ -149,8 +149,9 @@ class Transition:
         C = B[:, rows]
         if len(kept):
             left, sizes, _ = np.linalg.svd(B[:, kept], full_matrices=False)
-            Q = left[:, sizes > 1e-10 * sizes[:1]]
+            Q = left[:, sizes > RANK * sizes[:1]]
             C = C - Q @ (Q.T @ C)
+            C[:, np.linalg.norm(C, axis=0) <= RANK * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # kept anyway
         lam[rows] = choose(C, rates[rows], lower, upper)
         vdot = C @ lam[rows]
         free = B - Q @ (Q.T @ B) if len(kept) else B

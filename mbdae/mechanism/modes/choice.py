@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 
 from ...system import Array
 
-RANK = 1e-10  # of the largest singular value
+RANK = 1e-7  # of the largest singular value
 
 
 def choose(C: Array, c: Array, lower: Array, upper: Array) -> Array:

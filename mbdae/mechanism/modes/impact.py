@@ -20,7 +20,8 @@ from ...system import Array
 
 STILL = 1e-12  # of 1 + |v|: a speed below is none
 ROUNDS = 200  # of rows that strike one after another at one instant; the last one with e = 0
-RANK = 1e-10  # of the largest singular value
+RANK = 1e-7  # of the largest singular value, and of a row: what is left of it beside others
+CONTRADICTION = 1e-6  # of 1 + |v|: a speed that rows ask for which depend on others
 
 
 class Blow(NamedTuple):
@@ -69,7 +70,12 @@ def strike(U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: 
         goal = -(0.0 if last else e[which]) * np.minimum(speed[which], 0.0) - c[which]
         closed = x - pinv.T @ (BG.T @ x + b) if len(kept) else x
         A = BU[:, which] - Q @ (Q.T @ BU[:, which])
-        p = _least(A, goal - BU[:, which].T @ closed)
+        able = np.linalg.norm(A, axis=0) > RANK * np.linalg.norm(BU[:, which], axis=0)
+        short = goal - BU[:, which].T @ closed
+        if (short[~able] > CONTRADICTION * (1 + float(np.abs(v).max()))).any():
+            raise StepError("impact", "closures keep what strikes from giving way")
+        p = np.zeros(len(which))
+        p[able] = _least(A[:, able], short[able])
         new = closed + A @ p
         impulse = pinv @ (new - x - BU[:, which] @ p) if len(kept) else P
         work += float(p @ (BU[:, which].T @ (x + new))) / 2 + float(impulse @ (BG.T @ (x + new))) / 2
@@ -98,10 +104,7 @@ def _least(A: Array, f: Array) -> Array:
     if not scale or not (f > 0).any():
         return np.zeros(len(f))
     sizes = np.linalg.norm(A, axis=0)
-    able = sizes > RANK * sizes.max(initial=0.0)
-    if not able.all() and (f[~able] > STILL * scale).any():
-        raise StepError("impact", "closures keep what strikes from giving way")
-    An, fn = A[:, able] / sizes[able], f[able] / sizes[able]
+    An, fn = A / sizes, f / sizes
     scale = float(np.abs(fn).max())
     E, last = np.vstack([An, fn / scale]), np.append(np.zeros(len(A)), 1.0)
     u, _ = nnls(E, last)
@@ -113,5 +116,5 @@ def _least(A: Array, f: Array) -> Array:
     found = np.linalg.lstsq(An[:, out], exact, rcond=RANK)[0]
     if (found < 0).any() or (An.T @ exact < fn - 1e-9 * scale).any():
         found = u[out] / rest * scale
-    p[np.flatnonzero(able)[out]] = found / sizes[able][out]
+    p[out] = found / sizes[out]
     return p
