@@ -86,6 +86,7 @@ class Trace:
         self.tableau = cast(Method, find_method(settings["method"]))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
         self.system = _bound(mech, settings["formulation"])
+        self.system.sliding.refuse("a gradient")
         self.slopes = IndexTwoVariations(self.system, parameters)
         self.controlled = "step" not in settings
         if self.controlled:

@@ -24,6 +24,7 @@ from .formulations.compiled import COMPILED
 from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
+from .formulations.sliding import Sliding
 from .frames import find_joint, joint_names
 from .joints import is_depth_first
 from .manifold import Manifold
@@ -103,6 +104,7 @@ class Mechanism:
         self.switches = switches_of(self)
         self.manifold = Manifold(model)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
+        Sliding(self.forces, self.closures, bound)  # wrong names are refused here
         self.states = self.bind_forces(data).states()  # wrong names are refused here
         self.start_values = start or Start()
         self._starts: dict[float, tuple[Array, Array]] = {}

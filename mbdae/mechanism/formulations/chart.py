@@ -29,12 +29,12 @@ class Index2Chart(ImplicitStages):
         q, v = m.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
         G = s.jacobian()
-        Gr = G.take(self.rows, 0)
+        slips = s.sliding.slips(v) if s.sliding else None
         dx, Ghat = self.meet(that, x[:nv], v, xhat[:nv], factor, U, G)
         rate = Ghat.dot(self.v + xhat[nv : 2 * nv])
         if s.driven:
             rate += s.g_t(that)[self.rows]
-        vdot, lam = s.saddle(t, U, Gr, Ghat, f, rate / -factor)
+        vdot, lam = s.solve(t, U, G, self.rows, Ghat, f, rate / -factor, rates, slips)
         if s.driven:
             rates[-1] -= lam @ s.g_t(t)[self.rows]
         s._last_q, s._last = q, (U, G)

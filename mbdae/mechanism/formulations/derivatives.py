@@ -51,6 +51,12 @@ def jacobians(s: "Index2System", t: float, q: Array, u: Array, vdot: Array, lam:
     E[:nv, :nv], D[:, :-1] = M, laws[:, nv:]
     K[:nv] += by_turning - by_q
     D[:nv, :nv] -= by_v
+    if s.sliding:  # its slopes by q and v are left out: Newton's iterations find what they miss
+        e, speed, factor = s.sliding.slips(v)
+        all_rows = s.sliding.whole(rows)
+        by_lam = factor[:, None] * (s.sliding.carried(all_rows @ lam)[1] @ all_rows)
+        L = np.vstack([G.T + e.T @ by_lam, np.zeros((n - nv - 1, len(G))), speed @ by_lam - s.g_t(t)[rows]])
+        return Jacobians(E, K, D, L, G, B[rows])
     L = np.vstack([G.T, np.zeros((n - nv - 1, len(G))), -s.g_t(t)[rows]])
     return Jacobians(E, K, D, L, G, B[rows])
 

@@ -66,6 +66,10 @@ class ImplicitStages:
         pin.computeJointJacobians(s.model, s.data, q)
         G = s.closures()[1][self.rows]
         tau, rates = s.torque(t, q, v, self.s + x[2 * nv : -1])
+        if s.sliding:
+            e, speed, factor = s.sliding.slips(v)
+            T = factor * s.sliding.carried(s.sliding.whole(self.rows) @ z)[0]
+            tau, rates[-1] = tau + T @ e, rates[-1] + T @ speed
         inertial = pin.rnea(s.model, s.data, q, v, dx[nv : 2 * nv])
         rate = s.manifold.tangent(x[:nv], v)
         g_t = s.g_t(t)[self.rows]

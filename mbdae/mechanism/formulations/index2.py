@@ -20,6 +20,7 @@ from ..workspace import make_data
 from . import derivatives, interpolation, projection, residuals
 from .chart import Index2Chart
 from .inertial import Inertial
+from .sliding import Sliding, with_friction
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -47,6 +48,7 @@ class Index2System(System):
         self.constraints = Constraints(self.model, self.data, mechanism.constraints)
         self.mode: Mode = (0,) * len(mechanism.switches)
         self.constraints.off = left_out(mechanism.switches, self.mode)
+        self.sliding = Sliding(mechanism.forces, mechanism.closures, self.constraints)
         self.rank: int | None = None
         self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
         self.rows: Array | None = None
@@ -231,7 +233,7 @@ class Index2System(System):
         self._last_q = np.full(self.nq, np.nan)
 
     def order_of(self, tableau: Any) -> int:  # noqa: D102
-        return tableau.order_linear
+        return tableau.order if self.sliding else tableau.order_linear
 
     def split(self, y: Array) -> tuple[Array, Array]:
         """Return q (nq,) and v (nv,)."""
@@ -261,21 +263,47 @@ class Index2System(System):
         U, (f, rates) = self.inertia(t, q), self.force(t, q, v, self.inner(y))
         G = self.jacobian()
         rows = self.choose_rows(t, U, G)
-        Gr = G[rows]
+        Gr, slips = G[rows], self.sliding.slips(v) if self.sliding else None
         rhs = -self.gamma(q, v, t)[rows] if self.ng else np.empty(0)
-        vdot, lam = self.saddle(t, U, Gr, Gr, f, rhs)
+        vdot, lam = self.solve(t, U, G, rows, Gr, f, rhs, rates, slips)
         rates[-1] -= lam @ self.g_t(t)[rows]
         return np.concatenate([v, vdot, rates]), self.all_multipliers(U, G, rows, lam)
 
+    def solve(
+        self,
+        t: float,
+        U: Array,
+        G: Array,
+        rows: Array,
+        Ghat: Array,
+        f: Array,
+        rhs: Array,
+        rates: Array,
+        slips: tuple[Array, Array, Array] | None,
+    ) -> tuple[Array, Array]:
+        """Solve for v' (nv,) and lam (r,), with friction by lam where bodies slide, whose power is added to rates."""
+        if slips is None:
+            return self.saddle(t, U, G.take(rows, 0), Ghat, f, rhs)
+        vdot, lam, power = with_friction(self, t, U, G, rows, Ghat, f, rhs, slips)
+        rates[-1] += power
+        return vdot, lam
+
     def saddle(self, t: float, U: Array, G: Array, Ghat: Array, f: Array, rhs: Array) -> tuple[Array, Array]:
-        """Solve M v' = f + G^T lam, Ghat v' = rhs by Cholesky of M = U^T U and LU of Ghat M^-1 G^T."""
+        """Solve M v' = f + G^T lam, Ghat v' = rhs by Cholesky of M = U^T U and LU of Ghat M^-1 G^T.
+
+        For several f, (k, nv), the others belong to rhs = 0: v' (k, nv), lam (k, r).
+        """
         self.counts.solves += 1
-        X = dpotrs(U, np.concatenate((G, f[None])).T, overwrite_b=1)[0].T  # G M^-1, and a row (M^-1 f)^T below
-        if not len(rhs):
-            return X[-1], rhs
-        self._MinvGT, self._G = X[:-1].T, G
+        r, F = len(rhs), f if f.ndim > 1 else f[None]
+        X = dpotrs(U, np.concatenate((G, F)).T, overwrite_b=1)[0].T  # G M^-1, and rows (M^-1 f)^T below
+        if not r:
+            return (X[0], rhs) if f.ndim == 1 else (X, np.zeros((len(f), 0)))
+        self._MinvGT, self._G = X[:r].T, G
         S = X.dot(Ghat.T).T
-        lu, _, lam, info = dgesv(S[:, :-1], rhs - S[:, -1], overwrite_a=1, overwrite_b=1)
+        if f.ndim > 1:
+            right = -S[:, r:]
+            right[:, 0] += rhs
+        lu, _, lam, info = dgesv(S[:, :r], right if f.ndim > 1 else rhs - S[:, r], overwrite_a=1, overwrite_b=1)
         self.counts.factorizations += 1
         pivot = np.abs(lu.diagonal())
         i, largest = pivot.argmin(), pivot[pivot.argmax()]
@@ -284,7 +312,7 @@ class Index2System(System):
         if info or not ratio > independent_rows.SMALLEST_PIVOT:
             name = self.mechanism.row_closure(int(self.rows[i] if self.rows is not None else 0))
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
-        return X[-1] + lam.dot(X[:-1]), lam
+        return (X[r] + lam.dot(X[:r]), lam) if f.ndim == 1 else (X[r:] + lam.T.dot(X[:r]), lam.T)
 
     def carry(self, F: Array, z: Array) -> Array:
         """Keep (v', s', w'): not lam, because rows may be re-chosen."""

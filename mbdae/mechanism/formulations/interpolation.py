@@ -134,7 +134,7 @@ def sampled(
 
 def _power(system: "Index2System", t: float, q: Array, v: Array) -> Array:
     """Power of what has no potential, (1,), of a system without states of its own."""
-    if system.driven:  # their power needs lam
+    if system.driven or system.sliding:  # their power needs lam
         return system.derivative(t, np.concatenate([q, v, [0.0]]))[0][-1:]
     system.inertia(t, q)
     return system.force(t, q, v, np.empty(0))[1]

@@ -75,6 +75,7 @@ def linearize_at(statics: "Statics", here: "Balance") -> LinearMotion:
         InputError: where the point is no steady motion, naming the joint that accelerates.
     """
     system, v, nv = statics.system, statics.v, statics.system.nv
+    system.sliding.refuse("a linearization")
     lam = here.lam
     u = np.concatenate([v, here.s, [0.0]])
     slopes = jacobians(system, statics.t, here.q, u, np.zeros(nv), lam, np.arange(system.ng))

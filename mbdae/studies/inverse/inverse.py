@@ -61,6 +61,7 @@ def inverse_dynamics(
     moves = prescribed(mech, motion, speed)
     n, m, c = len(moves.t), len(acting.names), acting.closures
     system = acting.mechanism.system()
+    system.sliding.refuse("inverse dynamics")
     s = _states(acting.mechanism, moves.states, n)
     bases = [_basis(system.closures(q, t)[1][:c], mech.nv) for t, q in zip(moves.t, moves.q, strict=True)]
     usual = max(r for r, _ in bases)

@@ -6,6 +6,7 @@ import pytest
 import mbdae
 from mbdae import (
     Bushing,
+    CoulombFriction,
     Function,
     JointDamping,
     JointFriction,
@@ -33,6 +34,7 @@ ON_FOUR_BAR = {
     "joint_spring": JointSpring(joint=("crank", "rocker"), stiffness=4.0, rest=0.3, damping=0.1),
     "joint_spring, table": JointSpring(joint="rocker", table=TABLE),
     "joint_damping": JointDamping(joint="coupler", damping=0.2),
+    "coulomb_friction": CoulombFriction(closure="pin", coefficient=0.4, radius=0.3, velocity=0.5),
     "joint_friction": JointFriction(joint="rocker", friction=0.5, velocity=0.5),
     "joint_torque": JointTorque(joint="crank", torque=Harmonic(amplitude=3.0, omega=5.0)),
     "joint_torque, table": JointTorque(joint="crank", torque=CURVE),
@@ -49,7 +51,7 @@ ON_FOUR_BAR = {
     "wrench, turning": Wrench(frame="coupler_tip", force=(1.0, WAVE, 2.0), axes="frame"),
     "python": pull,
 }
-IN_PYTHON: set[str] = set()  # those of them that the core does not have
+IN_PYTHON = {"coulomb_friction"}  # those of them that the core does not have
 IN_BOTH = {name: force for name, force in ON_FOUR_BAR.items() if name not in IN_PYTHON}
 
 

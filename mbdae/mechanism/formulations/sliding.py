@@ -1,0 +1,212 @@
+"""Friction by the forces that closures carry: T_k = -mu_k r_k |F_k(lam)| d_k along e_k, k over the places that slide.
+
+e_k (nv,) is the generalised direction of a slip of speed e_k . v, and d_k its direction, between -1 and 1. A stage, or
+a point of the hidden constraint, solves
+
+    M v' = f + G^T lam + sum_k e_k T_k,   Ghat v' = rhs,   T_k = -mu_k r_k |F_k(lam)| d_k
+
+v' and lam are affine in T, which the factors of one solve give; so this is a small system for T, solved by Newton's
+method. It has one solution where det(1 - dT/dT) > 0 all the way; otherwise friction wedges (Painleve).
+
+Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996), chapter 5; E. Hairer, C. Lubich,
+M. Roche, LNM 1409 (1989), section 7, for y' = f(y, z) with a general f.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...errors import InputError, StepError, UnknownNameError
+from ...system import Array
+from ..closures.closure import Closure
+from ..closures.constraints import Constraints
+from ..closures.contact import Height
+from ..closures.independent_rows import minimum_norm
+from ..closures.line_rows import still
+from ..closures.rows import unit_axis
+from ..forces.coulomb_friction import CoulombFriction
+from ..frames import Pair
+
+if TYPE_CHECKING:
+    from .index2 import Index2System
+
+TURNS, SLIDES, TOUCHES = ("revolute", "point"), ("prismatic", "cylindrical", "in_line"), ("in_plane", "slot", "rolling")
+CARRIED = {"revolute": 3, "point": 3, "prismatic": 2, "cylindrical": 2, "in_line": 2}  # first rows that carry F; else 1
+ITERATIONS = 50
+CONVERGED = 1e-15  # of the largest T
+NOTHING = 1e-300  # keeps what is zero from being divided by
+
+
+class Place(NamedTuple):
+    """Where bodies slide on each other.
+
+    Attributes:
+        force: what the user wrote.
+        closure: the closure.
+        pair: its frames.
+        rows: those whose multipliers are F.
+    """
+
+    force: CoulombFriction
+    closure: Closure
+    pair: Pair
+    rows: slice
+
+    def slip(self, v: Array, w: Array) -> tuple[Array, float]:
+        """Return e (nv,) and e . v where the kinematics stand; w (6, m) are the wrenches of the rows."""
+        pair, kind = self.pair, self.closure.kind
+        if kind in TOUCHES:
+            p, n, V = self.point(), w[:3, 0], pair.relative(v)
+            slip = V[:3] + np.cross(V[3:], p)
+            along = _unit(slip - n * n.dot(slip))
+        elif kind == "point":
+            along, p = _unit(pair.relative(v)[3:]), pair.pb
+        else:
+            along, p = pair.Ra @ unit_axis(self.closure.axis or (0.0, 0.0, 1.0)), pair.pb
+        turn = kind in TURNS
+        e = pair.torque(np.concatenate([np.zeros(3), along] if turn else [along, np.cross(p, along)]))
+        return e, float(e @ v)
+
+    def point(self) -> Array:
+        """Where the bodies touch, (3,)."""
+        first = self.closure.primitives()[0]
+        return first.lines(still(self.pair)).p[:, 0] if isinstance(first, Height) else self.pair.pb
+
+
+class Sliding:
+    """All places of a workspace where friction depends on multipliers.
+
+    Args:
+        forces: of the mechanism.
+        closures: of the mechanism.
+        constraints: its rows in the workspace.
+
+    Raises:
+        UnknownNameError: for a closure that does not exist.
+        InputError: for one that neither turns nor slides, or a radius that does not fit.
+    """
+
+    def __init__(self, forces: tuple, closures: tuple[Closure, ...], constraints: Constraints) -> None:
+        named, self.constraints = {c.name: c for c in closures}, constraints
+        self.places: list[Place] = []
+        for force in forces:
+            if isinstance(force, CoulombFriction):
+                if force.closure not in named:
+                    raise UnknownNameError("closure", force.closure, named)
+                closure = named[force.closure]
+                _refuse(force, closure)
+                pair, start = constraints.frame_parts[closure.name].pair, constraints.spans[closure.name].start
+                rows = slice(start, start + CARRIED.get(closure.kind, 1))
+                self.places.append(Place(force, closure, pair, rows))
+        self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
+
+    def __bool__(self) -> bool:
+        return bool(self.places)
+
+    def slips(self, v: Array) -> tuple[Array, Array, Array]:
+        """Return e (k, nv), e . v (k,) and the factors -mu r d (k,) where kinematics and G stand."""
+        W = self.constraints.W
+        found = [p.slip(v, W[:, p.rows]) for p in self.places]
+        e, speed = np.array([x for x, _ in found]), np.array([x for _, x in found])
+        return e, speed, -self.coefficient * np.tanh(speed / [p.force.velocity for p in self.places])
+
+    def whole(self, rows: Array) -> Array:
+        """Return the matrix (ng, r) of multipliers of all rows by those in use, where kinematics and G stand."""
+        ng, r = self.constraints.ng, len(rows)
+        if r == ng:
+            return np.eye(ng)[:, rows]
+        G = self.constraints.jacobian()
+        return np.array([minimum_norm(G, r, g) for g in G[rows]]).T
+
+    def refuse(self, what: str) -> None:
+        """Refuse what does not know of forces that depend on multipliers.
+
+        Raises:
+            InputError: naming the first friction.
+        """
+        if self.places:
+            raise InputError(f"{what} does not know coulomb_friction, of closure {self.places[0].closure.name!r}")
+
+    def carried(self, lam: Array) -> tuple[Array, Array]:
+        """Return |F| (k,) and its slopes (k, ng) for multipliers of all rows, (ng,)."""
+        size, slope = np.zeros(len(self.places)), np.zeros((len(self.places), len(lam)))
+        for k, place in enumerate(self.places):
+            F = lam[place.rows]
+            size[k] = np.sqrt(F @ F)
+            slope[k, place.rows] = F / (size[k] + NOTHING)
+        return size, slope
+
+    def solve(self, t: float, factor: Array, lam: Array, responses: Array) -> Array:
+        """Return T (k,).
+
+        Args:
+            t: time, for messages.
+            factor: -mu r d, (k,).
+            lam: multipliers of all rows without friction, (ng,).
+            responses: and their changes by a unit of each T, (k, ng).
+
+        Raises:
+            StepError: where friction wedges.
+        """
+        T, last = np.zeros(len(factor)), np.inf
+        for _ in range(ITERATIONS):
+            size, slope = self.carried(lam + T @ responses)
+            slopes = np.eye(len(T)) - factor[:, None] * (slope @ responses.T)
+            if not np.linalg.det(slopes) > 0 or not (slopes.diagonal() > 0).all():
+                self._wedges(t, slopes)
+            move = np.linalg.solve(slopes, factor * size - T)
+            T, change = T + move, float(np.abs(move).max())
+            if change <= CONVERGED * np.abs(T).max() or (change >= 0.5 * last and change <= 1e-12 * np.abs(T).max()):
+                return T
+            last = change
+        raise StepError("friction", f"no friction was found that fits its own load at t = {t:.17g}")
+
+    def _wedges(self, t: float, slopes: Array) -> None:
+        name = self.places[int(slopes.diagonal().argmin())].closure.name
+        text = f"friction wedges closure {name!r} at t = {t:.17g}: with so much of it there is no motion, or several"
+        raise StepError("friction", text)
+
+
+def with_friction(
+    s: "Index2System",
+    t: float,
+    U: Array,
+    G: Array,
+    rows: Array,
+    Ghat: Array,
+    f: Array,
+    rhs: Array,
+    slips: tuple[Array, Array, Array],
+) -> tuple[Array, Array, float]:
+    """Solve a stage, see the module: v' (nv,), lam (r,) of the rows in use, and the power of friction in W.
+
+    Args:
+        s: the system.
+        t: time.
+        U: Cholesky factor of M at the stage.
+        G: all rows there, (ng, nv).
+        rows: those in use, (r,).
+        Ghat: rows in use where the stage meets the constraint, (r, nv).
+        f: other forces, (nv,).
+        rhs: Ghat v', (r,).
+        slips: what `Sliding.slips` gave at the stage.
+    """
+    e, speed, factor = slips
+    vdot, lam = s.saddle(t, U, G[rows], Ghat, np.vstack([f, e]), rhs)
+    whole: Callable[[Array], Array] = lambda x: s.all_multipliers(U, G, rows, x)  # noqa: E731
+    T = s.sliding.solve(t, factor, whole(lam[0]), np.array([whole(x) for x in lam[1:]]))
+    return vdot[0] + T @ vdot[1:], lam[0] + T @ lam[1:], float(T @ speed)
+
+
+def _unit(x: Array) -> Array:
+    return x / (np.sqrt(x @ x) + NOTHING)
+
+
+def _refuse(force: CoulombFriction, closure: Closure) -> None:
+    known = (*TURNS, *SLIDES, *TOUCHES)
+    if closure.kind not in known or (closure.kind == "rolling" and closure.contact is False):
+        raise InputError(f"coulomb_friction is for closures of kind {', '.join(known)}; {closure.name!r} is another")
+    if (force.radius is None) == (closure.kind in TURNS):
+        belongs = "needs the radius of its bearing" if closure.kind in TURNS else "slides: radius does not belong to it"
+        raise InputError(f"coulomb_friction {force.name!r}: closure {closure.name!r} {belongs}")
