@@ -14,11 +14,11 @@ from .appearance import appearance
 from .assembly import START, assemble, refuse_inconsistent
 from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
-from .closures.constraints import Constraints, anchors
+from .closures.constraints import Constraints, Spec, anchors
 from .closures.driver import Driver
 from .closures.one_sided import Stop
 from .ends import ends
-from .forces import bind_forces, named_force
+from .forces import bind_forces, brakes_of, named_force
 from .forces.elements import ForceElements
 from .formulations.compiled import COMPILED
 from .formulations.ggl import GGLSystem
@@ -86,7 +86,9 @@ class Mechanism:
         self.title, self.duration, self.order = title or model.name, duration, order or OrderSettings()
         self.motors, self.left_out = tuple(motors), tuple(left_out)
         self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), ends(model, stops)
-        self.constraints: tuple[Closure | Driver | Stop, ...] = (*self.closures, *self.drivers, *self.stops)
+        self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
+        brakes = brakes_of(model, self.forces)
+        self.constraints: tuple[Spec, ...] = (*self.closures, *self.drivers, *self.stops, *brakes)
         names = [c.name for c in self.constraints]
         if len(set(names)) < len(names):
             raise InputError(f"closures, drivers and stops need names of their own, got {', '.join(names)}")
@@ -103,7 +105,6 @@ class Mechanism:
         self.row_units, self.positional = bound.units(), bound.positional
         self.switches = switches_of(self)
         self.manifold = Manifold(model)
-        self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
         Sliding(self.forces, self.closures, bound)  # wrong names are refused here
         self.states = self.bind_forces(data).states()  # wrong names are refused here
         self.start_values = start or Start()

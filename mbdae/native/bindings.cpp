@@ -222,6 +222,11 @@ void leave_out(PyCore& c, const std::vector<bool>& off) {
   c.core->system.leave_out(off);
 }
 
+void change_law(PyCore& c, int k, const Numbers& a) {
+  const Turn turn(c);
+  if (!c.core->system.change_law(k, a)) refuse("a law has other numbers");
+}
+
 void use(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool held) {
   const Turn turn(c);
   within(rows, c.core->system.ng, "row");
@@ -265,6 +270,7 @@ NB_MODULE(_native, m) {
       .def_prop_ro("largest_rate", [](const PyCore& c) { return c.core->system.largest_rate; })
       .def("use", use, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
            "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
+      .def("change_law", change_law, nb::arg("k"), nb::arg("a"), "Give law k other numbers: in a mode they are constant.")
       .def("leave_out", leave_out, nb::arg("off"), "Say which rows the mode does not have; none for an empty list.")
       .def("settle", settle, nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),
            "Choose the rows of the next step: say whether others are taken, and return y and carry, or None.")

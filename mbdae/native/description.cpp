@@ -129,7 +129,8 @@ Row row(const nb::dict& d, const Sizes& n, int pair_count) {
   r.kind = k.kind, r.has_a = k.a, r.has_b = k.b, r.positional = k.positional;
   if (r.between_joints()) {
     const auto joints = get<std::vector<std::vector<int>>>(d, "joints");
-    const size_t few = r.kind == Row::coordinate ? 1 : 2, many = r.kind == Row::sum ? joints.size() : r.kind == Row::curved ? 2 : few + 1;
+    const size_t few = r.kind == Row::coordinate || r.kind == Row::ratio ? 1 : 2;
+    const size_t many = r.kind == Row::sum ? joints.size() : r.kind == Row::ratio ? 3 : 2;
     if (joints.size() < few || joints.size() > many) refuse("a row between joints has one to three of them");
     for (size_t i = 0; i < joints.size(); ++i) {
       if (joints[i].size() != 3) refuse("a joint is given by iq, nq, iv");

@@ -45,6 +45,12 @@ void Index2System::use(const std::vector<int>& in_use, int rank, double floor, b
   rows.use(in_use, rank, floor, held);
 }
 
+bool Index2System::change_law(int k, const Numbers& a) {
+  if (k < 0 || k >= static_cast<int>(laws_.size()) || laws_[k].a.size() != a.size()) return false;
+  laws_[k].a = a;
+  return true;
+}
+
 void Index2System::leave_out(std::vector<bool> off) {
   constraints.off = std::move(off);
   point.forget();

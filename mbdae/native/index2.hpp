@@ -76,6 +76,7 @@ class Index2System {
   // Where `saddle.symmetric` was called: do rows that are not in use still depend on the others? Else a reason to look.
   void probe();
   void use(const std::vector<int>& in_use, int rank, double floor, bool held);
+  bool change_law(int k, const Numbers& a);  // other numbers for law k, as many as it has
   void leave_out(std::vector<bool> off);  // rows that the mode does not have, (ng,); say then which are in use
 
   // f (nv,) and the rates (s', power in W), (ns + 1,), where the kinematics stand at q.

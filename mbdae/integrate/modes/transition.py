@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 NEAR = 1e-10  # m or rad: rows nearer than that touch
 STILL = 1e-10  # of 1 + |v|: a row that opens no faster stays
+HELD = 1e-9  # of the accelerations that a limit makes: less is none
 LOADED = 1e-10  # of the largest multiplier: less is none
 
 
@@ -102,18 +103,19 @@ class Transition:
         waiting = {i for i in opened if i in left}
         while True:
             among = {i: c for i, c in left.items() if i not in waiting}
-            lam, rates = self._loads(at, mode, among)
+            lam, rates, scale = self._loads(at, mode, among)
             pressed = [i for i in waiting if self._approaches(at, left[i][0], rates)]
             if pressed:  # it cannot let go: others press it
                 waiting -= set(pressed[:1])
                 continue
-            held = {i: self._held(c[0], lam[c[0].row], lam) for i, c in among.items()}
-            gone = [i for i, yes in held.items() if not yes and len(among[i]) > 1]
+            held = {i: self._held(c[0], lam, rates, scale) for i, c in among.items()}
+            gone = [i for i, yes in held.items() if not yes and (len(among[i]) > 1 or among[i][0].slips)]
             if not gone:
                 break
             left = {i: c for i, c in left.items() if i not in gone}
-            for i in gone:
-                mode[i] = self.switches[i].settled(at, (), (), False)
+            for i in gone:  # what holds less while it slips changes what others must hold
+                c = among[i] if among[i][0].slips else ()
+                mode[i] = self.switches[i].settled(at, [lam[x.row] for x in c], [rates[x.row] for x in c], False)
         for i, c in among.items():
             values = [lam[x.row] for x in c], [rates[x.row] for x in c]
             mode[i] = self.switches[i].settled(at, *values, held[i])
@@ -121,26 +123,30 @@ class Transition:
             mode[i] = self.switches[i].settled(at, (), (), False)
         return tuple(mode)
 
-    def _held(self, c: Candidate, lam: float, among: Array) -> bool:
-        near = LOADED * float(np.abs(among).max(initial=0.0))
-        return bool(c.lower + near < lam < c.upper - near)
+    def _held(self, c: Candidate, lam: Array, rates: Array, scale: Array) -> bool:
+        if c.slips:  # some of those that depend on each other may stand at a limit, and all of them hold
+            return bool(abs(rates[c.row]) <= HELD * scale[c.row])
+        near = LOADED * float(np.abs(lam).max(initial=0.0))
+        return bool(c.lower + near < lam[c.row] < c.upper - near)
 
     def _approaches(self, at: ModePoint, c: Candidate, rates: Array) -> bool:
         inward = -rates[c.row] if np.isfinite(c.lower) else rates[c.row]
         return bool(inward > 1e-9 * (1 + float(np.abs(rates).max())))
 
-    def _loads(self, at: ModePoint, mode: list[int], found: dict[int, tuple[Candidate, ...]]) -> tuple[Array, Array]:
-        """Multipliers (ng,) and accelerations G v' + gamma of all rows (ng,), with loads on candidates."""
+    def _loads(
+        self, at: ModePoint, mode: list[int], found: dict[int, tuple[Candidate, ...]]
+    ) -> tuple[Array, Array, Array]:
+        """Multipliers, accelerations G v' + gamma and their sizes of all rows, (ng,) each, with loads on candidates."""
         system, before = self.system, self.system.mode
         base = tuple(0 if i in found else state for i, state in enumerate(mode))
         system.enter(base)
         F, _ = system.derivative(at.t, at.y)
         system.enter(before)
         rates = at.G @ F[system.nv : 2 * system.nv] + at.gamma
-        lam = np.zeros(system.ng)
+        lam, scale = np.zeros(system.ng), np.abs(rates)
         rows = np.array([c.row for cs in found.values() for c in cs], int)
         if not len(rows):
-            return lam, rates
+            return lam, rates, scale
         lower, upper = (np.array([getattr(c, k) for cs in found.values() for c in cs]) for k in ("lower", "upper"))
         carried = {row for s, state in zip(self.switches, base, strict=True) for row in s.active(state)}
         kept = np.array([*self.always, *sorted(carried)], int)
@@ -155,4 +161,6 @@ class Transition:
         lam[rows] = choose(C, rates[rows], lower, upper)
         vdot = C @ lam[rows]
         free = B - Q @ (Q.T @ B) if len(kept) else B
-        return lam, rates + free.T @ vdot
+        bounded = np.where(np.isfinite(upper - lower), upper - lower, 0.0)
+        scale[rows] += (C * C).sum(axis=0) * bounded
+        return lam, rates + free.T @ vdot, scale

@@ -16,6 +16,7 @@ from ...errors import InputError, StepError
 from ...system import Array
 from ..frames import Anchor, Pair, anchor, support
 from ..pair_slopes import PairSlopes
+from .brake import Brake
 from .closure import Closure
 from .driver import Driver
 from .joint_part import JointPart, joint_part
@@ -23,7 +24,7 @@ from .one_sided import Stop
 from .rows import FrameRows
 from .user_rows import UserRow
 
-Spec = Closure | Driver | Stop
+Spec = Closure | Driver | Stop | Brake
 
 
 class FramePart(NamedTuple):

@@ -190,7 +190,7 @@ class RatioPart(JointPart):
             raise InputError(f"{name!r}: {what}")
 
     def value(self) -> tuple[float, list[float]]:  # noqa: D102
-        return 0.0, [1.0, -self._ratio()[0]]
+        return 0.0, [1.0, -self._ratio()[0]][: len(self.columns)]
 
     def bias(self, v: Array) -> float:  # noqa: D102
         return -sum(float(self._ratio()[1] * v[self.columns[1]] * v[k]) for k in self.settings)

@@ -211,7 +211,7 @@ class Ratio(NamedTuple):
 
     Attributes:
         joint: name of joint i.
-        other: name of joint j.
+        other: name of joint j; without one the row is v_i = 0.
         setting: name of joint k; without one r = c_0.
         coefficients: c_0, c_1, ...
     """

@@ -9,10 +9,12 @@ from pydantic import Field
 
 from ...errors import InputError
 from ...members import members
+from ..closures.brake import Brake
 from ..frames import find_joint
 from .elements import ForceElements
 from .force import Force, PythonForce
 from .joint_damping import JointDamping, damping_law
+from .joint_friction import JointFriction
 from .torque_function import TorqueElement
 
 _FOUND: list[type] = list(dict.fromkeys(members(__name__, type)))
@@ -39,6 +41,18 @@ def named_force(force: Any, i: int) -> Any:
         kinds = ", ".join(f.__name__ for f in (*FORCES, *PYTHON_FORCES))
         raise InputError(f"a force is a function tau(t, q, v) or one of {kinds}, got {type(force).__name__}")
     return force if force.name else force.model_copy(update={"name": f"{force.kind} {i + 1}"})
+
+
+def brakes_of(model: pin.Model, forces: Sequence[Any]) -> tuple[Brake, ...]:
+    """Return the rows by which friction holds joints.
+
+    Raises:
+        UnknownNameError, InputError: for joints that do not exist or do not fit, or with two frictions.
+    """
+    found = tuple(b for f in forces if isinstance(f, JointFriction) for b in f.brakes(model))
+    for name in {b.joint for b in found if [x.joint for x in found].count(b.joint) > 1}:
+        raise InputError(f"joint {name!r} has two frictions that stick")
+    return found
 
 
 def bind_forces(forces: Sequence[Any], model: pin.Model, data: pin.Data) -> ForceElements:

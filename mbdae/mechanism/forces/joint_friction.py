@@ -1,24 +1,35 @@
-"""Coulomb friction in joints, regularised."""
+"""Coulomb friction in joints, regularised or exact."""
 
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ...errors import InputError
+from ..closures.brake import Brake
 from ..frames import find_joints, joint_names
 from .force import Array, Force, ForceElement, Joints
 
 
 class JointFriction(Force):
-    """Regularised Coulomb friction, tau = -friction * tanh(v / velocity) on each coordinate of the joints.
+    """Coulomb friction on each coordinate of the joints.
+
+    Regularised: tau = -friction * tanh(v / velocity). A joint under load creeps then, and the problem is stiff.
+
+    Exact, where ``static`` is given or ``exact`` is true: a joint slips, tau = -friction * sign(v), or sticks, v = 0,
+    as long as that takes no more than ``static``. A run locates where it sticks and slips, see `mbdae.mechanism.modes`;
+    outside of runs there is no friction.
 
     Attributes:
         joint: one joint or several; all joints when left out.
-        friction: N m or N; the values of the URDF's ``<dynamics friction>``, one for each coordinate, when left out.
-        velocity: where the friction has reached three quarters of its value, in rad/s or m/s; not too small: the
-            problem's time constant is inertia * velocity / friction.
+        friction: N m or N; the values of the source, URDF ``<dynamics friction>`` and MJCF ``frictionloss``, one for
+            each coordinate, when left out.
+        velocity: where regularised friction has reached three quarters of its value, in rad/s or m/s; not too small:
+            the problem's time constant is inertia * velocity / friction.
+        static: what holds a joint that sticks, in N m or N, at least ``friction``, which is taken when left out.
+        exact: the joint sticks; true where ``static`` is given.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -29,15 +40,58 @@ class JointFriction(Force):
     joint: Joints = ()
     friction: float | None = Field(default=None, ge=0)
     velocity: float = Field(default=0.01, gt=0)
+    static: float | None = Field(default=None, ge=0)
+    exact: bool = False
+
+    @model_validator(mode="after")
+    def _fits(self) -> "JointFriction":
+        if self.static is not None and "exact" in self.model_fields_set and not self.exact:
+            raise ValueError("static makes friction exact: leave exact out")
+        if self.sticks and "velocity" in self.model_fields_set:
+            raise ValueError("velocity belongs to regularised friction, not to static or exact")
+        if self.static is not None and self.static < (self.friction or 0.0):
+            raise ValueError(f"static is at least friction, {self.friction:g}, got {self.static:g}")
+        return self
+
+    @property
+    def sticks(self) -> bool:
+        """It is exact."""
+        return self.exact or self.static is not None
+
+    def brakes(self, model: pin.Model) -> Iterator[Brake]:
+        """Yield the rows that hold joints; none of regularised friction.
+
+        Raises:
+            InputError: for a joint of several coordinates, or less static friction than the source's.
+        """
+        if not self.sticks:
+            return
+        given, names = self._given(model), [self.joint] if isinstance(self.joint, str) else self.joint
+        for name in names or joint_names(model):
+            (j,) = find_joints(model, name)
+            if self.joint and j.nv != 1:
+                raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")
+            kinetic = float(given[j.idx_v : j.idx_v + j.nv].max(initial=0.0))
+            static = kinetic if self.static is None else self.static
+            if kinetic > static:
+                raise InputError(f"force {self.name!r}: static is at least the {kinetic:g} of joint {name!r}")
+            if j.nv == 1 and static:
+                yield Brake(name, self.name, kinetic, static)
+            elif kinetic:
+                raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
+        d = self._given(model)
+        if not d.any() and self.friction is None:
+            raise InputError(f"the URDF gives no friction for force {self.name!r}: say friction = ...")
+        return DryElement(self.name, d) if self.sticks else FrictionElement(self.name, d, self.velocity)
+
+    def _given(self, model: pin.Model) -> Array:
         d, given = np.zeros(model.nv), np.array(model.upperDryFrictionLimit)
         for j in find_joints(model, self.joint or joint_names(model)):
             at = slice(j.idx_v, j.idx_v + j.nv)
             d[at] = given[at] if self.friction is None else self.friction
-        if not d.any() and self.friction is None:
-            raise InputError(f"the URDF gives no friction for force {self.name!r}: say friction = ...")
-        return FrictionElement(self.name, d, self.velocity)
+        return d
 
 
 class FrictionElement(ForceElement):
@@ -58,3 +112,23 @@ class FrictionElement(ForceElement):
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "friction", "a": [*self.d.tolist(), self.v0]}
+
+
+class DryElement(ForceElement):
+    """tau = -d * sign with d (nv,), and the directions in which joints slip in a mode, sign (nv,): 0 where they stick."""
+
+    def __init__(self, name: str, d: Array) -> None:
+        super().__init__(name)
+        self.d, self.sign = d, np.zeros_like(d)
+
+    def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
+        return 0.0, -self.d * self.sign
+
+    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        nv = len(v)
+        out = np.zeros((nv + 1, 2 * nv))
+        out[-1, nv:] = -self.d * self.sign
+        return out
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        return {"kind": "friction", "a": [*(self.d * self.sign).tolist(), 0.0]}

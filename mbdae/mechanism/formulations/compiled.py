@@ -12,6 +12,7 @@ import numpy as np
 
 from ...system import Array, Counts, State, Step
 from ..closures.independent_rows import probe
+from ..forces.joint_friction import DryElement
 from ..manifold import GROUPS
 from ..modes.switches import Mode
 from .compiled_parts import constraints_of, laws_of, limits_of, samplers_of
@@ -195,6 +196,9 @@ class Compiled(Index2System):
         if mode != self.mode:
             super().enter(mode)
             self._leave_out()
+            for k, (law, _) in enumerate(self.laws.acting):
+                if isinstance(law, DryElement):
+                    self.core.change_law(k, law.plain()["a"])
             self._begun = False
 
     def _leave_out(self) -> None:

@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from ...system import Array
 from ..closures.constraints import Constraints
+from ..closures.independent_rows import RANK_TOLERANCE
 from ..workspace import make_data
 
 if TYPE_CHECKING:
@@ -84,6 +85,16 @@ class ModePoint:
     def derivative(self) -> tuple[Array, Array]:
         """Return y' (ny,) and lam (ng,) in the mode of the workspace."""
         return self.system.derivative(self.t, self.y)
+
+    @cached_property
+    def null(self) -> Array:
+        """Return a basis of the multipliers that do nothing in the mode, (ng, k), G^T null = 0."""
+        there = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.off)
+        left, sizes, _ = np.linalg.svd(self.G[there])
+        r = int(np.count_nonzero(sizes > RANK_TOLERANCE * sizes[:1]))
+        out = np.zeros((self.system.ng, len(there) - r))
+        out[there] = left[:, r:]
+        return out
 
     @property
     def lam(self) -> Array:

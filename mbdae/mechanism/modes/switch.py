@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
@@ -53,6 +55,11 @@ class Candidate(NamedTuple):
     row: int
     lower: float
     upper: float
+
+    @property
+    def slips(self) -> bool:
+        """It gives way at both ends."""
+        return bool(np.isfinite(self.upper - self.lower))
 
 
 class Switch:

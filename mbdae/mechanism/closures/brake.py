@@ -1,0 +1,38 @@
+"""A joint that dry friction may hold: a row v_i = 0 that is there while it sticks."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from .rows import Ratio
+
+
+class Brake(NamedTuple):
+    """The row v_i = 0 of a joint with dry friction; its multiplier, in N m or N, is what the friction holds.
+
+    Attributes:
+        joint: name of the joint.
+        force: name of the friction that it belongs to.
+        kinetic: friction while it slips, in N m or N.
+        static: the largest that it holds.
+    """
+
+    joint: str
+    force: str
+    kinetic: float
+    static: float
+    m: int = 1
+    frames: None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the row."""
+        return f"{self.joint} friction"
+
+    @property
+    def between(self) -> tuple[str, ...]:
+        """Names of its joints."""
+        return (self.joint,)
+
+    def primitives(self) -> Sequence[Ratio]:
+        """The row."""
+        return [Ratio(self.joint, "", "", (0.0,))]
