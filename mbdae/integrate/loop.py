@@ -19,7 +19,7 @@ import numpy as np
 from ..errors import STATUS, InputError, StepError
 from ..solution.solution import Problem
 from .ending import end_events, end_in_event
-from .modes.cut import ended
+from .modes.cut import ended, too_long
 from .run import RunState
 from .step_map import StepMap
 
@@ -65,7 +65,7 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
         leapt = run.singular is not None and run.singular.leap(run)
         if not leapt:
             run.stepper.advance(run, 1 if run.modes or not events.by_signal else left)
-        if len(run.ts) == before:
+        if len(run.ts) == before or too_long(run, None if leapt else start):
             continue
         if run.stiffness:
             run.stiffness.look(run)

@@ -14,6 +14,16 @@ if TYPE_CHECKING:
     from ..run import RunState
 
 
+def too_long(run: "RunState", start: State | None) -> bool:
+    """Take the last step back where loads of what sticks come and go within it, and say so."""
+    if not run.modes or start is None or not run.modes.blind(run, StepMap(run, start)):
+        return False
+    run.stepper.take_back()
+    run.take_back(start)
+    run.rejected = (run.rejected or 0) + 1
+    return True
+
+
 def ended(run: "RunState", start: State | None) -> list[Guard]:
     """Let the last step end where the first guards pass zero, and return these; the run stands there.
 

@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 BAND = 1e-13  # of the size of a guard: nearer to zero it is rounding
 SAMPLES = (0.25, 0.5, 0.75)  # of a step: where multipliers are looked at
 LATER = 1.05  # times the flight that speed and acceleration tell: when a row that was struck is below zero
+FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth difference of samples
+ROUGH = 0.05  # of what a load has left to its limit: how far it may be off a cubic within a step
+NEAR_LIMIT = 0.02  # of the limit: no less counts as left
+NEARLY = 0.9  # of the limit: peaks of loads beyond are looked at
+EPS = 1e-9  # of an imaginary part
 HALVINGS = 40  # towards the start of a step
 NEWTON = 12  # iterations, of which three or four are needed
 At = Callable[[float], "ModePoint"]
@@ -107,11 +112,36 @@ def _below(followed: Followed, step: "StepMap", at: At) -> float | None:
         theta = float(brentq(lambda x: rate(at(x)), 0.0, 1.0, xtol=1e-9, rtol=1e-9, maxiter=ITERATIONS))
         return theta if followed.value(at(theta)) < -band else None
     if guard.loads:
-        for theta in SAMPLES:
+        for theta in (*SAMPLES, *_peaks(guard, at)):
             with suppress(StepError):
                 if followed.value(at(theta)) < -band:
                     return theta
     return None
+
+
+def _peaks(guard: Guard, at: At) -> list[float]:
+    """Where a load is largest between samples: extrema of the quartic through them that come near the limit."""
+    with suppress(StepError):
+        loads = [guard.load(at(theta)) for theta in (0.0, *SAMPLES, 1.0)] if guard.load else []
+        if loads:
+            c = np.polyfit((0.0, *SAMPLES, 1.0), loads, len(SAMPLES) + 1)
+            turns = [float(x.real) for x in np.roots(np.polyder(c)) if abs(x.imag) < EPS and 0 < x.real < 1]
+            return [x for x in turns if abs(np.polyval(c, x)) > NEARLY]
+    return []
+
+
+def unresolved(guards: Sequence[Followed], at: At) -> float:
+    """Return how far loads of what sticks go beyond cubics through their samples in a step; above 1 it is too long.
+
+    What sticks has no error, and steps would grow until a load comes and goes between two samples.
+    """
+    worst = 0.0
+    for guard in guards:
+        if guard.guard.load is not None:
+            loads = np.array([guard.guard.load(at(theta)) for theta in (0.0, *SAMPLES, 1.0)])
+            bend = abs(float(loads @ FOURTH))
+            worst = max(worst, bend / (ROUGH * max(1.0 - float(np.abs(loads).max()), NEAR_LIMIT)))
+    return worst
 
 
 def _least(f0: float, f1: float, m0: float, m1: float) -> float:

@@ -8,7 +8,7 @@ from ...mechanism.modes.switch import Guard
 from ...mechanism.modes.switches import words
 from ...solution.impact import Impact
 from ...system import Array
-from .guards import Followed, first
+from .guards import At, Followed, first, unresolved
 from .transition import Transition
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..step_map import StepMap
 
 TOUCHING = 1e-9  # m or rad: a row that is open by no more at the start touches
+SAFETY, SHRINK = 0.8, 0.2  # of the step that resolves loads, and the least share of the last one
 MANY = 100  # transitions, and as many for each switch: if they all fall into the time of a rest, they have no end
 
 
@@ -37,6 +38,7 @@ class ModeWatch:
         self.switches = system.mechanism.switches
         self.modes: list[tuple[int, Mode]] = []
         self.impacts: list[Impact] = []
+        self.seen: tuple[Array | None, dict[float, ModePoint]] = (None, {})  # end of the last step, and points on it
         self.struck: dict[int, float] = {}  # when each switch was struck last
         self.times: list[float] = []  # of transitions
         self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
@@ -80,7 +82,27 @@ class ModeWatch:
 
     def look(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
         """Return the share of a step at which the mode ends, and the guards that say so; 2 and none where it lasts."""
-        known: dict[float, ModePoint] = {}
+        at = self._points(step)
+        theta, fired = first(self.guards, step, at)
+        if not fired:
+            for guard in self.guards:
+                guard.move(at(1.0))
+        return theta, fired
+
+    def blind(self, run: "RunState", step: "StepMap") -> bool:
+        """Say whether a step is too long to see the loads of what sticks, and bound the next one."""
+        if not any(g.guard.load for g in self.guards) or not run.stepper.any_size:
+            return False
+        worst = unresolved(self.guards, self._points(step))
+        if worst > 0:
+            run.stepper.bound(abs(step.h) * max(SHRINK, SAFETY * worst**-0.25))
+        return worst > 1 and run.stepper.controls
+
+    def _points(self, step: "StepMap") -> "At":
+        """Return the point after a share of a step, each computed once."""
+        if self.seen[0] is not step.y1:
+            self.seen = step.y1, {}
+        known = self.seen[1]
 
         def at(theta: float) -> ModePoint:
             if theta not in known:
@@ -88,11 +110,7 @@ class ModeWatch:
                 known[theta] = self.transition.point(step.t + theta * step.h, y)
             return known[theta]
 
-        theta, fired = first(self.guards, step, at)
-        if not fired:
-            for guard in self.guards:
-                guard.move(at(1.0))
-        return theta, fired
+        return at
 
     def violated(self, t: float, y: Array) -> list[Guard]:
         """Return guards that are negative at a point: where a load jumps."""

@@ -21,6 +21,8 @@ NOTHING = 1e-100  # keeps the scale of a component positive where neither tolera
 class Adaptive(PythonStepper):
     """Steps under control: the error of q and v per step stays below atol + rtol max(|y_n|, |y_n+1|)."""
 
+    controls = True
+
     def __init__(
         self,
         power: int,
@@ -89,6 +91,9 @@ class Adaptive(PythonStepper):
             self.h = max(self._first(run), smallest(run.t, run.t1))
             self._scale(run, run.state.y)
         return True
+
+    def bound(self, h: float) -> None:  # noqa: D102
+        self.h, self.cut = min(self.h, h), 0.0
 
     def settings(self) -> dict[str, Any]:
         """What is recorded with the solution."""

@@ -59,6 +59,13 @@ class NativeStepper(Stepper):
     def restart(self) -> None:  # noqa: D102
         self.inner.restart()
 
+    def bound(self, h: float) -> None:  # noqa: D102
+        self.inner.bound(h)
+
+    @property
+    def controls(self) -> bool:  # noqa: D102
+        return self.inner.controls
+
     def take_back(self) -> None:  # noqa: D102
         self.inner.take_back()
 

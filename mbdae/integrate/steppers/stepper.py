@@ -19,6 +19,7 @@ class Stepper(ABC):
 
     backend = "python"
     any_size = True  # steps of any size can be taken, to end in an event
+    controls = False  # it chooses their size
 
     @abstractmethod
     def advance(self, run: "RunState", most: int | None = None) -> None:
@@ -42,6 +43,9 @@ class Stepper(ABC):
 
     def restart(self) -> None:  # noqa: B027, most have nothing to do
         """Begin anew behind a jump: nothing of the steps before it holds."""
+
+    def bound(self, h: float) -> None:  # noqa: B027
+        """Let the next step be no longer, where its size is chosen."""
 
     def take_back(self) -> None:  # noqa: B027
         """The last step ends before its end."""

@@ -58,9 +58,13 @@ class Sticking(Switch):
         mode = point.system.mode
         return 1.0 - share(point, self.row, {s.row: s.spec.static for s in self.others if mode[s.at] == STUCK})
 
+    def load(self, point: "ModePoint") -> float:
+        """Return the multiplier as a share of the limit."""
+        return float(point.lam[self.row]) / self.spec.static
+
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == STUCK:
-            return (Guard("slip", self.name, self.at, self.margin, loads=True),)
+            return (Guard("slip", self.name, self.at, self.margin, loads=True, load=self.load),)
         if state in (AHEAD, BACK):
             sign = 1.0 if state == AHEAD else -1.0
             return (

@@ -24,6 +24,7 @@ class Guard(NamedTuple):
         rate: its rate, where it is known: then a visit below 0 and back within a step is seen.
         bend: and the rate of that.
         loads: it depends on multipliers, and is sampled within steps.
+        load: a multiplier as a share of its limit, signed, on which it depends: steps shall resolve it.
     """
 
     kind: str
@@ -33,6 +34,7 @@ class Guard(NamedTuple):
     rate: Value | None = None
     bend: Value | None = None
     loads: bool = False
+    load: Value | None = None
 
 
 class Strike(NamedTuple):
