@@ -35,6 +35,12 @@ def test_andrews_benchmark(capsys):
     assert "Fortran" in capsys.readouterr().out
 
 
+def test_andrews_gradients(capsys):
+    result = example("andrews_gradients").main(steps=75, names=("m1", "sd"), method="pherk6", step=1e-4)
+    assert result["off"].max() < 1e-6
+    assert "derivatives differ by" in capsys.readouterr().out
+
+
 def test_pherk6(capsys):
     result = example("pherk6").main(rtol=(1e-7, 1e-8))
     assert result["conditions"].holds
