@@ -1,26 +1,38 @@
-"""A browser without a window for the tests: pages are opened, photographed, and asked by scripts put into them."""
+"""A browser without a window for the tests: pages are opened, photographed, and asked by scripts put into them.
 
-import html
+One browser serves a whole session of tests, through the pipe of its debugging protocol; every page is a tab of its own.
+"""
+
+import atexit
+import base64
 import json
-import re
+import os
 import shutil
 import subprocess
+import tempfile
+from functools import cache
+from io import BytesIO
 
 import numpy as np
 import pytest
 from PIL import Image
 
-FLAGS = "--headless --no-sandbox --use-gl=swiftshader --enable-unsafe-swiftshader --disable-background-networking"
-PROBE = """<script>
-  const hold = holdLoad(), wait = seconds => new Promise(done => setTimeout(done, 1000 * seconds));
-  (async () => {
-    while (!window.mbdae) await wait(0.05);
-    const log = {};
-    try { %s } catch (error) { log.error = String(error); }
-    document.title = JSON.stringify(log);
-    hold();
-  })();
-</script></body>"""
+FLAGS = "--headless --no-sandbox --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
+FLAGS += " --disable-background-networking --no-first-run --remote-debugging-pipe --hide-scrollbars"
+READY = """new Promise((done, failed) => {
+  const look = () => {
+    const clock = document.getElementById("clock");
+    if (clock && clock.textContent.includes("needs a browser")) failed(clock.textContent);
+    else if (document.readyState === "complete" && (%s)) done(1);
+    else setTimeout(look, 10);
+  };
+  look();
+})"""
+SCRIPT = """(async () => {
+  const log = {}, wait = seconds => new Promise(done => setTimeout(done, 1000 * seconds));
+  %s
+  return JSON.stringify(log);
+})()"""
 
 
 def changed(a, b):
@@ -29,29 +41,129 @@ def changed(a, b):
 
 
 class Chromium:
-    """Opens pages; a page counts as loaded when its scene stands."""
+    """Opens pages; a replay counts as loaded when its scene stands."""
 
-    def __init__(self, folder):
-        found = [shutil.which(n) for n in ("chromium", "chromium-browser", "google-chrome", "chrome")]
-        if not any(found):
-            pytest.skip("no chromium found")
-        self.command = [next(f for f in found if f), *FLAGS.split(), f"--user-data-dir={folder / 'profile'}"]
+    def __init__(self):
+        self.browser = _browser()
 
-    def run(self, url, *options, size=(600, 400)):
-        command = [*self.command, "--window-size={},{}".format(*size), *options, url]
-        return subprocess.run(command, capture_output=True, timeout=120, check=True).stdout.decode()
+    def open(self, address, size=(600, 400), ready="window.mbdae"):
+        """A tab with a page, by its address or by its path, then without shadows, which take long, once it is ready."""
+        address = address if isinstance(address, str) else f"{address.as_uri()}#shadows=0"
+        return Tab(self.browser, address, size, ready)
 
-    def shot(self, page, t, size=(600, 400)):
-        """The picture of a page standing at a time, (height, width, 3)."""
-        picture = page.with_suffix(".png")
-        self.run(f"{page.as_uri()}#t={t}", f"--screenshot={picture}", size=size)
-        with Image.open(picture) as image:
-            return np.asarray(image.convert("RGB"), dtype=int)
+    def shot(self, page, t, size=(600, 400), **more):
+        """The picture of a page standing at a time, (height, width, 3); ``more`` goes into its address."""
+        words = "&".join(f"{key}={value}" for key, value in {"t": t, "shadows": 0, **more}.items())
+        with self.open(f"{page.as_uri()}#{words}", size) as tab:
+            return tab.picture()
 
     def ask(self, page, script, size=(600, 400)):
-        """What a script notes in `log` once the scene stands; `page` is changed for it."""
-        page.write_text(page.read_text("utf-8").replace("</body>", PROBE % script), "utf-8")
-        title = re.search("<title>(.*?)</title>", self.run(page.as_uri(), "--dump-dom", size=size), re.S)[1]
-        log = json.loads(html.unescape(title))
-        assert "error" not in log, log["error"]
-        return log
+        """What a script notes in `log` once the scene stands."""
+        with self.open(page, size) as tab:
+            return tab.ask(script)
+
+
+class Tab:
+    """One page in the browser."""
+
+    def __init__(self, browser, address, size, ready):
+        self.browser = browser
+        self.target = browser.call("Target.createTarget", url="about:blank")["targetId"]
+        self.session = browser.call("Target.attachToTarget", targetId=self.target, flatten=True)["sessionId"]
+        self.resize(size)
+        self.call("Page.navigate", url=address)
+        self.evaluate(READY % ready)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *problem):
+        self.browser.call("Target.closeTarget", targetId=self.target)
+
+    def call(self, method, **parameters):
+        return self.browser.call(method, self.session, **parameters)
+
+    def resize(self, size):
+        width, height = size
+        more = {"deviceScaleFactor": 1, "mobile": False}
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, **more)
+        self.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def evaluate(self, expression):
+        more = {"awaitPromise": True, "returnByValue": True}
+        answer = self.call("Runtime.evaluate", expression=expression, **more)
+        problem = answer.get("exceptionDetails")
+        assert not problem, problem["exception"].get("description", problem["exception"].get("value"))
+        return answer["result"].get("value")
+
+    def ask(self, script):
+        """What a script notes in `log`."""
+        return json.loads(self.evaluate(SCRIPT % script))
+
+    def at(self, t):
+        """The picture at a time of the motion."""
+        self.evaluate(f"mbdae.seek({t}); 0")
+        return self.picture()
+
+    def mouse(self, *steps):
+        """Moves, presses and releases at (what, x, y)."""
+        for what, x, y in steps:
+            button = {"button": "none"} if what == "Moved" else {"button": "left", "clickCount": 1}
+            self.call("Input.dispatchMouseEvent", type=f"mouse{what}", x=x, y=y, **button)
+
+    def picture(self):
+        """What is seen, (height, width, 3)."""
+        data = self.call("Page.captureScreenshot", format="png")["data"]
+        with Image.open(BytesIO(base64.b64decode(data))) as image:
+            return np.asarray(image.convert("RGB"), dtype=int)
+
+
+class Pipe:
+    """The debugging protocol: JSON between zeros, calls through one pipe, answers through another."""
+
+    def __init__(self, program):
+        self.profile = tempfile.TemporaryDirectory()
+        calls, self.calls = os.pipe()
+        answers, replies = os.pipe()
+        numbered = f"exec {program} {FLAGS} --user-data-dir={self.profile.name} 3<&{calls} 4>&{replies}"
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        self.process = subprocess.Popen(["bash", "-c", numbered], pass_fds=(calls, replies), **quiet)
+        os.close(calls)
+        os.close(replies)
+        self.answers, self.count = os.fdopen(answers, "rb"), 0
+        self.rest = b""
+
+    def call(self, method, session=None, **parameters):
+        self.count += 1
+        message = {"id": self.count, "method": method, "params": parameters}
+        data = json.dumps(message | ({"sessionId": session} if session else {})).encode() + b"\0"
+        while data:
+            data = data[os.write(self.calls, data) :]
+        while True:
+            answer = json.loads(self.message())
+            if answer.get("id") == self.count:
+                assert "error" not in answer, f"{method}: {answer['error']}"
+                return answer["result"]
+
+    def message(self):
+        while b"\0" not in self.rest:
+            data = os.read(self.answers.fileno(), 1 << 20)
+            assert data, "the browser has ended"
+            self.rest += data
+        message, _, self.rest = self.rest.partition(b"\0")
+        return message
+
+    def close(self):
+        os.close(self.calls)
+        self.process.wait(timeout=20)
+        self.profile.cleanup()
+
+
+@cache
+def _browser():
+    found = [shutil.which(n) for n in ("chromium", "chromium-browser", "google-chrome", "chrome")]
+    if not any(found):
+        pytest.skip("no chromium found")
+    browser = Pipe(next(f for f in found if f))
+    atexit.register(browser.close)
+    return browser

@@ -11,7 +11,7 @@ PICTURES = list((Path(__file__).parent.parent / "examples" / "pictures").iterdir
 
 
 def test_the_gallery_is_drawn(tmp_path):
-    Chromium(tmp_path)
+    Chromium()
     gallery, folder = example("gallery"), tmp_path / "pictures"
     folder.mkdir()
     gallery.replays(folder, ["four_bar"])

@@ -1,7 +1,7 @@
 """What a mechanism looks like: its visuals, and what its closures and springs say of the rest."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -11,25 +11,36 @@ from .forces.spring_damper import SpringDamper
 from .frames import Anchor, anchor
 from .scene.outlines import Outline
 from .scene.rolling_bodies import RollingBody
-from .scene.scene import Mark, Scene, make_scene
+from .scene.scene import Mark, Scene, Spring, make_scene
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
 
+MEETING = ("point", "revolute", "frame", "universal")  # closures that bring their frames together
+HINGES = ("revolute", "cylindrical")
 APART = ("rolling", "knife_edge", "gear", "screw", "cam", "slot")  # closures whose frames do not meet: no gap is seen
 
 
 def appearance(mech: "Mechanism") -> Scene:
     """The shapes of a mechanism, and where they are."""
-    springs = [(f, [anchor(mech.model, n) for n in f.frames]) for f in mech.forces if isinstance(f, SpringDamper)]
     found = mech.closure_anchors
-    return make_scene(mech.model, mech.visuals, _marks(found), _marks(springs), _rolling(found), _outlines(found))
+    return make_scene(mech.model, mech.visuals, _marks(found), _springs(mech), _rolling(found), _outlines(found))
 
 
-def _marks(found: Iterable[tuple[Any, Sequence[Anchor]]]) -> list[Mark]:
-    meeting = ((x, ends) for x, ends in found if getattr(x, "kind", "") not in APART)
-    placed = ((x, [(e.joint, pin.SE3(e.R, e.p)) for e in ends]) for x, ends in meeting)
-    return [Mark(x.name, a, b, rod=x.length or 0.0) for x, (a, b) in placed]
+def _springs(mech: "Mechanism") -> Iterator[Spring]:
+    for force in mech.forces:
+        if isinstance(force, SpringDamper):
+            first, second = ((e.joint, pin.SE3(e.R, e.p)) for e in (anchor(mech.model, n) for n in force.frames))
+            coil = force.stiffness != 0
+            yield Spring(force.name, first, second, force.length, coil, tube=force.damping > 0 or not coil)
+
+
+def _marks(found: Iterable[tuple[Closure, Sequence[Anchor]]]) -> Iterator[Mark]:
+    for c, ends in found:
+        if c.kind not in APART:
+            first, second = ((e.joint, pin.SE3(e.R, e.p)) for e in ends)
+            axis = np.array(c.axis or (0.0, 0.0, 1.0)) if c.kind in HINGES else None
+            yield Mark(c.name, first, second, c.length or 0.0, axis, c.kind in MEETING)
 
 
 def _rolling(found: Iterable[tuple[Closure, Sequence[Anchor]]]) -> Iterator[RollingBody]:

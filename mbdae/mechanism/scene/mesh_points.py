@@ -5,6 +5,7 @@ The formats are read here: libraries for meshes do not return from every damaged
 
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,7 @@ def points_of(path: Path) -> np.ndarray:
             case ".obj":
                 points = np.array(re.findall(rb"^[ \t]*v" + NUMBERS, data, re.MULTILINE), dtype="S").astype(float)
             case _:
-                points = _Collada(ET.fromstring(data)).points()
+                points = Collada(ET.fromstring(data)).points()
     except (ValueError, LookupError, ET.ParseError, RecursionError) as e:
         raise InputError(f"mesh {path.name!r} is damaged: {' '.join(str(e).split())[:100]}") from None
     if not points.size or not (np.abs(points) <= HUGE).all():
@@ -47,7 +48,7 @@ def _stl(data: bytes) -> np.ndarray:
     return np.array(re.findall(rb"vertex" + NUMBERS, data), dtype="S").astype(float)
 
 
-class _Collada:
+class Collada:
     """A .dae file: its geometries, and the nodes that place them."""
 
     def __init__(self, root: ET.Element) -> None:
@@ -58,29 +59,32 @@ class _Collada:
 
     def points(self) -> np.ndarray:
         """All points, as the scene places them."""
-        scene = self.root.find("scene/instance_visual_scene")
-        nodes = self._target(scene).findall("node") if scene is not None else []
-        found = [p for node in nodes for p in self._node(node, np.eye(4))]
+        found = [self.points_of(g) @ place[:3, :3].T + place[:3, 3] for g, place, _ in self.instances()]
         return np.concatenate(found) if found else np.empty((0, 3))
 
-    def _node(self, node: ET.Element, place: np.ndarray) -> list[np.ndarray]:
+    def instances(self) -> Iterator[tuple[ET.Element, np.ndarray, dict[str, str]]]:
+        """Geometries, (4, 4) where they are, and the materials that the symbols of their groups stand for."""
+        scene = self.root.find("scene/instance_visual_scene")
+        for node in self._target(scene).findall("node") if scene is not None else []:
+            yield from self._node(node, np.eye(4))
+
+    def _node(self, node: ET.Element, place: np.ndarray) -> Iterator[tuple[ET.Element, np.ndarray, dict[str, str]]]:
         self.made += 1
         if self.made > MOST:
             raise ValueError(f"more than {MOST} nodes")
-        out = []
         for x in node:
             place = place @ _transform(x)
         for x in node:
             if x.tag == "node":
-                out += self._node(x, place)
+                yield from self._node(x, place)
             elif x.tag == "instance_node":
-                out += self._node(self._target(x), place)
+                yield from self._node(self._target(x), place)
             elif x.tag == "instance_geometry":
-                points = self._geometry(self._target(x))
-                out.append(points @ place[:3, :3].T + place[:3, 3])
-        return out
+                bound = {m.get("symbol", ""): m.get("target", "")[1:] for m in x.iter("instance_material")}
+                yield self._target(x), place, bound
 
-    def _geometry(self, geometry: ET.Element) -> np.ndarray:
+    def points_of(self, geometry: ET.Element) -> np.ndarray:
+        """The points of a geometry, (n, 3)."""
         self.made += 1
         place = geometry.find("mesh/vertices/input[@semantic='POSITION']")
         if place is None:

@@ -4,8 +4,8 @@ Nothing here draws. A `Scene` is data that any viewer can show without knowing P
 once, and `Scene.placements(q)` for every instant.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,19 +25,43 @@ Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
 
 
 class Mark(NamedTuple):
-    """A closure to be shown: its two anchors, which coincide while the loop is closed; or a spring between two points.
+    """A closure to be shown: its two anchors, which coincide while the loop is closed.
 
     Attributes:
-        name: the closure's or spring's name.
+        name: the closure's name.
         first: joint and placement of the first anchor.
         second: joint and placement of the second anchor.
-        rod: length of the massless rod of a distance closure [m], 0 for none; rest length of a spring.
+        rod: length of the massless rod of a distance closure [m], 0 for none.
+        axis: of a hinge, (3,) in the first anchor; None where the anchors turn about several.
+        meets: whether a closed loop brings both together, so that their distance is a gap.
     """
 
     name: str
     first: Anchor
     second: Anchor
     rod: float = 0.0
+    axis: np.ndarray | None = None
+    meets: bool = True
+
+
+class Spring(NamedTuple):
+    """What pulls or pushes between two points.
+
+    Attributes:
+        name: of the force.
+        first: joint and placement of the first anchor.
+        second: joint and placement of the second anchor.
+        length: where it is at rest [m]; 0 when unknown.
+        coil: whether it is drawn as a coil.
+        tube: whether it is drawn as a tube with a rod in it: dampers, cylinders.
+    """
+
+    name: str
+    first: Anchor
+    second: Anchor
+    length: float = 0.0
+    coil: bool = True
+    tube: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +70,7 @@ class Shape:
 
     Attributes:
         name: unique within a scene.
-        role: ``"visual"``, ``"link"``, ``"joint"``, ``"ground"``, ``"closure"`` or ``"force"``.
+        role: ``"visual"``, ``"link"``, ``"joint"``, ``"ground"``, ``"rail"`` or ``"closure"``.
         kind: ``"box"``, ``"sphere"``, ``"ellipsoid"``, ``"cylinder"``, ``"cone"``, ``"capsule"`` or
             ``"mesh"``.
         size: [m] box: three edges; sphere: radius; ellipsoid: three radii; cylinder, cone: radius and
@@ -73,11 +97,23 @@ class Scene:
 
     Attributes:
         shapes: what is drawn, n of them.
+        width: how thick generated links are: their radius [m].
+        marks: the closures between frames; both of their ends are shapes of the role ``"closure"``.
+        springs: what is drawn between two points, longer and shorter as they move, s of them.
     """
 
     shapes: tuple[Shape, ...]
     _model: pin.Model
     _anchors: tuple[tuple[Anchor, ...], ...]  # one: fixed to a joint; two: from the first towards the second
+    width: float
+    marks: tuple[Mark, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    _rails: Mapping[int, int] = field(default_factory=dict)  # shapes that are rails, and the joints on them
+
+    @property
+    def carriers(self) -> list[tuple[int, ...]]:
+        """The joints to which each shape is fixed: one, or two where it leads from one to the other."""
+        return [tuple(joint for joint, _ in anchors) for anchors in self._anchors]
 
     def placements(self, q: np.ndarray) -> np.ndarray:
         """Where the shapes are in the world.
@@ -104,12 +140,48 @@ class Scene:
                 place[k] = pin.SE3ToXYZQUAT(here)
         return out
 
+    def ends(self, pairs: Iterable[Mark | Spring], q: np.ndarray) -> np.ndarray:
+        """Where closures or springs begin and end.
+
+        Args:
+            pairs: some of ``marks`` or ``springs``, s of them.
+            q: (m, nq) configurations.
+
+        Returns:
+            (m, s, 2, 3) points of the world [m].
+        """
+        anchors = [(pair.first, pair.second) for pair in pairs]
+        data, out = make_data(self._model), np.empty((len(q), len(anchors), 2, 3))
+        for row, points in zip(q, out, strict=True):
+            pin.forwardKinematics(self._model, data, row)
+            for k, pair in enumerate(anchors):
+                points[k] = [(data.oMi[joint] * placement).translation for joint, placement in pair]
+        return out
+
+    def travelled(self, q: np.ndarray) -> "Scene":
+        """The scene of a motion: rails reach no further than what slides on them.
+
+        Args:
+            q: (m, nq) configurations of the motion.
+        """
+        shapes, anchors = list(self.shapes), list(self._anchors)
+        for k, joint in self._rails.items():
+            at = q[:, self._model.idx_qs[joint]]
+            (radius, length), ((ground, middle),) = shapes[k].size, anchors[k]
+            half = min(length, np.ptp(at) + 14 * self.width) / 2
+            foot = self._model.jointPlacements[joint].translation - middle.translation
+            shift = (at.min() + at.max()) / 2 + middle.rotation[:, 2] @ foot
+            bounds = shapes[k].bounds * [1, 1, 2 * half / length]
+            shapes[k] = replace(shapes[k], size=(radius, 2 * half), bounds=bounds)
+            anchors[k] = ((ground, middle * pin.SE3(np.eye(3), np.array([0.0, 0.0, shift]))),)
+        return replace(self, shapes=tuple(shapes), _anchors=tuple(anchors))
+
 
 def make_scene(
     model: pin.Model,
     visual_model: pin.GeometryModel | None = None,
     closures: Iterable[Mark] = (),
-    springs: Iterable[Mark] = (),
+    springs: Iterable[Spring] = (),
     rolling: Iterable[RollingBody] = (),
     outlines: Iterable[Outline] = (),
 ) -> Scene:
@@ -119,7 +191,7 @@ def make_scene(
         model: the mechanism's tree.
         visual_model: its visual geometry, or None.
         closures: what to mark, and between which anchors.
-        springs: from point to point; each is drawn as two tubes that slide in each other, unless its rest length is 0.
+        springs: springs and dampers from point to point.
         rolling: bodies that roll; those of joints with visuals are not drawn.
         outlines: curves fixed to bodies, likewise.
 
@@ -150,20 +222,20 @@ def make_scene(
     parts += draw(round_ones)
     parts += draw_outlines((curve for curve in outlines if curve.joint not in seen), 1.5 * size.width)
     for mark in closures:
+        if seen.isdisjoint((mark.first[0], mark.second[0])) and mark.meets and not mark.rod:
+            parts += stick_figure.pin_of(mark.name, *mark.first, mark.axis, size.width)
         parts += stick_figure.closure_balls(mark.name, (mark.first, mark.second), size.width)
+    rails = {len(visuals) + k: model.getJointId(g.name.removesuffix(" rail"))
+             for k, (role, g) in enumerate(parts) if role == "rail"}  # fmt: skip
     shapes += [_shape(role, g, meshes) for role, g in parts]
     fixed = [*visuals, *(g for _, g in parts)]
     anchors: list[tuple[Anchor, ...]] = [((int(g.parentJoint), g.placement),) for g in fixed]
     for mark in closures:
         if mark.rod > 0:
-            shapes.append(_shape("closure", stick_figure.rod(mark.name, mark.rod, size.width), meshes))
+            shapes.append(_shape("link", stick_figure.rod(mark.name, mark.rod, size.width), meshes))
             anchors.append((mark.first, mark.second))
-    for mark in springs:
-        both = (mark.first, mark.second), (mark.second, mark.first)
-        for tube, ends in zip(stick_figure.tubes(mark.name, mark.rod, size.width), both, strict=False):
-            shapes.append(_shape("force", tube, meshes))
-            anchors.append(ends)
-    return Scene(tuple(_uniquely_named(shapes)), model, tuple(anchors))
+    named_shapes = tuple(_uniquely_named(shapes))
+    return Scene(named_shapes, model, tuple(anchors), size.width, closures, tuple(springs), rails)
 
 
 def _towards(first: pin.SE3, second: pin.SE3, length: float) -> pin.SE3:

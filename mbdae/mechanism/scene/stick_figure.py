@@ -19,7 +19,7 @@ Point = tuple[int, np.ndarray]  # a joint, and a point fixed in its frame [m]
 Part = tuple[str, pin.GeometryObject]  # its role, and the geometry
 
 LINK_COLOURS = ("#4e79a7", "#59a14f", "#b07aa1", "#499894", "#9c755f", "#7c7cc0")
-JOINT_COLOUR, GROUND_COLOUR = "#33383f", "#878d96"
+JOINT_COLOUR, GROUND_COLOUR, ROD_COLOUR = "#33383f", "#878d96", "#bc7a2c"
 CLOSURE_COLOURS = ("#f28e2b", "#e0263c")
 
 
@@ -78,7 +78,7 @@ def generate(
         rolling: joints whose bodies are drawn as what rolls.
 
     Yields:
-        Role and geometry, fixed to joints; role is ``"ground"``, ``"joint"`` or ``"link"``.
+        Role and geometry, fixed to joints; role is ``"ground"``, ``"rail"``, ``"joint"`` or ``"link"``.
     """
     shown = [i for i in range(1, model.njoints) if i not in seen and (not seen or model.inertias[i].mass > 0)]
     subspaces = _motion_subspaces(model)
@@ -104,15 +104,16 @@ def closure_balls(name: str, anchors: Iterable[tuple[int, pin.SE3]], width: floa
 
 def rod(name: str, length: float, width: float) -> pin.GeometryObject:
     """The rod of a distance closure, in its own frame along z."""
-    shape = coal.Cylinder(0.6 * width, length)
-    return part("closure", f"{name} rod", 0, pin.SE3.Identity(), shape, CLOSURE_COLOURS[0])[1]
+    return part("link", f"{name} rod", 0, pin.SE3.Identity(), coal.Cylinder(0.6 * width, length), ROD_COLOUR)[1]
 
 
-def tubes(name: str, length: float, width: float) -> list[pin.GeometryObject]:
-    """The two tubes of a spring of some rest length, each in its own frame along z; none for a length of 0."""
-    tube, still = 0.55 * length, pin.SE3.Identity()
-    sizes = ((0.8 * width, JOINT_COLOUR), (0.45 * width, GROUND_COLOUR)) if length > 0 else ()
-    return [part("force", name, 0, still, coal.Cylinder(radius, tube), colour)[1] for radius, colour in sizes]
+def pin_of(name: str, joint: int, place: pin.SE3, axis: np.ndarray | None, width: float) -> Iterator[Part]:
+    """The joint that a closure is: a pin along the axis of a hinge, in the frame of its first anchor, or a ball."""
+    if axis is None:
+        yield part("joint", f"{name} pin", joint, place, coal.Sphere(1.9 * width), JOINT_COLOUR)
+    else:
+        shape = coal.Cylinder(1.8 * width, 6 * width)
+        yield part("joint", f"{name} pin", joint, place * along(np.zeros(3), axis), shape, JOINT_COLOUR)
 
 
 def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) -> Iterator[Part]:
@@ -154,32 +155,36 @@ def _joint(
     axis = along(np.zeros(3), linear[:, 0])
     box = coal.Box(3.6 * width, 3.6 * width, 7 * width)
     yield part("joint", name, i, axis, box, JOINT_COLOUR)
-    low, high = _travel(model, i, linear[:, 0], points, size)
+    on_body = _reach(model, i, linear[:, 0], points, size)
+    low, high = on_body or _limits(model, i, size.extent)
     rail = pin.SE3(np.eye(3), np.array([0, 0, (low + high) / 2]))
     where = model.jointPlacements[i] * axis * rail
     shape = coal.Cylinder(0.5 * width, max(high - low, width))
-    yield part("ground", f"{name} rail", model.parents[i], where, shape, GROUND_COLOUR)
+    yield part("link" if on_body else "rail", f"{name} rail", model.parents[i], where, shape, GROUND_COLOUR)
 
 
-def _travel(
+def _limits(model: pin.Model, i: int, most: float) -> tuple[float, float]:
+    """Where the rail of a sliding joint begins and ends by its limits, or by the size of the mechanism [m]."""
+    k = model.idx_qs[i]
+    low, high = np.clip((model.lowerPositionLimit[k], model.upperPositionLimit[k]), -most, most)
+    return float(low), float(high)
+
+
+def _reach(
     model: pin.Model, i: int, axis: np.ndarray, points: Sequence[Point], size: Proportions
-) -> tuple[float, float]:
-    """Where the rail of a sliding joint begins and ends [m].
+) -> tuple[float, float] | None:
+    """From where to where the body reaches on which an unlimited joint slides, or else what slides [m]; None: nowhere.
 
-    Its limits say so. Without limits a rail on the ground is as long as the mechanism, one on a body reaches as far as
-    the body does, or, where that is nowhere, as far as what slides.
+    An unlimited joint has the largest number as its limit, not infinity.
     """
     k, parent = model.idx_qs[i], model.parents[i]
-    limits = model.lowerPositionLimit[k], model.upperPositionLimit[k]
-    if parent and np.abs(limits).min() > size.extent:  # an unlimited joint has the largest number, not infinity
-        place = model.jointPlacements[i].inverse()
-        reach = [axis @ place.act(p) for p in (np.zeros(3), *_ends(model, parent, points))]
-        if np.ptp(reach) < size.width:
-            reach += [axis @ p for p in _ends(model, i, points)]
-        if np.ptp(reach) > size.width:
-            return min(reach), max(reach)
-    low, high = np.clip(limits, -size.extent, size.extent)
-    return float(low), float(high)
+    if not parent or min(abs(model.lowerPositionLimit[k]), abs(model.upperPositionLimit[k])) <= size.extent:
+        return None
+    place = model.jointPlacements[i].inverse()
+    reach = [axis @ place.act(p) for p in (np.zeros(3), *_ends(model, parent, points))]
+    if np.ptp(reach) < size.width:
+        reach += [axis @ p for p in _ends(model, i, points)]
+    return (min(reach), max(reach)) if np.ptp(reach) > size.width else None
 
 
 def _ends(model: pin.Model, i: int, points: Sequence[Point]) -> list[np.ndarray]:

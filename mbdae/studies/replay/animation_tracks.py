@@ -1,7 +1,6 @@
 """What moves in a replay, as numbers for the page: bodies, ghosts, paths of points, and forces."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +28,40 @@ def poses(scene: "Scene", placements: Array) -> Iterator[dict[str, Any]]:
     for shape, track in zip(scene.shapes, placements.swapaxes(0, 1), strict=True):
         moves = np.ptp(track, axis=0).any()  # NaN does, too
         values = np.hstack([track[:, :3], _continuous(track[:, 3:])]) if moves else track[:1]
-        yield {"path": node(shape), "values": typed(values, "float32")}
+        yield {"path": node(shape), "values": typed(values, "float32"), "box": shape.bounds.tolist()}
+
+
+def springs(scene: "Scene", q: Array) -> list[dict[str, Any]]:
+    """Springs and dampers, and where they begin and end at configurations q (m, nq)."""
+    ends = scene.ends(scene.springs, q).swapaxes(0, 1).reshape(len(scene.springs), len(q), 6)
+    out = []
+    for s, track in zip(scene.springs, ends, strict=True):
+        moves = np.ptp(track, axis=0).any()
+        length = s.length or float(np.median(np.linalg.norm(track[:, 3:] - track[:, :3], axis=1)))
+        if length > 0:
+            points = typed(track if moves else track[:1], "float32")
+            out.append({"name": s.name, "coil": s.coil, "tube": s.tube, "length": length, "ends": points})
+    return out
+
+
+def gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
+    """Closures, and how far each is open at most at configurations q (m, nq) [m], None where that cannot be seen."""
+    few = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 400)).astype(int))]
+    apart = np.linalg.norm(np.diff(scene.ends(scene.marks, few), axis=2)[:, :, 0], axis=2)
+    return [
+        {"name": m.name, "open": float(np.abs(apart[:, k] - m.rod).max()) if m.meets or m.rod else None}
+        for k, m in enumerate(scene.marks)
+    ]
+
+
+def bodies(scene: "Scene", model: Any) -> list[dict[str, str]]:
+    """Bodies that the camera can follow, the heaviest first, each with the path of one of its shapes."""
+    weight = {name: model.inertias[i].mass for i, name in enumerate(model.names) if i}
+    out = {}
+    for shape, carriers in zip(scene.shapes, scene.carriers, strict=True):
+        if len(carriers) == 1 and carriers[0] and shape.role in ("visual", "link", "joint"):
+            out.setdefault(model.names[carriers[0]], node(shape))
+    return [{"name": n, "path": out[n]} for n in sorted(out, key=lambda n: -weight[n])]
 
 
 def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> list[dict[str, Any]]:
@@ -39,7 +71,7 @@ def ghosts(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> l
         InputError: for a solution of another mechanism.
     """
     return [
-        {"name": name, "colour": GHOSTS[i % len(GHOSTS)], "poses": _ghost(sol, name, other, times)}
+        {"name": name, "colour": GHOSTS[i % len(GHOSTS)], **_ghost(sol, name, other, times)}
         for i, (name, other) in enumerate(others.items())
     ]
 
@@ -50,11 +82,11 @@ def choices(sol: "Solution", others: Mapping[str, "Solution"], times: Array) -> 
     Raises:
         InputError: for a solution of another mechanism.
     """
-    return [{"name": name, "poses": _ghost(sol, name, other, times)} for name, other in others.items()]
+    return [{"name": name, **_ghost(sol, name, other, times)} for name, other in others.items()]
 
 
-def _ghost(sol: "Solution", name: str, ghost: "Solution", times: Array) -> list[dict[str, Any]]:
-    """Poses of the moving bodies of another solution, NaN at times that it does not reach."""
+def _ghost(sol: "Solution", name: str, ghost: "Solution", times: Array) -> dict[str, Any]:
+    """Poses of the moving bodies and springs of another solution, NaN at times that it does not reach."""
     mech, other = sol.mechanism, ghost.mechanism
     if not _alike(mech, other):
         raise InputError(f"ghost {name!r} is of {other.title!r}, whose joints are not those of {mech.title!r}")
@@ -63,11 +95,16 @@ def _ghost(sol: "Solution", name: str, ghost: "Solution", times: Array) -> list[
     inside = (times >= low - slack) & (times <= high + slack)
     if not inside.any():
         raise InputError(f"ghost {name!r} has no time in common with {times[0]:g} to {times[-1]:g} s")
+    q = np.array([ghost(t)[0] for t in np.clip(times[inside], low, high)])
     placements = np.full((len(times), len(mech.scene.shapes), 7), np.nan)
-    placements[inside] = mech.scene.placements(np.array([ghost(t)[0] for t in np.clip(times[inside], low, high)]))
+    placements[inside] = mech.scene.placements(q)
     moving = np.ptp(placements[inside], axis=0).any(axis=1)
-    bodies = [shape.role != "closure" or shape.kind == "cylinder" for shape in mech.scene.shapes]
-    return [pose for pose, m, b in zip(poses(mech.scene, placements), moving, bodies, strict=True) if m and b]
+    bodies = [shape.role != "closure" for shape in mech.scene.shapes]
+    found = poses(mech.scene, placements)
+    return {
+        "poses": [pose for pose, m, b in zip(found, moving, bodies, strict=True) if m and b],
+        "springs": springs(mech.scene, q) if inside.all() else [],
+    }
 
 
 def _alike(a: "Mechanism", b: "Mechanism") -> bool:
@@ -133,15 +170,3 @@ def _continuous(quaternions: Array) -> Array:
     dots = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1])
     signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0, -1.0, 1.0)]))
     return quaternions * signs[:, None]
-
-
-def bounds(scene: "Scene", placements: Array) -> list[list[float]]:
-    """Lower and upper corner [m] of the box that holds the whole motion."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for shape, track in zip(scene.shapes, placements.swapaxes(0, 1), strict=True):
-        corners = np.array(list(product(*shape.bounds.T)))
-        axis, w = track[:, None, 3:6], track[:, None, 6:]
-        twist = 2 * np.cross(axis, corners[None])
-        world = track[:, None, :3] + corners + w * twist + np.cross(axis, twist)
-        low, high = np.minimum(low, world.min((0, 1))), np.maximum(high, world.max((0, 1)))
-    return [low.tolist(), high.tolist()] if scene.shapes else [[-0.5] * 3, [0.5] * 3]

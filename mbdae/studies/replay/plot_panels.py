@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Signal = Callable[[float, Array, Array], float] | Sequence[float] | Array
 Plot = str | Sequence[str]
 POINTS = 1500  # more than a curve has pixels
+ROUNDING = 1e-16  # of |g|: below is nothing to see
 MOST = 7  # curves of one pane that can be told apart
 STEPPED = ("kinetic", "potential", "energy", "work", "g", "Gv")  # shown at the steps: between them is interpolation
 COSTLY = ("lam", "a", *LOADS)
@@ -43,11 +44,13 @@ class PlotPanel:
         title: what is plotted, with its unit.
         curves: of the solution and of its ghosts.
         logarithmic: whether the ordinate is.
+        cut: where a logarithmic ordinate begins: what lies below is rounding; 0 for the least value.
     """
 
     title: str
     curves: tuple[Curve, ...]
     logarithmic: bool = False
+    cut: float = 0.0
 
 
 def panes(
@@ -75,7 +78,8 @@ def panes(
     asked = {name for group in groups for name in group.names}
     groups += [_Group((name,)) for name in own if name not in asked]
     tables = [table, *(_table(ghost, {k: f for k, f in own.items() if callable(f)}, lam) for ghost in ghosts)]
-    return [pane for group in groups for pane in _by_unit(group, tables, mech)]
+    found = [pane for group in groups for pane in _by_unit(group, tables, mech)]
+    return [_as_read(pane) for pane in found] if plots is None else found
 
 
 class _Group(NamedTuple):
@@ -89,8 +93,9 @@ def _entries(plots: str | Sequence[Plot] | None) -> list[tuple[str, ...]]:
 
 
 def _defaults(table: Mapping[str, Curve], mech: "Mechanism") -> list[_Group]:
-    """Coordinates by unit, energies, and the largest |g|."""
+    """Coordinates by unit but for quaternions, energies, and the largest |g|."""
     unit = {name: _unit(name, mech) for name in table if name.startswith("q.")}
+    unit = {name: u for name, u in unit.items() if u != "1"}  # parts of quaternions say little
     by_unit = [_liveliest(table, [n for n in unit if unit[n] == u]) for u in dict.fromkeys(unit.values())]
     return [*by_unit, _Group(("kinetic", "potential", "energy")), *([_Group(("g",))] if mech.ng else [])]
 
@@ -124,8 +129,37 @@ def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechan
         curves = [t[n]._replace(ghost=k - 1) for k, t in enumerate(tables) for n in names if n in t]
         word = names[0] if len(names) == 1 and names[0] not in ("g", "Gv") else WORDS.get(kind, kind)
         title = f"{word} ({kind}){group.note}" if kind not in ("", "1", word) else word + group.note
-        out.append(PlotPanel(title, tuple(curves), logarithmic=set(names) <= {"g", "Gv"}))
+        drift = set(names) <= {"g", "Gv"}
+        out.append(PlotPanel(title, _short(curves), drift, ROUNDING if drift else 0.0))
     return out
+
+
+def _short(curves: Sequence[Curve]) -> tuple[Curve, ...]:
+    """Names without the beginning that all have in common: the title says it."""
+    heads = {c.name.partition(".")[0] for c in curves}
+    alike = len(heads) == 1 and all("." in c.name for c in curves)
+    return tuple(c._replace(name=c.name.partition(".")[2]) if alike else c for c in curves)
+
+
+def _as_read(pane: PlotPanel) -> PlotPanel:
+    """A pane as one reads it: angles of joints that turn between -pi and pi, potential energy from where it starts."""
+    if pane.title.startswith("energies"):
+        zero = next((c.y[0] for c in pane.curves if c.name == "potential" and c.ghost < 0), 0.0)
+        moved = tuple(c if c.name == "kinetic" else c._replace(y=c.y - zero) for c in pane.curves)
+        return replace(pane, title="energies (J), potential from its start", curves=moved)
+    if "(rad)" not in pane.title or not any(np.ptp(c.y) > 2 * np.pi for c in pane.curves):
+        return pane
+    turning = {c.name for c in pane.curves if np.ptp(c.y) > 2 * np.pi}
+    wrapped = tuple(_wrapped(c) if c.name in turning else c for c in pane.curves)
+    return replace(pane, title=pane.title.replace("(rad)", "(rad), within π"), curves=wrapped)
+
+
+def _wrapped(curve: Curve) -> Curve:
+    """An angle in [-pi, pi), broken where it jumps."""
+    y = (curve.y + np.pi) % (2 * np.pi) - np.pi
+    jumps = np.flatnonzero(np.abs(np.diff(y)) > np.pi) + 1
+    near = np.abs(curve.t[:, None] - (curve.t[jumps - 1] + curve.t[jumps]) / 2).min(axis=1, initial=np.inf)
+    return curve._replace(y=np.where(near < np.ptp(curve.t) / 400, np.nan, y))
 
 
 def _unit(name: str, mech: "Mechanism") -> str:

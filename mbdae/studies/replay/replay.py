@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import umsgpack
 
-from ...errors import InputError, require
+from ...errors import InputError, UnknownNameError, require
 from ...files import write_whole
 from ..figures import COLOURS
 from . import animation_tracks as tracks
@@ -37,8 +37,10 @@ if TYPE_CHECKING:
 
 MIN_FRAMES = 101  # what is short is often looked at slowly
 MAX_FRAMES = 6001  # unless asked for: 100 s of viewing; between frames the page interpolates
+VIEWING = 4.0  # s: a motion of less than half of it is shown in slow motion, for about so long
+CAMERAS = ("front", "top", "side", "3d")
 VIDEO = {".mp4": 30.0, ".gif": 20.0}  # frames per second
-SCRIPTS = ("replay_scene.js", "replay_plots.js", "replay.js")
+SCRIPTS = ("replay_scene.js", "replay_springs.js", "replay_camera.js", "replay_plots.js", "replay.js")
 NOTEBOOK = 20e6  # characters: more makes a notebook slow to open and to save
 
 
@@ -47,13 +49,16 @@ def animate(
     path: str | Path,
     *,
     fps: float | None = None,
-    speed: float = 1.0,
+    speed: float | None = None,
     plots: str | Sequence[Plot] | None = None,
     signals: Mapping[str, Signal] | None = None,
     traces: str | Sequence[str] = (),
     ghosts: Mapping[str, "Solution"] | None = None,
     choices: Mapping[str, "Solution"] | None = None,
     arrows: bool | str | Sequence[str] = False,
+    camera: str | None = None,
+    follow: str | None = None,
+    closures: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
     """Writes a solution as a self-contained HTML page that plays in any browser, or as a video.
@@ -68,7 +73,8 @@ def animate(
             replaced, whole or not at all.
         fps: frames stored per second of viewing; 60, fewer beyond 100 s, in videos 30 (.mp4) and 20 (.gif), when
             left out.
-        speed: seconds of motion per second of viewing; below 1 is slow motion.
+        speed: seconds of motion per second of viewing; below 1 is slow motion. When left out 1, slower where the
+            motion is shorter than two seconds.
         plots: what is plotted beside the scene, each a name of `Solution.signals` (``"q.crank"``), the beginning of
             several (``"q"``, ``"lam.wrist pin"``), or a sequence of both for common axes. Joint coordinates, energies
             and |g| when left out; () for none.
@@ -79,6 +85,11 @@ def animate(
             first stands in the place of ``sol``.
         arrows: names of closures, or True for all between frames, whose forces on the body of their second frame are
             drawn as arrows; where rows depend on each other, those of minimum norm.
+        camera: ``"front"`` (along y), ``"top"`` or ``"side"`` (along x), without perspective, or ``"3d"``; when left
+            out from where a plane motion is seen as it is, or 3d.
+        follow: a joint whose body the camera follows, ``""`` for none; when left out the heaviest one where the
+            motion leads far.
+        closures: whether closures are marked, also those whose gap cannot be seen.
         progress: called with the fraction of a video that is done.
 
     Returns:
@@ -91,11 +102,12 @@ def animate(
     """
     suffix = Path(path).suffix
     shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
-    shown["choices"] = choices
+    shown |= {"choices": choices, "camera": camera, "follow": follow, "closures": closures}
     if suffix in VIDEO:
         from .video import film
 
         rate = VIDEO[suffix] if fps is None else fps
+        speed = pace(sol) if speed is None else speed
         film(page(sol, fps=rate, speed=speed, **shown), Path(path), rate, abs(sol.t[-1] - sol.t[0]) / speed, progress)
         return Path(path)
     if suffix != ".html":
@@ -110,13 +122,16 @@ def page(
     sol: "Solution",
     *,
     fps: float | None = None,
-    speed: float = 1.0,
+    speed: float | None = None,
     plots: str | Sequence[Plot] | None = None,
     signals: Mapping[str, Signal] | None = None,
     traces: str | Sequence[str] = (),
     ghosts: Mapping[str, "Solution"] | None = None,
     choices: Mapping[str, "Solution"] | None = None,
     arrows: bool | str | Sequence[str] = False,
+    camera: str | None = None,
+    follow: str | None = None,
+    closures: bool = False,
 ) -> str:
     """Returns the page that `animate` writes.
 
@@ -133,10 +148,16 @@ def page(
         if not hasattr(ghost, "mechanism"):
             raise InputError(f"ghost {name!r} is a Solution (see mbdae.solve), got {ghost!r:.60}")
     mechanism, ghosts = sol.mechanism, ghosts or {}
+    speed = pace(sol) if speed is None else speed
+    if camera is not None and camera not in CAMERAS:
+        raise UnknownNameError("camera", camera, CAMERAS)
     times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
-    scene = mechanism.scene
+    scene = mechanism.scene.travelled(q)
     placements = scene.placements(q)
     meshes = list(dict.fromkeys(shape.mesh for shape in scene.shapes if shape.mesh is not None))
+    bodies = tracks.bodies(scene, mechanism.model)
+    if follow and follow not in (known := [body["name"] for body in bodies]):
+        raise UnknownNameError("body", follow, known)
     payload = {
         "meshes": [mesh_data(mesh) for mesh in meshes],
         "objects": [
@@ -148,7 +169,13 @@ def page(
         "start": float(times[0]),
         "end": float(times[-1]),
         "speed": float(speed),
-        "bounds": tracks.bounds(scene, placements),
+        "width": scene.width,
+        "springs": tracks.springs(scene, q),
+        "gaps": tracks.gaps(scene, q),
+        "bodies": bodies,
+        "camera": camera,
+        "follow": follow,
+        "marked": closures,
         "ghosts": tracks.ghosts(sol, ghosts, times),
         "choices": tracks.choices(sol, choices or {}, times),
         "traces": tracks.traces(mechanism, traces, q),
@@ -158,11 +185,22 @@ def page(
     filling = {
         "title": html.escape(mechanism.title),
         "style": _asset("replay.css"),
+        "plotstyle": _asset("vendor/uPlot.min.css"),
         "script": "\n".join(map(_asset, SCRIPTS)),
         "viewer": _viewer(),
+        "plots": _compressed(_asset("vendor/uPlot.iife.min.js").encode()),
         "scene": _compressed(umsgpack.packb(payload)),
     }
     return re.sub(r"{{(\w+)}}", lambda key: filling[key[1]], _asset("replay.htm"))
+
+
+def pace(sol: "Solution") -> float:
+    """Seconds of motion per second of viewing: 1, or for a short motion 1, 2 or 5 times a power of ten."""
+    span = abs(float(sol.t[-1] - sol.t[0])) if len(sol.t) else 0.0
+    if not 0 < span < VIEWING / 2:
+        return 1.0
+    decade = 10.0 ** np.floor(np.log10(span / VIEWING))
+    return float(f"{max(k * decade for k in (1, 2, 5) if k * decade <= 1.001 * span / VIEWING):.1g}")
 
 
 def frame(text: str, height: int = 520) -> str:
@@ -213,7 +251,8 @@ def _pane(pane: PlotPanel) -> dict[str, Any]:
         }
         for c in pane.curves
     ]
-    return {"title": pane.title, "logarithmic": pane.logarithmic, "colours": COLOURS, "curves": curves}
+    shared = {"title": pane.title, "logarithmic": pane.logarithmic, "cut": pane.cut}
+    return {**shared, "colours": COLOURS, "curves": curves}
 
 
 @cache

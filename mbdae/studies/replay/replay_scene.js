@@ -48,19 +48,85 @@ function restoreMaterials(mesh, parts) {
   mesh.material = materials;
 }
 
+// Triangles as they are stored: points in 65535ths of their box, corners as differences to the corner before.
+function triangles({low, high, points, corners, parts}) {
+  const {BufferAttribute, BufferGeometry} = MeshCat.THREE, n = corners.length;
+  const flat = new Float32Array(3 * n), index = new Uint32Array(n), geometry = new BufferGeometry();
+  for (let i = 0, at = 0; i < n; i++) {
+    index[i] = at += corners[i];
+    for (let k = 0; k < 3; k++) flat[3 * i + k] = low[k] + points[3 * at + k] * (high[k] - low[k]) / 65535;
+  }
+  geometry.setAttribute("position", new BufferAttribute(flat, 3));
+  geometry.setAttribute("normal", new BufferAttribute(creased(flat, index, points.length / 3, Math.cos(0.6)), 3));
+  parts.forEach(({start, count}, i) => geometry.addGroup(start, count, i));
+  return geometry;
+}
+
+// A normal for each corner: the mean of the triangles around its point that are turned less than an edge is.
+function creased(flat, index, count, edge) {
+  const n = index.length, faces = new Float32Array(n), areas = new Float32Array(n / 3), out = new Float32Array(3 * n);
+  for (let f = 0; f < n; f += 3) {
+    const at = 3 * f, edges = [3, 4, 5, 6, 7, 8].map(k => flat[at + k] - flat[at + k % 3]);
+    const [ux, uy, uz, vx, vy, vz] = edges, normal = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
+    const size = areas[f / 3] = Math.hypot(...normal);
+    if (size > 0) for (let k = 0; k < 3; k++) faces[f + k] = normal[k] / size;
+  }
+  const from = new Uint32Array(count + 1), around = new Uint32Array(n);  // the corners at each point
+  for (const point of index) from[point + 1]++;
+  for (let p = 0; p < count; p++) from[p + 1] += from[p];
+  const next = from.slice();
+  index.forEach((point, c) => { around[next[point]++] = c; });
+  for (let c = 0; c < n; c++) {
+    const own = c - c % 3, x = faces[own], y = faces[own + 1], z = faces[own + 2];
+    let a = 0, b = 0, d = 0;
+    for (let k = from[index[c]]; k < from[index[c] + 1]; k++) {
+      const f = around[k] - around[k] % 3, weight = areas[f / 3];
+      if (faces[f] * x + faces[f + 1] * y + faces[f + 2] * z < edge) continue;
+      a += weight * faces[f];
+      b += weight * faces[f + 1];
+      d += weight * faces[f + 2];
+    }
+    const size = Math.hypot(a, b, d);
+    out.set(size > 0 ? [a / size, b / size, d / size] : [x, y, z], 3 * c);
+  }
+  return out;
+}
+
+const paint = ([r, g, b, a]) => new MeshCat.THREE.MeshPhongMaterial({
+  color: new MeshCat.THREE.Color(r, g, b), opacity: a, transparent: a < 1, shininess: 40, specular: 0x1c1c1c, side: 2,
+});
+
 // A mesh that several bodies share is stored once; the objects hold its number.
 function build(viewer, scene) {
-  for (const command of scene.objects) {
+  const geometries = scene.meshes.map(mesh => "points" in mesh ? triangles(mesh) : null);
+  scene.objects.forEach((command, k) => {
     const holders = [command.object.object, ...(command.object.geometries || [])];
-    for (const holder of holders) if ("mesh" in holder) Object.assign(holder, scene.meshes[holder.mesh]);
-    const parts = [], unwatch = watchParts(parts);
-    viewer.handle_command(command);
-    unwatch();
-    const object = nodeOf(viewer, `${command.path}/<object>`);
-    restoreMaterials(object, parts);
-    // Normals in STL files are often zero, which would be black.
-    if (holders.some(holder => holder.format === "stl")) object.geometry.computeVertexNormals();
-  }
+    const number = holders.map(holder => holder.mesh).find(mesh => mesh !== undefined), geometry = geometries[number];
+    if (geometry) {
+      const {parts} = scene.meshes[number], own = command.object.object.rgba;
+      const mesh = new MeshCat.THREE.Mesh(geometry, parts.map(({rgba}) => paint(own || rgba || [0.7, 0.7, 0.7, 1])));
+      mesh.applyMatrix4(new MeshCat.THREE.Matrix4().fromArray(command.object.object.matrix));
+      viewer.set_object(command.path.split("/").filter(name => name), mesh);
+    } else {
+      for (const holder of holders) if ("mesh" in holder) Object.assign(holder, scene.meshes[holder.mesh]);
+      const parts = [], unwatch = watchParts(parts);
+      viewer.handle_command(command);
+      unwatch();
+      restoreMaterials(nodeOf(viewer, `${command.path}/<object>`), parts);
+    }
+    settle(nodeOf(viewer, command.path), command.path.includes("/closure/"), k);
+  });
+}
+
+// All that is solid throws and takes shadows; of faces in one plane the later shape's is seen, always.
+function settle(object, mark, k) {
+  object.traverse(part => {
+    if (!part.isMesh) return;
+    part.castShadow = part.receiveShadow = !mark;
+    for (const look of [part.material].flat()) {
+      if (!mark) Object.assign(look, {polygonOffset: true, polygonOffsetFactor: 0, polygonOffsetUnits: -4 * (k % 12)});
+    }
+  });
 }
 
 const nodeOf = (viewer, path) => viewer.scene_tree.find(path.split("/").filter(name => name)).object;
@@ -81,14 +147,18 @@ function follower(object, {values}) {
   };
 }
 
+const translucent = colour => new MeshCat.THREE.MeshPhongMaterial({
+  color: colour, transparent: true, opacity: 0.45, depthWrite: false,
+  polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8,  // where both agree, the body is seen
+});
+
 // A translucent copy of a body in one colour; it shares the body's triangles.
 function ghostly(object, colour) {
-  const {MeshPhongMaterial} = MeshCat.THREE, copy = object.clone();
-  const material = new MeshPhongMaterial({
-    color: colour, transparent: true, opacity: 0.45, depthWrite: false,
-    polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8,  // where both agree, the body is seen
+  const copy = object.clone(), look = translucent(colour);
+  copy.traverse(part => {
+    if (part.material) part.material = Array.isArray(part.material) ? part.material.map(() => look) : look;
+    part.castShadow = part.receiveShadow = false;
   });
-  copy.traverse(part => { if (part.material) part.material = material; });
   return copy;
 }
 
@@ -122,17 +192,12 @@ function arrow({points, values, colour}, perNewton, width) {
   const head = new Mesh(new ConeGeometry(3 * width, 9 * width, 16), look);
   const group = new Group().add(shaft, head), up = new Vector3(0, 1, 0);
   shaft.renderOrder = head.renderOrder = 1000;
-  const mixed = (array, at) => {
-    const i = Math.min(Math.floor(at), Math.max(0, array.length / 3 - 2)), share = at - i;
-    const from = new Vector3().fromArray(array, 3 * i);
-    return share > 0 ? from.lerp(new Vector3().fromArray(array, 3 * i + 3), share) : from;
-  };
   const follow = at => {
-    const force = mixed(values, at), length = force.length() * perNewton;
+    const force = mixed(values, 3, 0, at), length = force.length() * perNewton;
     group.visible = length > 0.1 * width;
     if (!group.visible) return;
     const tip = Math.min(9 * width, 0.6 * length);
-    group.position.copy(mixed(points, at));
+    group.position.copy(mixed(points, 3, 0, at));
     group.quaternion.setFromUnitVectors(up, force.normalize());
     shaft.scale.y = length - tip;
     shaft.position.y = (length - tip) / 2;
@@ -142,80 +207,42 @@ function arrow({points, values, colour}, perNewton, width) {
   return {object: group, follow};
 }
 
-// Puts all that moves into the scene; the function returned brings it to a frame, which need not be whole.
-function stage(viewer, scene) {
-  const [low, high] = scene.bounds, extent = Math.hypot(...low.map((x, i) => high[i] - x)) || 1;
-  const root = nodeOf(viewer, "mechanism"), moves = [];
-  for (const pose of scene.poses) moves.push(follower(nodeOf(viewer, pose.path), pose));
-  const choices = scene.choices.map(({poses}) => poses.map(pose => follower(nodeOf(viewer, pose.path), pose)));
-  for (const ghost of scene.ghosts) {
-    for (const pose of ghost.poses) {
-      const copy = ghostly(nodeOf(viewer, pose.path), ghost.colour);
-      root.add(copy);
-      moves.push(follower(copy, pose));
-    }
-  }
-  const perNewton = scene.arrows.largest > 0 ? 0.3 * extent / scene.arrows.largest : 0;
-  for (const made of [
-    ...scene.traces.map(data => trace(data, 0.0027 * extent)),
-    ...scene.arrows.forces.map(data => arrow(data, perNewton, 0.004 * extent)),
-  ]) {
+// Puts all that moves into the scene; what is returned brings it to a frame, which need not be whole.
+function stage(viewer, scene, extent) {
+  const root = nodeOf(viewer, "mechanism"), moves = [], put = made => {
     root.add(made.object);
     moves.push(made.follow);
+  };
+  for (const pose of scene.poses) moves.push(follower(nodeOf(viewer, pose.path), pose));
+  for (const data of scene.springs) put(spring(data, scene.width));
+  const choices = scene.choices.map(({poses}) => poses.map(pose => follower(nodeOf(viewer, pose.path), pose)));
+  for (const {poses, springs, colour} of scene.ghosts) {
+    for (const pose of poses) {
+      const copy = ghostly(nodeOf(viewer, pose.path), colour);
+      put({object: copy, follow: follower(copy, pose)});
+    }
+    for (const data of springs) put(spring(data, scene.width, translucent(colour)));
   }
+  const perNewton = scene.arrows.largest > 0 ? 0.3 * extent / scene.arrows.largest : 0;
+  for (const data of scene.traces) put(trace(data, 0.0027 * extent));
+  for (const data of scene.arrows.forces) put(arrow(data, perNewton, 0.004 * extent));
   return (at, choice) => {
     for (const move of [...moves, ...(choices[choice] || [])]) move(at);
     viewer.set_dirty();
   };
 }
 
-// Floor, axes and lamps in proportion to the motion.
-function furnish(viewer, [low, high]) {
-  const centre = low.map((x, i) => (x + high[i]) / 2);
-  const extent = Math.hypot(...low.map((x, i) => high[i] - x)) || 1;
-  const place = (path, size, [x, y, z]) =>
-    viewer.set_transform(path, [size, 0, 0, 0, 0, size, 0, 0, 0, 0, size, 0, x, y, z, 1]);
-  const decade = 10 ** Math.floor(Math.log10(extent / 6));
-  const cell = decade * ([5, 2].find(k => k * decade <= extent / 6) || 1);
-  const cells = 2 * Math.ceil(0.8 * extent / cell);
-  const grid = new MeshCat.THREE.GridHelper(cells * cell, cells, 0x9aa3ad, 0xc0c7cf);
-  const [x, y] = centre.map(c => Math.round(c / cell) * cell);
-  viewer.set_object(["Grid"], grid.rotateX(Math.PI / 2));
-  place(["Grid"], 1, [x, y, low[2] - 0.002 * extent]);
-  place(["Axes"], 0.2 * extent, [0, 0, 0]);
-  for (const name of ["PointLightNegativeX", "PointLightPositiveX"]) {
-    place(["Lights", name], extent, centre);
-    viewer.set_property(["Lights", name, "<object>"], "distance", 0);
-  }
-  viewer.set_property(["Lights", "AmbientLight", "<object>"], "intensity", 0.5);
-  viewer.set_property(["Lights", "FillLight", "<object>"], "intensity", 0.25);
-  viewer.set_property(["Background"], "top_color", [0.98, 0.985, 0.99]);
-  viewer.set_property(["Background"], "bottom_color", [0.85, 0.88, 0.91]);
+// Closures are marked where their gap would be seen, or when that is asked for.
+function marks(viewer, scene, extent) {
+  const node = nodeOf(viewer, "mechanism/closure"), balls = [...node.children], names = scene.gaps.map(({name}) => name);
+  const wide = scene.gaps.filter(({open}) => open > 0.004 * extent).map(({name}) => name);
+  const words = {};
+  for (const {name, open} of scene.gaps) words[name] = open === null ? name : `${name} open by up to ${open.toPrecision(2)} m`;
+  const show = all => {
+    const shown = all ? names : wide;
+    for (const ball of balls) ball.children.forEach(part => { part.visible = shown.includes(ball.name.slice(0, -2)); });
+    viewer.set_dirty();
+    return shown.map(name => words[name]);
+  };
+  return {show};
 }
-
-// Looks at a flat motion from the side where it is seen best, and steps back until all of it is in sight, below a
-// part of the height that the caption covers.
-function aim(viewer, [low, high], covered) {
-  const {Vector3} = MeshCat.THREE, {camera, controls} = viewer;
-  const size = low.map((x, i) => high[i] - x), widest = Math.max(...size) || 1;
-  const thin = size.findIndex(s => s === Math.min(...size));
-  const flat = [[1, 0.22, 0.2], [0.22, -1, 0.2], [0, -0.3, 1]];
-  const [dx, dy, dz] = size[thin] < 0.25 * widest ? flat[thin] : [1, -0.9, 0.55];
-  const back = new Vector3(dx, dz, -dy).normalize();  // three.js has y up
-  const right = new Vector3(0, 1, 0).cross(back).normalize(), up = back.clone().cross(right);
-  camera.fov = 35;
-  const whole = Math.tan(camera.fov * Math.PI / 360), tanX = whole * camera.aspect, tanY = whole * (1 - covered);
-  const centre = new Vector3((low[0] + high[0]) / 2, (low[2] + high[2]) / 2, -(low[1] + high[1]) / 2);
-  let distance = 0.1 * widest;
-  for (const [x, y, z] of [0, 1, 2, 3, 4, 5, 6, 7].map(k => size.map((s, i) => (k >> i & 1 ? s : -s) / 2))) {
-    const corner = new Vector3(x, z, -y);
-    const aside = Math.max(Math.abs(corner.dot(right)) / tanX, Math.abs(corner.dot(up)) / tanY);
-    distance = Math.max(distance, corner.dot(back) + 1.12 * aside);
-  }
-  camera.near = distance / 100;
-  camera.far = distance * 100;
-  camera.position.copy(centre).addScaledVector(back, distance);
-  controls.target.copy(centre);
-  controls.update();
-}
-

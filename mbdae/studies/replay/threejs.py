@@ -7,13 +7,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import umsgpack
 
+from ...mechanism.scene.surfaces import surfaces
+
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Mesh, Shape
 
 Y_TO_Z = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # three.js turns about y
 MIME = {".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".gif": "image/gif"}  # all others: png
 WHITE = "data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs="  # for missing textures
-EXTENSION = {"uint8": 0x12, "uint32": 0x16, "float32": 0x17, "float64": 0x18}  # msgpack types of JavaScript's arrays
+EXTENSION = {  # msgpack types of the arrays of JavaScript
+    "uint8": 0x12, "uint16": 0x14, "int32": 0x15, "uint32": 0x16, "float32": 0x17, "float64": 0x18,
+}  # fmt: skip
 
 
 def typed(values: Any, dtype: str) -> umsgpack.Ext:
@@ -27,12 +31,28 @@ def node(shape: "Shape") -> str:
 
 
 def mesh_data(mesh: "Mesh") -> dict[str, Any]:
-    """What the viewer needs of a mesh: its ``data``, and what the data refer to by name."""
-    if mesh.format == "triangles":
-        array = {"itemSize": 3, "normalized": False}
-        position = {**array, "type": "Float32Array", "array": typed(mesh.vertices, "float32")}
-        index = {**array, "itemSize": 1, "type": "Uint32Array", "array": typed(mesh.faces, "uint32")}
-        return {"data": {"attributes": {"position": position}, "index": index}}
+    """What the page needs of a mesh: triangles of one colour after the other, or its file where that has pictures.
+
+    Points are 16 bits for each axis, in fractions of the box that holds them: 1e-5 of its edges. Corners of triangles
+    are numbers of points, each as the difference to the one before.
+    """
+    if found := surfaces(mesh):
+        low, high = (f([f(s.points, axis=0) for s in found], axis=0) for f in (np.min, np.max))
+        span = np.where(high > low, high - low, 1.0)
+        points = np.concatenate([np.rint((s.points - low) / span * 65535) for s in found])
+        starts = np.cumsum([0, *(len(s.points) for s in found)])
+        faces = [s.faces.ravel() + start for s, start in zip(found, starts[:-1], strict=True)]
+        ends = np.cumsum([0, *map(len, faces)]).tolist()
+        return {
+            "low": low.tolist(),
+            "high": (low + span).tolist(),
+            "points": typed(points, "uint16"),
+            "corners": typed(np.diff(np.concatenate(faces), prepend=0), "int32"),
+            "parts": [
+                {"start": start, "count": end - start, "rgba": s.rgba and list(s.rgba)}
+                for s, start, end in zip(found, ends[:-1], ends[1:], strict=True)
+            ],
+        }
     if mesh.format == "stl":
         return {"data": typed(np.frombuffer(mesh.data, dtype="uint8"), "uint8")}
     images, more = {}, {}
@@ -66,6 +86,8 @@ def scene_object(shape: "Shape", meshes: list["Mesh"], layer: int = 0) -> dict[s
         geometry, turned = _geometry(shape, meshes)
         matrix = turned @ matrix
         body |= {"geometry": "geometry", "material": "material", "renderOrder": layer}
+        if shape.mesh is not None:
+            body["rgba"] = list(shape.rgba or ())
         parts["geometries"] = [{"uuid": "geometry", **geometry}]
         parts["materials"] = [{"uuid": "material", **_material(shape)}]
     body["matrix"] = matrix.T.ravel().tolist()
@@ -77,23 +99,21 @@ def _geometry(shape: "Shape", meshes: list["Mesh"]) -> tuple[dict[str, Any], np.
     size = [float(s) for s in shape.size]
     if shape.mesh is not None:
         kind = {"type": "_meshfile_geometry", "format": shape.mesh.format}
-        if shape.mesh.format == "triangles":
-            kind = {"type": "BufferGeometry"}
         return {**kind, "mesh": meshes.index(shape.mesh)}, np.eye(4)
     if shape.kind == "box":
         return {"type": "BoxGeometry", "width": size[0], "height": size[1], "depth": size[2]}, np.eye(4)
     if shape.kind in ("sphere", "ellipsoid"):
-        ball = {"type": "SphereGeometry", "radius": 1.0, "widthSegments": 32, "heightSegments": 24}
+        ball = {"type": "SphereGeometry", "radius": 1.0, "widthSegments": 40, "heightSegments": 28}
         return ball, np.diag([*(size * 3 if shape.kind == "sphere" else size), 1.0])
     radius, length = size
     if shape.kind == "capsule":
         angle = np.linspace(-np.pi / 2, np.pi / 2, 24)
         x, y = radius * np.cos(angle), radius * np.sin(angle) + np.sign(angle) * length / 2
         profile = [{"x": float(a), "y": float(b)} for a, b in zip(x, y, strict=True)]
-        return {"type": "LatheGeometry", "points": profile, "segments": 32}, Y_TO_Z
+        return {"type": "LatheGeometry", "points": profile, "segments": 40}, Y_TO_Z
     top = 0.0 if shape.kind == "cone" else radius
     round_ = {"type": "CylinderGeometry", "radiusTop": top, "radiusBottom": radius, "height": length}
-    return {**round_, "radialSegments": 32}, Y_TO_Z
+    return {**round_, "radialSegments": 72}, Y_TO_Z
 
 
 def _material(shape: "Shape") -> dict[str, Any]:
@@ -102,8 +122,7 @@ def _material(shape: "Shape") -> dict[str, Any]:
     material = {"type": "MeshPhongMaterial", "color": colour, "opacity": alpha, "transparent": alpha < 1}
     if shape.role == "closure":  # seen through the bodies that hide it
         return {**material, "depthTest": False, "transparent": True}
-    faceted = shape.mesh is not None and shape.mesh.format == "triangles"
-    return {**material, "side": 2, "flatShading": faceted}
+    return {**material, "side": 2, "shininess": 40, "specular": 0x1C1C1C}
 
 
 def _text(data: bytes) -> str:

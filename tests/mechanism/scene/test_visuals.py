@@ -8,7 +8,7 @@ import scenes
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.scene.scene import Mark, make_scene
+from mbdae.mechanism.scene.scene import Mark, Spring, make_scene
 
 
 def is_rotation(quaternion):
@@ -99,18 +99,16 @@ def test_a_rod_keeps_its_length_between_its_anchors():
     assert is_rotation(scene.placements(np.zeros(3))[k, 3:])
 
 
-def test_a_spring_is_two_tubes_from_point_to_point():
+def test_a_spring_goes_from_point_to_point():
     model, identity = pin.Model(), pin.SE3.Identity()
     model.addJoint(0, pin.JointModelTranslation(), identity, "ball")
-    scene = make_scene(model, springs=[Mark("coil", (0, identity), (1, identity), rod=2.0)])
-    assert [(s.role, s.size[1]) for s in scene.shapes[-2:]] == [("force", 1.1)] * 2
-    places = scene.placements(np.array([0.0, 1.2, -1.6]))[-2:]
-    for place, start, way in zip(places, ([0, 0, 0], [0, 1.2, -1.6]), (1, -1), strict=True):
-        axis = pin.XYZQUATToSE3(place).rotation[:, 2]
-        np.testing.assert_allclose(axis, way * np.array([0, 0.6, -0.8]), atol=1e-12)
-        np.testing.assert_allclose(place[:3] - 0.55 * axis, start, atol=1e-12)
-    assert not [s for s in mbdae.load("slider_crank").scene.shapes if s.role == "force"]
-    assert len([s for s in mbdae.load("andrews_squeezer").scene.shapes if s.role == "force"]) == 2
+    scene = make_scene(model, springs=[Spring("coil", (0, identity), (1, identity), length=2.0)])
+    ends = scene.ends(scene.springs, np.array([[0.0, 1.2, -1.6], [0.0, 12.0, 0.0]]))
+    np.testing.assert_allclose(ends[:, 0], [[[0, 0, 0], [0, 1.2, -1.6]], [[0, 0, 0], [0, 12, 0]]])
+    looks = {s.name: (s.coil, s.tube) for name in ("andrews_squeezer", "flyball_governor") for s in
+             mbdae.load(name).scene.springs}  # fmt: skip
+    assert set(looks.values()) == {(True, False), (True, True)}, "the governor's are damped"
+    assert not mbdae.load("slider_crank").scene.springs
 
 
 def test_an_unlimited_slide_on_a_body_has_a_rail_as_long_as_the_body():
@@ -119,6 +117,29 @@ def test_an_unlimited_slide_on_a_body_has_a_rail_as_long_as_the_body():
     assert rail.size[1] == pytest.approx(1.0)
     (rail,) = [s for s in mbdae.load("stewart_platform").scene.shapes if s.name == "piston_1 rail"]
     assert rail.size[1] == pytest.approx(0.5)
+
+
+def test_a_rail_reaches_as_far_as_what_slides_on_it():
+    mech = mbdae.load("cart_pole")
+    q = np.repeat(mech.start[0][None], 3, axis=0)
+    q[:, 0] = 0.2, 1.3, 0.7
+    scene = mech.scene.travelled(q)
+    k = [s.name for s in scene.shapes].index("cart rail")
+    assert scene.shapes[k].size[1] == pytest.approx(1.1 + 14 * scene.width)
+    place = scene.placements(q[0])[k]
+    np.testing.assert_allclose(place[:3], [0.75, 0, 0], atol=1e-12)
+    assert np.ptp(scene.shapes[k].bounds[:, 2]) == pytest.approx(scene.shapes[k].size[1], rel=1e-3)
+
+
+def test_a_loop_that_closes_ends_in_a_pin(fourbar):
+    shapes = {s.name: s for s in fourbar.scene.shapes}
+    assert shapes["loop pin"].role == "joint"
+    hinge = Mark("hinge", (2, pin.SE3.Identity()), (3, pin.SE3.Identity()), axis=np.array([1.0, 0, 0]))
+    scene = make_scene(fourbar.model, None, [hinge])
+    k = [s.name for s in scene.shapes].index("hinge pin")
+    assert (shapes["loop pin"].kind, scene.shapes[k].kind) == ("sphere", "cylinder")
+    axis = pin.XYZQUATToSE3(scene.placements(np.zeros(3))[k]).rotation[:, 2]
+    np.testing.assert_allclose(np.abs(axis), [1, 0, 0], atol=1e-12)
 
 
 def test_bodies_without_visuals_join_those_that_have_them(panda):

@@ -159,7 +159,7 @@ CHOOSE = """
 def test_the_page_shows_the_mode_that_is_chosen(tmp_path):
     found = mbdae.modes(mbdae.load("four_bar"))
     arm = mbdae.modes(mbdae.load("panda_handle"))
-    log = Chromium(tmp_path).ask(arm.animate(tmp_path / "modes.html"), CHOOSE)
+    log = Chromium().ask(arm.animate(tmp_path / "modes.html"), CHOOSE)
     assert log["names"] == [f"mode {i + 1}: {arm.describe(i)}" for i in range(4)]
     first, second = np.array(log["places"])
     assert np.abs(first - second).max() > 0.01

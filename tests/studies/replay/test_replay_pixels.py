@@ -1,0 +1,70 @@
+"""What pixels say of a replay: the mechanism fills the scene, springs stay whole."""
+
+import base64
+from io import BytesIO
+
+import numpy as np
+import pytest
+from browser import Chromium
+from PIL import Image
+from scenes import motion
+
+import mbdae
+from mbdae.studies.replay.replay import animate
+
+SEEN = ("slider_crank", "spring_four_bar", "andrews_squeezer", "jansen_walker", "stewart_platform", "bicycle",
+        "cart_pole", "car_axis", "flyball_governor", "panda_handle")  # fmt: skip
+SIZES = (1280, 800), (390, 844)
+WITHOUT = """(() => {
+  const root = nodeOf(mbdae.viewer, "mechanism"), pane = mbdae.viewer.renderer.domElement;
+  const look = () => { mbdae.viewer.render(); return pane.toDataURL(); };
+  root.floor.visible = false;
+  const full = look(), hidden = root.children.filter(x => x.visible && !x.isLight && x !== root.floor);
+  for (const x of hidden) x.visible = false;
+  const empty = look();
+  for (const x of hidden) x.visible = true;
+  return [full, empty];
+})()"""
+
+
+def picture_of(url):
+    with Image.open(BytesIO(base64.b64decode(url.partition(",")[2]))) as image:
+        return np.asarray(image.convert("RGB"), dtype=int)
+
+
+def drawn(tab):
+    """Where the mechanism is in the scene: the pixels that change when it is hidden."""
+    full, empty = map(picture_of, tab.evaluate(WITHOUT))
+    return np.abs(full - empty).max(axis=2) > 12
+
+
+@pytest.mark.parametrize("name", SEEN)
+def test_the_mechanism_fills_the_scene(name, tmp_path):
+    mech = mbdae.load(name)
+    end = min(1.0, mech.duration)
+    page = animate(mbdae.solve(mech, (0, end), rtol=1e-4), tmp_path / "run.html", fps=10)
+    with Chromium().open(f"{page.as_uri()}#t={0.3 * end}&shadows=0", SIZES[0]) as tab:
+        for size in SIZES:
+            tab.resize(size)
+            seen = drawn(tab)
+            shares = [np.ptp(np.flatnonzero(seen.any(axis=axis))) / seen.shape[1 - axis] for axis in (0, 1)]
+            assert 0.5 < max(shares) < 1.0, (size, shares)
+
+
+def test_a_stretched_spring_stays_whole(tmp_path):
+    import pinocchio as pin
+
+    from mbdae.mechanism.scene.scene import Spring, make_scene
+
+    model, still = pin.Model(), pin.SE3.Identity()
+    model.addJoint(0, pin.JointModelPX(), still, "slide")
+    for look in ({"coil": True}, {"coil": False, "tube": True}, {"coil": True, "tube": True}):
+        scene = make_scene(model, springs=[Spring("pull", (0, still), (1, still), 0.2, **look)])
+        page = animate(motion(scene, lambda t: np.array([0.1 + t])), tmp_path / "run.html", plots=())
+        with Chromium().open(f"{page.as_uri()}#t=0&camera=front&shadows=0", (900, 300)) as tab:
+            for t in (0.0, 0.5, 2.0):
+                tab.evaluate(f"mbdae.seek({t}); 0")
+                columns = np.flatnonzero(drawn(tab).any(axis=0))
+                assert (np.diff(columns) == 1).all(), (look, t)
+                scale = tab.evaluate("mbdae.view.camera.right - mbdae.view.camera.left")
+                assert np.ptp(columns) / 900 * scale >= 0.99 * (0.1 + t)
