@@ -57,7 +57,7 @@ def gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
 def bodies(scene: "Scene", model: Any) -> list[dict[str, str]]:
     """Bodies that the camera can follow, the heaviest first, each with the path of one of its shapes."""
     weight = {name: model.inertias[i].mass for i, name in enumerate(model.names) if i}
-    out = {}
+    out: dict[str, str] = {}
     for shape, carriers in zip(scene.shapes, scene.carriers, strict=True):
         if len(carriers) == 1 and carriers[0] and shape.role in ("visual", "link", "joint"):
             out.setdefault(model.names[carriers[0]], node(shape))
