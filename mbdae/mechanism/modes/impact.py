@@ -18,9 +18,10 @@ from scipy.optimize import nnls
 from ...errors import StepError
 from ...system import Array
 
-STILL = 1e-12  # of 1 + |v|: a speed below is none
+STILL = 1e-10  # of 1 + |v|: a speed below is none
 ROUNDS = 200  # of rows that strike one after another at one instant; the last one with e = 0
 RANK = 1e-7  # of the largest singular value, and of a row: what is left of it beside others
+SHARP = 1e-12  # of the speed: how well impulses are found again from velocities
 CONTRADICTION = 1e-6  # of 1 + |v|: a speed that rows ask for which depend on others
 
 
@@ -72,10 +73,11 @@ def strike(U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: 
         A = BU[:, which] - Q @ (Q.T @ BU[:, which])
         able = np.linalg.norm(A, axis=0) > RANK * np.linalg.norm(BU[:, which], axis=0)
         short = goal - BU[:, which].T @ closed
+        short[(short > 0) & (short <= still)] = 0.0
         if (short[~able] > CONTRADICTION * (1 + float(np.abs(v).max()))).any():
             raise StepError("impact", "closures keep what strikes from giving way")
         p = np.zeros(len(which))
-        p[able] = _least(A[:, able], short[able])
+        p[able] = _least(A[:, able], short[able], float(np.linalg.norm(U @ v)))
         new = closed + A @ p
         impulse = pinv @ (new - x - BU[:, which] @ p) if len(kept) else P
         work += float(p @ (BU[:, which].T @ (x + new))) / 2 + float(impulse @ (BG.T @ (x + new))) / 2
@@ -94,27 +96,27 @@ def _range(B: Array) -> tuple[Array, Array]:
     return left[:, :r], (right[:r].T / sizes[:r]) @ left[:, :r].T
 
 
-def _least(A: Array, f: Array) -> Array:
-    """The p >= 0 (m,) for which x = A p is the shortest x with A^T x >= f.
+def _least(A: Array, f: Array, size: float) -> Array:
+    """The p >= 0 (m,) for which x = A p, of about a size, is the shortest x with A^T x >= f.
 
     Raises:
         StepError: where no x meets all of them.
     """
-    scale = float(np.abs(f).max(initial=0.0))
-    if not scale or not (f > 0).any():
+    if not (f > 0).any():
         return np.zeros(len(f))
     sizes = np.linalg.norm(A, axis=0)
     An, fn = A / sizes, f / sizes
-    scale = float(np.abs(fn).max())
+    scale = max(size, float(np.abs(fn).max()))
     E, last = np.vstack([An, fn / scale]), np.append(np.zeros(len(A)), 1.0)
     u, _ = nnls(E, last)
     rest = 1.0 - float(fn / scale @ u)
     if not rest > RANK:
+        if f.max() <= CONTRADICTION * (1 + size):  # what is left where everything stands still
+            return np.zeros(len(f))
         raise StepError("impact", "what strikes at one instant cannot all give way")
-    p, out = np.zeros(len(f)), np.flatnonzero(u > 0)
-    exact = np.linalg.lstsq(An[:, out].T, fn[out], rcond=RANK)[0]  # x, to rounding
-    found = np.linalg.lstsq(An[:, out], exact, rcond=RANK)[0]
-    if (found < 0).any() or (An.T @ exact < fn - 1e-9 * scale).any():
-        found = u[out] / rest * scale
-    p[out] = found / sizes[out]
-    return p
+    out = u > 0
+    x = np.linalg.lstsq(An[:, out].T, fn[out], rcond=RANK)[0]  # to rounding, where those are the active ones
+    p, miss = nnls(An, x)
+    if miss > SHARP * size or (An.T @ x < fn - SHARP * scale).any():
+        p = u / rest * scale
+    return p / sizes

@@ -1,0 +1,85 @@
+"""Small mechanisms that strike something, and random ones."""
+
+import numpy as np
+import pinocchio as pin
+
+from mbdae import Closure, Mechanism, Stop
+
+G = 9.81
+
+
+def empty(gravity=-G):
+    model = pin.Model()
+    model.gravity.linear = np.array([0.0, 0.0, gravity])
+    return model
+
+
+def carried(model, parent, joint, name, mass=1.0, com=(0.0, 0.0, 0.0), inertia=(0.0, 0.0, 0.0), place=None):
+    """Add a joint with a body and a frame of the same name."""
+    j = model.addJoint(parent, joint, place or pin.SE3.Identity(), name)
+    model.appendBodyToJoint(j, pin.Inertia(mass, np.array(com), np.diag(inertia)), pin.SE3.Identity())
+    model.addFrame(pin.Frame(name, j, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    return j
+
+
+def frame(model, joint, name, *xyz):
+    model.addFrame(pin.Frame(name, joint, 0, pin.SE3(np.eye(3), np.array(xyz)), pin.FrameType.OP_FRAME))
+
+
+def plane(name, restitution=0.0, **more):
+    return Closure(kind="in_plane", frames=("world", name), unilateral=True, restitution=restitution, name=name, **more)
+
+
+def ball(restitution=0.8, rest=1e-7):
+    model = empty()
+    carried(model, 0, pin.JointModelPZ(), "z")
+    return Mechanism(model, stops=[Stop(joint="z", lower=0.0, restitution=restitution, rest=rest)])
+
+
+def pendulum(lower=0.3, restitution=0.7):
+    """A point on a massless rod of 1 m."""
+    model = empty()
+    carried(model, 0, pin.JointModelRY(), "a", com=(0, 0, -1.0))
+    return Mechanism(model, stops=[Stop(joint="a", lower=lower, restitution=restitution)])
+
+
+def dropped_chain(rng):
+    """A chain of up to four links that falls on a plane, and a state; its tips strike the plane, its joints stops."""
+    n, kind, e = int(rng.integers(1, 5)), int(rng.integers(3)), float(rng.choice([0.0, 0.3, 0.5, 0.8, 1.0]))
+    upright = pin.SE3(pin.utils.rotate("x", np.pi / 2), np.zeros(3))
+    base, place = ((pin.JointModelPlanar(), upright), (pin.JointModelPZ(), None), (pin.JointModelFreeFlyer(), None))[kind]
+    model, closures, stops, joint = empty(), [], [], 0
+    for k in range(n):
+        hinge = pin.JointModelRX() if kind == 2 and rng.random() < 0.5 else pin.JointModelRY()
+        moving = base if not k else pin.JointModelRZ() if kind == 0 else hinge
+        length, mass = float(rng.uniform(0.3, 0.8)), float(rng.uniform(0.2, 2))
+        moment = mass * length**2 / 12
+        joint = carried(
+            model, joint, moving, f"j{k}", mass, (length / 2, 0, 0), (0.002, moment, moment),
+            place if not k else pin.SE3(np.eye(3), np.array([last, 0, 0])),
+        )  # fmt: skip
+        last = length
+        frame(model, joint, f"tip{k}", length, 0, 0)
+        closures.append(plane(f"tip{k}", e))
+        if k and rng.random() < 0.7:
+            ends = {"lower": -float(rng.uniform(0.05, 1)), "upper": float(rng.uniform(0.05, 1))}
+            stops.append(Stop(joint=f"j{k}", restitution=float(rng.choice([0.0, e, 0.5])), **ends))
+    mech = Mechanism(model, [plane("j0", e), *closures], stops=stops)
+    q = pin.neutral(model)
+    for s in stops:
+        q[model.joints[model.getJointId(s.joint)].idx_q] = rng.uniform(0.9 * s.lower, 0.9 * s.upper)
+    if kind == 2:
+        q[3:7] = pin.Quaternion(pin.exp3(0.5 * rng.normal(size=3))).coeffs()
+    elif kind == 0:
+        turn = rng.uniform(-0.8, 0.8)
+        q[2:4] = np.cos(turn), np.sin(turn)
+    q[(1, 0, 2)[kind]] += float(rng.choice([0.0, 0.05, 0.5])) - gaps(mech, q)[: n + 1].min()
+    return mech, q, float(rng.choice([0.0, 0.5, 2.0])) * rng.normal(size=model.nv)
+
+
+def gaps(mech, q):
+    """Gaps of all rows that press on one side, (k,), positive where they are open."""
+    from mbdae.mechanism.modes.point import AllRows
+
+    g = AllRows(mech.system())(0.0, q)[0]
+    return np.array([s.sign * g[s.row] for s in mech.switches])

@@ -1,0 +1,117 @@
+"""A four-bar that strikes a stop ten times: methods keep their order, both back ends, studies and files go along."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import mbdae
+from mbdae import Mechanism, Solution, Stop
+from mbdae.errors import InputError
+from tests.bouncing import carried, empty
+
+T = 4.9
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    return mbdae.load("four_bar", stops=[Stop(joint="rocker", lower=1.1, upper=1.9, restitution=0.9)])
+
+
+def sampled(sol):
+    at = np.searchsorted(sol.t, np.arange(1, 17) * T / 16 * (1 + 1e-12), side="right") - 1
+    return sol.q[at], sol.v[at]
+
+
+@pytest.fixture(scope="module")
+def reference(four_bar):
+    one, other = (mbdae.solve(four_bar, (0, T), method=m, step=T / 8192) for m in ("pherk6", "herk5"))
+    assert max(np.abs(a - b).max() for a, b in zip(sampled(one), sampled(other), strict=True)) < 1e-12
+    return one
+
+
+@pytest.mark.parametrize(("method", "order", "n"), [("herk5", 4.8, 512), ("pherk5", 4.8, 512), ("pherk6", 5.7, 256)])
+def test_orders_through_ten_impacts(four_bar, reference, method, order, n):
+    errors, ns = [], [n, 2 * n, 4 * n, 8 * n]
+    for n in ns:
+        sol = mbdae.solve(four_bar, (0, T), method=method, step=T / n)
+        assert len(sol.impacts) == len(reference.impacts) >= 10
+        errors.append([np.abs(a - b).max() for a, b in zip(sampled(sol), sampled(reference), strict=True)])
+    slopes = -np.polyfit(np.log2(ns), np.log2(errors), 1)[0]
+    assert (slopes >= order).all(), slopes
+
+
+@pytest.mark.parametrize("method", ["herk5", "pherk5", "pherk6", "radau5"])
+def test_both_back_ends_go_the_same_way(four_bar, method):
+    native, python = (mbdae.solve(four_bar, (0, 2.1), method=method, step=0.01, backend=b) for b in ("native", "python"))
+    assert native.modes == python.modes and len(native.impacts) == 3
+    np.testing.assert_allclose(native.y, python.y, rtol=0, atol=1e-9)
+    np.testing.assert_allclose([x.rows for x in native.impacts], [x.rows for x in python.impacts], atol=1e-9)
+
+
+def test_energy_is_balanced_with_losses_and_loops_stay_shut(four_bar, reference):
+    s = reference.signals()
+    off = s["energy"] - s["energy"][0] - s["work"]
+    assert np.abs(off).max() < 1e-13 * np.ptp(s["potential"])
+    lost = sum(x.loss for x in reference.impacts)
+    assert lost == pytest.approx(-s["work"][-1], rel=1e-12) and all(x.loss > 0 for x in reference.impacts)
+    assert s["g"].max() < 1e-13 and s["Gv"].max() < 1e-12
+    assert s["q.rocker"].min() > 1.1 - 1e-13
+    # the pin of the loop passes an impulse on: no bar moves as it would alone
+    assert all(np.linalg.norm(x.rows[:3]) > 1e-3 * x.impulse[0] for x in reference.impacts)
+
+
+def test_runs_are_saved_and_read_again(four_bar, tmp_path):
+    sol = mbdae.solve(four_bar, (0, 1.5), rtol=1e-8)
+    sol.save(tmp_path / "run.npz")
+    again = Solution.load(tmp_path / "run.npz")
+    assert again.modes == sol.modes and again.impacts == sol.impacts
+    times = np.linspace(0, 1.5, 40)
+    np.testing.assert_array_equal(again(times).q, sol(times).q)
+    np.testing.assert_allclose(again.lam, sol.lam, rtol=1e-12, atol=1e-12)
+    assert again.mechanism.stops == four_bar.stops
+
+
+@pytest.mark.parametrize(
+    ("how", "text"),
+    [
+        ({"formulation": "ggl"}, "need formulation 'index2'"),
+        ({"formulation": "index1", "method": "dop853"}, "need formulation 'index2'"),
+    ],
+)
+def test_what_knows_no_modes_refuses(four_bar, how, text):
+    with pytest.raises(InputError, match=text):
+        mbdae.solve(four_bar, (0, 1), **how)
+
+
+def test_time_does_not_run_back(four_bar):
+    with pytest.raises(InputError, match="forward in time"):
+        mbdae.solve(four_bar, (0, -1))
+
+
+def test_a_start_beyond_a_stop_is_refused(four_bar):
+    mech = mbdae.load("four_bar", stops=[Stop(joint="rocker", upper=1.0)])
+    with pytest.raises(InputError, match="'rocker stop' is passed by .* rad at the start"):
+        mbdae.solve(mech, (0, 1))
+
+
+@pytest.mark.parametrize(
+    ("keys", "text"),
+    [
+        ({"joint": "rocker"}, "a stop needs lower, upper or both"),
+        ({"lower": 1.0}, "a stop needs joint, joints or limits = true"),
+        ({"joint": "rocker", "lower": 1.0, "upper": 0.5}, "lower must lie below upper"),
+        ({"joint": "rocker", "lower": 1.0, "restitution": 1.5}, "less than or equal to 1"),
+        ({"joint": "rocker", "lower": 1.0, "end": 1.5}, "unknown key end; known: coefficients, joint"),
+        ({"joints": ("rocker", "crank"), "lower": 1.0}, "a stop of joints needs coefficients"),
+    ],
+)
+def test_wrong_stops_are_named(keys, text):
+    with pytest.raises(InputError, match=text):
+        Stop(**keys)
+
+
+def test_unbounded_joints_have_no_ends():
+    model = empty()
+    carried(model, 0, pin.JointModelRUBZ(), "wheel")
+    with pytest.raises(InputError, match="joint 'wheel' turns without end"):
+        Mechanism(model, stops=[Stop(joint="wheel", lower=0.0)])

@@ -1,0 +1,121 @@
+"""Stops, planes, ropes and wheels against closed forms, on both back ends."""
+
+import mpmath as mp
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import mbdae
+from mbdae import Closure, Mechanism, Stop
+from tests.bouncing import G, ball, carried, empty, frame, gaps, pendulum, plane
+
+BACKENDS = ("native", "python")
+
+
+def balance(sol):
+    s = sol.signals()
+    off = s["energy"] - s["energy"][0] - s["work"] + s["work"][0]
+    return np.abs(off).max() / max(s["kinetic"].max(), np.ptp(s["potential"]))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("how", [{"rtol": 1e-9}, {"step": 0.05}], ids=["controlled", "fixed"])
+def test_a_ball_bounces_until_it_rests(backend, how):
+    # t_1 = sqrt(2 h/g), impacts at t_1 (1 + 2 e (1 - e^k)/(1 - e)), at rest from t_1 (1 + e)/(1 - e) on
+    e, rest = 0.8, 1e-7
+    sol = mbdae.solve(ball(e, rest), (0, 5), [1.0], [0.0], backend=backend, **how)
+    t = np.array([x.t for x in sol.impacts])
+    first, k = np.sqrt(2 / G), np.arange(len(t))
+    assert sol.status == "finished" and len(t) >= 70
+    np.testing.assert_allclose(t, first * (1 + 2 * e * (1 - e**k) / (1 - e)), rtol=0, atol=4e-14)
+    end = sol.t[sol.modes[-1][0]]
+    assert sol.modes[-1][1] == (1,) and abs(end - first * (1 + e) / (1 - e)) < rest / (1 - e)
+    np.testing.assert_allclose(sol.impacts[0].impulse, (1 + e) * np.sqrt(2 * G), rtol=1e-13)
+    np.testing.assert_allclose(sol.impacts[0].loss, (1 - e**2) * G, rtol=1e-13)
+    assert sol.lam[-1, 0] == pytest.approx(G) and sol.lam[0, 0] == 0
+    assert balance(sol) < 1e-13 and sol.q.min() > -1e-13
+
+
+def test_a_pendulum_strikes_a_stop():
+    # cos top = cos s - e^2 (cos s - cos top); times by elliptic integrals
+    mp.mp.dps = 30
+    s, top, e = mp.mpf("0.3"), mp.mpf("1.2"), mp.mpf("0.7")
+
+    def fall(top):
+        k = mp.sin(top / 2) ** 2
+        return (mp.ellipk(k) - mp.ellipf(mp.asin(mp.sin(s / 2) / mp.sin(top / 2)), k)) / mp.sqrt(mp.mpf("9.81"))
+
+    t = [fall(top)]
+    for _ in range(30):
+        top = mp.acos(mp.cos(s) - e**2 * (mp.cos(s) - mp.cos(top)))
+        t.append(t[-1] + 2 * fall(top))
+    sol = mbdae.solve(pendulum(), (0, 4.0), [1.2], [0.0], rtol=1e-12)
+    found = [x.t for x in sol.impacts]
+    assert 8 < len(found) < 27
+    np.testing.assert_allclose(found, [float(x) for x in t[: len(found)]], rtol=0, atol=5e-13)
+    assert balance(sol) < 1e-12
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_rope_goes_slack_and_taut(backend):
+    # from the lowest point with v^2 = 3.5 g L the rope carries nothing at z = (v^2/(g L) - 2)/3 L
+    model = empty()
+    carried(model, 0, pin.JointModelTranslation(), "m")
+    frame(model, 0, "peg", 0, 0, 0)
+    mech = Mechanism(model, [Closure(kind="distance", frames=("peg", "m"), length=1.0, unilateral=True)])
+    start = np.array([0, 0, -1.0]), np.array([np.sqrt(3.5 * G), 0, 0])
+    sol = mbdae.solve(mech, (0, 3), *start, rtol=1e-11, backend=backend)
+    assert [mode for _, mode in sol.modes][:3] == [(1,), (0,), (1,)]
+    assert sol.q[sol.modes[1][0], 2] == pytest.approx(0.5, abs=1e-10)
+    assert sol.lam.max() <= 1e-9 and gaps(mech, sol.q[-1]).min() > -1e-12
+    assert np.linalg.norm(sol.q, axis=1).max() < 1 + 1e-12
+    assert balance(sol) < 1e-9
+
+
+def test_a_wheel_that_falls_rolls_on():
+    # each impact is without slip; I + m r^2 = 2 I leaves two thirds of the speed that it has without turning
+    model = empty()
+    carried(model, 0, pin.JointModelFreeFlyer(), "hub", 2.0, inertia=(0.05, 0.09, 0.05))
+    rolls = Closure(kind="rolling", frames=("world", "hub"), radius=0.3, axis=(0, 1, 0), unilateral=True, restitution=0.3)
+    q, v = pin.neutral(model), np.array([1.0, 0, 0, 0, 0, 0])
+    q[2] = 0.5
+    sol = mbdae.solve(Mechanism(model, [rolls]), (0, 1.5), q, v, rtol=1e-9)
+    assert sol.modes[-1][1] == (1,) and len(sol.impacts) > 5
+    np.testing.assert_allclose(np.hypot(sol.v[-1, 0], sol.v[-1, 2]), 2 / 3, rtol=1e-8)
+    np.testing.assert_allclose(sol.v[-1, 4], 2 / 3 / 0.3, rtol=1e-8)
+
+
+def geared(**stop):
+    model = empty(0.0)
+    for name in "ab":
+        carried(model, 0, pin.JointModelRY(), name, inertia=(1, 1, 1))
+    return Mechanism(model, stops=[Stop(joints=("a", "b"), coefficients=(0.0, 2.0), **stop)])
+
+
+def test_backlash_is_two_stops_on_a_coupling():
+    # -0.1 <= a - 2 b <= 0.1: a strikes at t = 0.1 with p = 1/(1 + 4), which leaves a 4/5 and gives b 2/5
+    sol = mbdae.solve(geared(lower=-0.1, upper=0.1), (0, 3), [0.0, 0.0], [1.0, 0.0])
+    assert [x.t for x in sol.impacts] == pytest.approx([0.1], abs=1e-14)
+    np.testing.assert_allclose(sol.v[-1], [0.8, 0.4], rtol=1e-14)
+    np.testing.assert_allclose(sol.q[-1, 0] - 2 * sol.q[-1, 1], 0.1, rtol=1e-13)
+
+
+@pytest.mark.parametrize("above", [1e-9, -1e-9])
+def test_a_visit_within_a_step_is_seen(above):
+    # thrown down at a plane by a force that turns it back there: z = above + (t - 1)^2, in one long step
+    model = empty(2.0)
+    carried(model, 0, pin.JointModelPZ(), "z")
+    mech = Mechanism(model, [plane("z")])
+    sol = mbdae.solve(mech, (0, 2), [1.0 + above], [-2.0], step=2.0)
+    assert len(sol.impacts) == (above < 0)
+
+
+def test_a_load_that_turns_opens_a_stop():
+    # pressed by a force A sin wt + T until A sin wt = -T
+    model = empty(0.0)
+    carried(model, 0, pin.JointModelPZ(), "z")
+    turning = mbdae.JointTorque(joint="z", torque={"kind": "harmonic", "offset": -1.0, "amplitude": -2.0, "omega": 3.0})
+    mech = Mechanism(model, stops=[Stop(joint="z", lower=0.0)], forces=[turning])
+    sol = mbdae.solve(mech, (0, 1.6), [0.0], [0.0], rtol=1e-11)
+    assert [m for _, m in sol.modes] == [(1,), (0,)]
+    assert sol.t[sol.modes[1][0]] == pytest.approx((np.pi + np.arcsin(0.5)) / 3, abs=1e-12)
