@@ -23,6 +23,7 @@ ROUGH = 0.05  # of what a load has left to its limit: how far it may be off a cu
 NEAR_LIMIT = 0.02  # of the limit: no less counts as left
 NEARLY = 0.9  # of the limit: peaks of loads beyond are looked at
 EPS = 1e-9  # of an imaginary part
+ROOT = 1e-6  # of a bracket: a zero of a struck row that is nearer to the start is the start itself
 HALVINGS = 40  # towards the start of a step
 NEWTON = 12  # iterations, of which three or four are needed
 At = Callable[[float], "ModePoint"]
@@ -166,11 +167,11 @@ def _locate(followed: Followed, step: "StepMap", at: At, high: float) -> float:
         theta = _cubic_zero(max(f0, 0.0), followed.value(at(high)), high * h * r0, high * h * guard.rate(at(high)))
         theta, nearest, best = theta * high, 0.0, np.inf
         for _ in range(NEWTON):
-            if not 0 < theta < high:
+            if not (ROOT * high if struck else 0.0) < theta < high:
                 break
             f, slope = followed.value(at(theta)), h * guard.rate(at(theta))
             if not slope < 0 or not abs(f) < best:
-                if best <= followed.band:
+                if best <= followed.band and not struck:
                     return nearest
                 break
             nearest, best, move = theta, abs(f), f / slope

@@ -89,7 +89,7 @@ class Sticking(Switch):
     ) -> int:
         if held:
             return STUCK
-        return AHEAD if (lam[0] < 0 if len(lam) else point.v[self.column] > 0) else BACK
+        return AHEAD if (rates[0] if len(rates) else point.v[self.column]) > 0 else BACK
 
     def enter(self, system: "Index2System", state: int) -> None:  # noqa: D102
         for law, _ in system.laws.bound:
