@@ -26,17 +26,17 @@ class SliderCrank:
 
     def terms(self, p):
         """Inertia and its slope, the generalised force of gravity, and x'(p)."""
-        r, l, (m1, m2, m3) = 0.1, 0.35, (0.5, 0.4, 0.6)
+        r, L, (m1, m2, m3) = 0.1, 0.35, (0.5, 0.4, 0.6)
         s, c = np.sin(p), np.cos(p)
-        sb = r * s / l
+        sb = r * s / L
         cb = np.sqrt(1 - sb * sb)
-        db = r * c / (l * cb)
-        ddb = (-r * s + l * sb * db * db) / (l * cb)
-        x1, z1 = -r * s - l / 2 * sb * db, -r * c / 2  # of the rod's middle
-        x2, z2 = -r * c - l / 2 * (cb * db * db + sb * ddb), r * s / 2
-        y1, y2 = -r * s - l * sb * db, -r * c - l * (cb * db * db + sb * ddb)  # of the slider
-        inertia = m1 * r * r / 3 + m2 * (x1 * x1 + z1 * z1) + m2 * l * l / 12 * db * db + m3 * y1 * y1
-        slope = 2 * (m2 * (x1 * x2 + z1 * z2) + m2 * l * l / 12 * db * ddb + m3 * y1 * y2)
+        db = r * c / (L * cb)
+        ddb = (-r * s + L * sb * db * db) / (L * cb)
+        x1, z1 = -r * s - L / 2 * sb * db, -r * c / 2  # of the rod's middle
+        x2, z2 = -r * c - L / 2 * (cb * db * db + sb * ddb), r * s / 2
+        y1, y2 = -r * s - L * sb * db, -r * c - L * (cb * db * db + sb * ddb)  # of the slider
+        inertia = m1 * r * r / 3 + m2 * (x1 * x1 + z1 * z1) + m2 * L * L / 12 * db * db + m3 * y1 * y1
+        slope = 2 * (m2 * (x1 * x2 + z1 * z2) + m2 * L * L / 12 * db * ddb + m3 * y1 * y2)
         return inertia, slope, GRAVITY * (m1 * r * c / 2 - m2 * z1), y1
 
     def load(self, t, p):

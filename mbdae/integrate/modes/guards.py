@@ -71,7 +71,7 @@ def first(guards: Sequence[Followed], step: "StepMap", at: At) -> tuple[float, l
         step: the step.
         at: the point after a share of it.
     """
-    theta, fired = 2.0, []
+    theta, fired = 2.0, list[Guard]()
     near = 4 * _sharp(step)
     waiting = [(guard, _below(guard, step, at)) for guard in guards]
     while True:

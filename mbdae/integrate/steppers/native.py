@@ -35,6 +35,7 @@ class NativeStepper(Stepper):
 
     def __init__(self, inner: PythonStepper, system: Any, tableau: Any, project: bool) -> None:
         self.inner, self.system, self.tableau = inner, system, tableau
+        self.controls = inner.controls
         self.run: Run = system.native.Run()
         self.run.project, self.run.seconds = project, SECONDS
         self.watched: Any = None
@@ -61,10 +62,6 @@ class NativeStepper(Stepper):
 
     def bound(self, h: float) -> None:  # noqa: D102
         self.inner.bound(h)
-
-    @property
-    def controls(self) -> bool:  # noqa: D102
-        return self.inner.controls
 
     def take_back(self) -> None:  # noqa: D102
         self.inner.take_back()

@@ -115,7 +115,7 @@ class FrictionElement(ForceElement):
 
 
 class DryElement(ForceElement):
-    """tau = -d * sign with d (nv,), and the directions in which joints slip in a mode, sign (nv,): 0 where they stick."""
+    """tau = -d * sign with d (nv,) and the directions in which joints slip in a mode, sign (nv,), 0 where they stick."""
 
     def __init__(self, name: str, d: Array) -> None:
         super().__init__(name)

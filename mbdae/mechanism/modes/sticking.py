@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ..closures.brake import Brake
 from ..forces.joint_friction import DryElement
 from ..frames import find_joint
