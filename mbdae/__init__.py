@@ -11,6 +11,7 @@ from .integrate.events import Event
 from .integrate.solve import solve
 from .mechanism import (
     Closure,
+    Clutch,
     Driver,
     Function,
     Mechanism,
@@ -45,6 +46,7 @@ def __getattr__(name: str) -> Any:
 __all__ = [
     "METHODS",
     "Closure",
+    "Clutch",
     "Driver",
     "Event",
     "Function",

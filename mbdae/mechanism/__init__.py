@@ -2,6 +2,7 @@
 
 from ..errors import NotCompiled
 from .closures.closure import Closure
+from .closures.clutch import Clutch
 from .closures.driver import Driver
 from .closures.one_sided import Stop
 from .contacts import Contact, contact
@@ -20,6 +21,7 @@ from .singularity import Singular
 globals().update(NAMES)  # every force is public, found and not listed
 
 __all__ = [
+    "Clutch",
     "Closure",
     "Compiled",
     "Contact",

@@ -14,6 +14,7 @@ from .appearance import appearance
 from .assembly import START, assemble, refuse_inconsistent
 from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
+from .closures.clutch import Clutch
 from .closures.constraints import Constraints, Spec, anchors
 from .closures.driver import Driver
 from .closures.one_sided import Stop
@@ -47,6 +48,7 @@ class Mechanism:
         closures: loop closures, see `mbdae.Closure`.
         drivers: joints, couplings or distances that follow functions of time, see `mbdae.Driver`.
         stops: ends of the ways of joints, see `mbdae.Stop`.
+        clutches: one-way clutches and ratchets, see `mbdae.Clutch`.
         forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
         start: values of joints at the start, see `mbdae.mechanism.start.Start`.
         visuals: Pinocchio geometry for the replay; generated from the joints when left out.
@@ -73,6 +75,7 @@ class Mechanism:
         *,
         drivers: Sequence[Driver] = (),
         stops: Sequence[Stop] = (),
+        clutches: Sequence[Clutch] = (),
         start: Start | None = None,
         visuals: pin.GeometryModel | None = None,
         title: str = "",
@@ -87,8 +90,8 @@ class Mechanism:
         self.motors, self.left_out = tuple(motors), tuple(left_out)
         self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), ends(model, stops)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
-        brakes = brakes_of(model, self.forces)
-        self.constraints: tuple[Spec, ...] = (*self.closures, *self.drivers, *self.stops, *brakes)
+        self.clutches, brakes = tuple(clutches), brakes_of(model, self.forces)
+        self.constraints: tuple[Spec, ...] = (*self.closures, *self.drivers, *self.stops, *self.clutches, *brakes)
         names = [c.name for c in self.constraints]
         if len(set(names)) < len(names):
             raise InputError(f"closures, drivers and stops need names of their own, got {', '.join(names)}")

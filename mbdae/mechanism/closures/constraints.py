@@ -18,13 +18,14 @@ from ..frames import Anchor, Pair, anchor, support
 from ..pair_slopes import PairSlopes
 from .brake import Brake
 from .closure import Closure
+from .clutch import Clutch
 from .driver import Driver
 from .joint_part import JointPart, joint_part
 from .one_sided import Stop
 from .rows import FrameRows
 from .user_rows import UserRow
 
-Spec = Closure | Driver | Stop | Brake
+Spec = Closure | Driver | Stop | Brake | Clutch
 
 
 class FramePart(NamedTuple):

@@ -13,7 +13,7 @@ from ...system import Array
 from ..frames import find_joint
 from ..joints import subspace
 from .curves import fold_of, slopes_of
-from .rows import Coordinate, Curved, JointRow, Ratio, Sum
+from .rows import Coordinate, Curved, JointRow, Ratio, Sum, Teeth
 
 LARGEST_DENOMINATOR = 1000
 
@@ -112,6 +112,20 @@ class CoordinatePart(JointPart):
         if len(self._live) == 1:
             return 0.0, 0.0
         return _horner(self.polynomial, _coordinate(self._live[1].joint_q))[2:]
+
+
+class TeethPart(CoordinatePart):
+    """g = x_i - p(x_j) up to multiples of a pitch.
+
+    Raises:
+        InputError: for a joint that turns without end.
+    """
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Teeth, at: int, name: str) -> None:
+        JointPart.__init__(self, model, data, (row.joint, row.other), row, at, name)
+        if any(j.nq > 1 for j in self.joints):
+            raise InputError(f"{name!r}: a joint that turns without end does not say which tooth is next; bound it")
+        self.period = row.pitch
 
 
 class CurvedPart(CoordinatePart):
@@ -218,6 +232,8 @@ def joint_part(model: pin.Model, data: pin.Data, row: JointRow, at: int, name: s
     """Bind a row between joints to a workspace."""
     if isinstance(row, Sum):
         return SumPart(model, data, row, at, name)
+    if isinstance(row, Teeth):
+        return TeethPart(model, data, row, at, name)
     if isinstance(row, Curved):
         return CurvedPart(model, data, row, at, name)
     if isinstance(row, Ratio):

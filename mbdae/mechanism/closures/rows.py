@@ -206,6 +206,24 @@ class Coordinate(NamedTuple):
     positional: bool = True
 
 
+class Teeth(NamedTuple):
+    """One row g = q_i - c_0 - c_1 q_j up to multiples of a pitch: a pawl in one of many teeth.
+
+    Attributes:
+        joint: name of joint i.
+        other: name of joint j; without one the row is g = q_i - c_0.
+        coefficients: c_0, c_1 in rad or m.
+        pitch: in rad or m.
+    """
+
+    joint: str
+    other: str
+    coefficients: tuple[float, ...]
+    pitch: float
+    m: int = 1
+    positional: bool = True
+
+
 class Ratio(NamedTuple):
     """One row of velocity v_i = r(q_k) v_j, r = c_0 + c_1 q_k + c_2 q_k^2 + ..., between joints of one coordinate each.
 
@@ -255,4 +273,4 @@ class Sum(NamedTuple):
     positional: bool = True
 
 
-JointRow = Coordinate | Curved | Ratio | Sum
+JointRow = Coordinate | Curved | Ratio | Sum | Teeth

@@ -12,6 +12,8 @@ from ..closures.brake import Brake
 from ..frames import find_joints, joint_names
 from .force import Array, Force, ForceElement, Joints
 
+VELOCITY = 0.01  # rad/s or m/s
+
 
 class JointFriction(Force):
     """Coulomb friction on each coordinate of the joints.
@@ -27,7 +29,7 @@ class JointFriction(Force):
         friction: N m or N; the values of the source, URDF ``<dynamics friction>`` and MJCF ``frictionloss``, one for
             each coordinate, when left out.
         velocity: where regularised friction has reached three quarters of its value, in rad/s or m/s; not too small:
-            the problem's time constant is inertia * velocity / friction.
+            the problem's time constant is inertia * velocity / friction. 0.01 when left out.
         static: what holds a joint that sticks, in N m or N, at least ``friction``, which is taken when left out.
         exact: the joint sticks; true where ``static`` is given.
 
@@ -39,15 +41,13 @@ class JointFriction(Force):
     kind: Literal["joint_friction"] = "joint_friction"
     joint: Joints = ()
     friction: float | None = Field(default=None, ge=0)
-    velocity: float = Field(default=0.01, gt=0)
+    velocity: float | None = Field(default=None, gt=0)
     static: float | None = Field(default=None, ge=0)
     exact: bool = False
 
     @model_validator(mode="after")
     def _fits(self) -> "JointFriction":
-        if self.static is not None and "exact" in self.model_fields_set and not self.exact:
-            raise ValueError("static makes friction exact: leave exact out")
-        if self.sticks and "velocity" in self.model_fields_set:
+        if self.sticks and self.velocity is not None:
             raise ValueError("velocity belongs to regularised friction, not to static or exact")
         if self.static is not None and self.static < (self.friction or 0.0):
             raise ValueError(f"static is at least friction, {self.friction:g}, got {self.static:g}")
@@ -84,7 +84,7 @@ class JointFriction(Force):
         d = self._given(model)
         if not d.any() and self.friction is None:
             raise InputError(f"the URDF gives no friction for force {self.name!r}: say friction = ...")
-        return DryElement(self.name, d) if self.sticks else FrictionElement(self.name, d, self.velocity)
+        return DryElement(self.name, d) if self.sticks else FrictionElement(self.name, d, self.velocity or VELOCITY)
 
     def _given(self, model: pin.Model) -> Array:
         d, given = np.zeros(model.nv), np.array(model.upperDryFrictionLimit)
@@ -115,7 +115,7 @@ class FrictionElement(ForceElement):
 
 
 class DryElement(ForceElement):
-    """tau = -d * sign with d (nv,) and the directions in which joints slip in a mode, sign (nv,), 0 where they stick."""
+    """tau = -d * sign with d (nv,); sign (nv,): where joints slip to in a mode, 0 where they stick."""
 
     def __init__(self, name: str, d: Array) -> None:
         super().__init__(name)

@@ -15,6 +15,7 @@ from ...files import text_of
 from ..assembly import START
 from ..callbacks import function_name
 from ..closures.closure import Closure
+from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..closures.one_sided import Stop
 from ..forces import FORCES, PYTHON_FORCES
@@ -38,6 +39,7 @@ def load(
     closures: Sequence[Closure] = (),
     drivers: Sequence[Driver] = (),
     stops: Sequence[Stop] = (),
+    clutches: Sequence[Clutch] = (),
     forces: Sequence[Any] = (),
     motors: Mapping[str, Any] | None = None,
     key: str = "",
@@ -52,6 +54,7 @@ def load(
         closures: more closures, behind those of the file.
         drivers: more drivers, behind those of the file.
         stops: more stops, behind those of the file.
+        clutches: more clutches.
         forces: more forces, behind those of the file.
         motors: controls of named inputs (`Mechanism.motors`): numbers or functions of time.
         key: keyframe of an MJCF file to start from; its first one when left out, ``"qpos0"`` for none.
@@ -64,7 +67,8 @@ def load(
         InputError: for a file that is wrong: one line with the key and what was expected.
     """
     described = [f for f in forces if isinstance(f, FORCES)]
-    more = {"closure": closures, "driver": drivers, "stop": stops, "force": described, "motor": motors or {}}
+    more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches}
+    more |= {"force": described, "motor": motors or {}}
     recipe = read(path, parameters, key=key, assemble=assemble, more=more)
     if recipe.left_out:
         warnings.warn(f"{recipe.name}: not carried over: {'; '.join(map(shortened, recipe.left_out))}", stacklevel=2)
@@ -187,6 +191,7 @@ def _of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title
         forces,
         drivers=file.driver,
         stops=file.stop,
+        clutches=file.clutch,
         start=file.start,
         title=title,
         duration=file.duration,
@@ -205,6 +210,7 @@ def describe(mech: Mechanism) -> dict[str, Any]:
         closure=mech.closures,
         driver=mech.drivers,
         stop=mech.stops,
+        clutch=mech.clutches,
         force=tuple(f for f in mech.forces if isinstance(f, FORCES)),
         start=mech.start_values,
         order=mech.order,

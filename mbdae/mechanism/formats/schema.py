@@ -9,6 +9,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from ...errors import InputError, printable
 from ..closures.closure import Closure
+from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..closures.one_sided import Stop
 from ..closures.user_rows import UserRows
@@ -110,6 +111,7 @@ class MechanismFile(Table):
         closure: loop closures.
         driver: joints or distances that follow a function of time.
         stop: ends of the ways of joints.
+        clutch: one-way clutches and ratchets.
         force: springs, dampers, motors, controllers.
         start: the start state.
         order: the order study.
@@ -128,6 +130,7 @@ class MechanismFile(Table):
     closure: tuple[Closure, ...] = ()
     driver: tuple[Driver, ...] = ()
     stop: tuple[Stop, ...] = ()
+    clutch: tuple[Clutch, ...] = ()
     force: tuple[AnyForce, ...] = ()
     start: Start = Start()
     order: OrderSettings = OrderSettings()
@@ -197,6 +200,7 @@ def _known_keys(path: Sequence[Any]) -> list[str]:
         "closure": Closure,
         "driver": Driver,
         "stop": Stop,
+        "clutch": Clutch,
         "start": Start,
         "order": OrderSettings,
     }

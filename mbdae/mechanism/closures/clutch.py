@@ -1,0 +1,75 @@
+"""One-way clutches and ratchets between joints: rows that are there while they lock."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from ..tables import Table
+from .rows import Ratio, Teeth
+
+
+class Clutch(Table):
+    """A joint runs ahead of another one, or of the ground, in one direction only.
+
+        sign (v_i - ratio v_j) >= 0,  and the torque that locks it acts in that direction only
+
+    Without ``pitch`` it is a one-way clutch (free wheel, sprag clutch): it locks at once. With it, a ratchet: its pawl
+    falls into a tooth every ``pitch``, x_i - ratio x_j = tooth + k pitch, and it runs back to the last one.
+
+    Attributes:
+        joint: name of a joint of one coordinate, against the ground; or
+        joints: names of joints i and j.
+        direction: in which joint i runs free: 1 ahead, -1 back.
+        ratio: of both speeds where it locks; 1 when left out.
+        pitch: of the teeth in rad or m, of a ratchet.
+        tooth: where one of them is, in rad or m.
+        name: by default the names of the joints and "clutch".
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is made,
+            for teeth on a joint that turns without end.
+        UnknownNameError: when a mechanism is made, for a joint that it does not have.
+    """
+
+    joint: str | None = None
+    joints: tuple[str, str] | None = None
+    direction: Literal[1, -1] = 1
+    ratio: float | None = None
+    pitch: float | None = Field(default=None, gt=0)
+    tooth: float = 0.0
+    name: str = ""
+
+    @model_validator(mode="after")
+    def _fits(self) -> "Clutch":
+        if (self.joint is None) == (self.joints is None):
+            raise ValueError("a clutch needs one of joint and joints")
+        if self.joint is not None and self.ratio is not None:
+            raise ValueError("ratio belongs to a clutch of two joints")
+        if self.pitch is None and self.tooth:
+            raise ValueError("tooth belongs to a ratchet, which has a pitch")
+        if not self.name:
+            object.__setattr__(self, "name", "-".join(self.between) + " clutch")
+        return self
+
+    @property
+    def frames(self) -> None:
+        """None: it is between joints."""
+        return None
+
+    @property
+    def between(self) -> tuple[str, ...]:
+        """Names of its joints."""
+        return self.joints or (self.joint or "",)
+
+    @property
+    def m(self) -> int:
+        """Number of rows: 1."""
+        return 1
+
+    def primitives(self) -> Sequence[Ratio] | Sequence[Teeth]:
+        """The row."""
+        (joint, other), ratio = self.joints or (self.joint or "", ""), 1.0 if self.ratio is None else self.ratio
+        if self.pitch is None:
+            return [Ratio(joint, other, "", (ratio,))]
+        return [Teeth(joint, other, (self.tooth, ratio) if other else (self.tooth,), self.pitch)]

@@ -1,0 +1,142 @@
+"""One-way clutches, which lock where they would turn back, and ratchets, which do so at their teeth."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..closures.clutch import Clutch
+from ..frames import find_joint
+from .switch import Candidate, Guard, Strike, Switch, Value
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+    from .point import ModePoint
+
+FREE, LOCKED, BACK = 0, 1, 2
+STILL = 1e-10  # of 1 + |v|: slower, its acceleration says where it goes
+AT_TOOTH = 1e-9  # of a pitch: nearer, the pawl is in the tooth
+
+
+class OneWay(Switch):
+    """sign (G v) >= 0, sign lam >= 0, and one of them 0.
+
+    Args:
+        spec: the clutch.
+        row: number of its row.
+    """
+
+    states: tuple[str, ...] = ("runs free", "locks")
+
+    def __init__(self, spec: Clutch, row: int) -> None:
+        super().__init__(spec.name)
+        self.row, self.sign = row, float(spec.direction)
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        return [
+            cls(c, mechanism.row_names.index(c.name))
+            for c in mechanism.constraints
+            if isinstance(c, Clutch) and c.pitch is None
+        ]
+
+    @property
+    def rows(self) -> tuple[int, ...]:  # noqa: D102
+        return (self.row,)
+
+    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
+        return self.rows if state == LOCKED else ()
+
+    def speed(self, point: "ModePoint") -> float:
+        """Return how fast it runs free."""
+        return self.sign * float(point.rate[self.row])
+
+    def acceleration(self, point: "ModePoint") -> float:
+        """Return the rate of `speed`."""
+        vdot = point.derivative[0][len(point.v) : 2 * len(point.v)]
+        return self.sign * float(point.G[self.row] @ vdot + point.gamma[self.row])
+
+    def drive(self, point: "ModePoint") -> float:
+        """Return what it transmits, positive while it does."""
+        return self.sign * float(point.lam[self.row])
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        if state == LOCKED:
+            return (Guard("let go", self.name, self.at, self.drive, loads=True),)
+        return (Guard("rest", self.name, self.at, self.speed, self.acceleration),)
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        return (Strike(self.row, self.sign),)
+
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+        low, high = (0.0, np.inf) if self.sign > 0 else (-np.inf, 0.0)
+        return (Candidate(self.row, low, high),)
+
+
+class Ratchet(OneWay):
+    """A clutch with teeth: it runs free ahead, and back to the last tooth.
+
+    Args:
+        spec: the clutch.
+        row: number of its row.
+        columns: of both coordinates in q, of which the second one is left out against the ground.
+    """
+
+    states = ("runs free", "locks", "runs back")
+
+    def __init__(self, spec: Clutch, row: int, columns: Sequence[int]) -> None:
+        super().__init__(spec, row)
+        self.pitch, self.tooth, self.columns = float(spec.pitch or 1.0), spec.tooth, list(columns)
+        self.shares = np.array([1.0, -1.0 if spec.ratio is None else -spec.ratio])[: len(columns)]
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        return [
+            cls(c, mechanism.row_names.index(c.name), [find_joint(mechanism.model, n).idx_q for n in c.between])
+            for c in mechanism.constraints
+            if isinstance(c, Clutch) and c.pitch is not None
+        ]
+
+    def place(self, point: "ModePoint") -> float:
+        """Return how far it stands ahead, in pitches."""
+        return self.sign * (float(self.shares @ point.q[self.columns]) - self.tooth) / self.pitch
+
+    def gap(self) -> Value:
+        """Return the way back to the last tooth, of the place where it is asked first."""
+        last: list[float] = []
+
+        def value(point: "ModePoint") -> float:
+            place = self.place(point)
+            if not last:
+                last.append(np.floor(place + AT_TOOTH))
+            return (place - last[0]) * self.pitch
+
+        return value
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        if state != BACK:
+            return super().guards(state)
+        turns = Guard("rest", self.name, self.at, lambda x: -self.speed(x), lambda x: -self.acceleration(x))
+        return (Guard("touch", self.name, self.at, self.gap(), self.speed), turns)
+
+    def _in_tooth(self, point: "ModePoint") -> bool:
+        place = self.place(point)
+        return abs(place - round(place)) < AT_TOOTH
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        return (Strike(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()
+
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+        return super().candidate(point, state, near) if state == LOCKED or self._in_tooth(point) else ()
+
+    def settled(  # noqa: D102
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+    ) -> int:
+        if held:
+            return LOCKED
+        speed = self.speed(point)
+        if abs(speed) > STILL * (1 + float(np.abs(point.v).max())):
+            return FREE if speed > 0 else BACK
+        if len(rates) or point.system.mode[self.at] == LOCKED:
+            return FREE
+        return FREE if self.acceleration(point) >= 0 else BACK

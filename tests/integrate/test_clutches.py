@@ -1,0 +1,100 @@
+"""One-way clutches and ratchets against closed forms, both back ends."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import brentq
+
+import mbdae
+from mbdae import Clutch, Driver, JointDamping, JointTorque, Mechanism
+from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.signals import Harmonic
+
+INERTIA = 0.2
+
+
+def wheels(forces=(), joint=pin.JointModelRZ, **more):
+    """Two wheels about z, ``input`` and ``wheel``."""
+    model = pin.Model()
+    model.gravity.linear = np.zeros(3)
+    for name in ("input", "wheel"):
+        j = model.addJoint(0, joint(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(j, pin.Inertia(1.0, np.zeros(3), INERTIA * np.eye(3)), pin.SE3.Identity())
+    return Mechanism(model, forces=forces, **more)
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize(("direction", "joint"), [(1, pin.JointModelRZ), (-1, pin.JointModelRUBZ)])
+def test_a_free_wheel_lets_go_and_catches(direction, joint):
+    """The wheel under load T follows A sin wt while that speeds it up more than -T/J; then it runs ahead."""
+    A, w, T = 10.0, 3.0, 1.5
+    drive = Driver(joint="input", speed=Harmonic(amplitude=direction * A, omega=w))
+    clutch = Clutch(joints=("wheel", "input"), direction=direction)
+    mech = wheels([JointTorque(joint="wheel", torque=-direction * T)], joint, drivers=[drive], clutches=[clutch])
+    sol = mbdae.solve(mech, (0, 2.5), rtol=1e-10)
+    leaves = np.arccos(-T / (INERTIA * A * w)) / w
+    speed = A * np.sin(w * leaves)
+    catches = brentq(lambda t: A * np.sin(w * t) - speed + T / INERTIA * (t - leaves), 1, 2.5, xtol=1e-15)
+    assert [m for _, m in sol.modes] == [(1,), (0,), (1,)]
+    np.testing.assert_allclose([sol.t[i] for i, _ in sol.modes[1:]], [leaves, catches], rtol=0, atol=1e-13)
+    assert [leaves, catches] == pytest.approx([0.60782553, 2.05520791], abs=1e-8)
+    assert not sol.impacts
+    assert mbdae.drift(sol).energy_relative < 1e-10
+
+
+@pytest.mark.usefixtures("back_end")
+def test_a_clutch_that_closes_on_wheels_at_different_speeds_is_an_impact():
+    sol = mbdae.solve(wheels(clutches=[Clutch(joints=("wheel", "input"))]), (0, 1), np.zeros(2), np.array([3.0, 1.0]))
+    assert sol.v[-1] == pytest.approx([2.0, 2.0], abs=1e-14)
+    (blow,) = sol.impacts
+    assert (blow.where, blow.loss) == (("wheel-input clutch",), pytest.approx(INERTIA * (9 + 1 - 8) / 2))
+    assert blow.impulse == pytest.approx([INERTIA])
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_ratchet_runs_back_to_its_last_tooth(direction):
+    """J v' + c v = T cos wt: ahead from rest until v = 0, back to the tooth, where it waits for the torque to turn."""
+    T, w, c, pitch = 1.0, 3.0, 0.5, 0.1
+    push = JointTorque(joint="wheel", torque=Harmonic(amplitude=direction * T, omega=w, phase=np.pi / 2))
+    ratchet = Clutch(joint="wheel", direction=direction, pitch=pitch)
+    mech = wheels([push, JointDamping(joint="wheel", damping=c)], clutches=[ratchet])
+    sol = mbdae.solve(mech, (0, 3.5), rtol=1e-11)
+    names = [mech.switches[0].states[m[0]] for _, m in sol.modes]
+    assert names == ["runs free", "runs back", "locks", "runs free", "runs back", "locks"]
+    a, b = np.linalg.solve([[c, INERTIA * w], [-INERTIA * w, c]], [T, 0.0])  # v = a cos wt + b sin wt - a exp(-ct/J)
+
+    def speed(t):
+        return a * np.cos(w * t) + b * np.sin(w * t) - a * np.exp(-c * t / INERTIA)
+
+    def angle(t):
+        return (a * np.sin(w * t) + b * (1 - np.cos(w * t))) / w - a * INERTIA / c * (1 - np.exp(-c * t / INERTIA))
+
+    turns = brentq(speed, 0.5, 1.2, xtol=1e-15)
+    tooth = pitch * np.floor(angle(turns) / pitch)
+    meets = brentq(lambda t: angle(t) - tooth, turns, 1.5, xtol=1e-15)
+    found = [sol.t[i] for i, _ in sol.modes[1:4]]
+    np.testing.assert_allclose(found, [turns, meets, 1.5 * np.pi / w], rtol=0, atol=1e-10)
+    assert sol.q[sol.modes[3][0], 1] == pytest.approx(direction * tooth, abs=1e-12)
+    assert [x.loss for x in sol.impacts[:1]] == pytest.approx([INERTIA * speed(meets) ** 2 / 2], rel=1e-8)
+    assert mbdae.drift(sol).energy_relative < 1e-10
+
+
+def test_a_file_with_clutches_is_saved_and_loaded(tmp_path):
+    mech = wheels(clutches=[Clutch(joints=("wheel", "input"), name="sprag"), Clutch(joint="input", pitch=0.3)])
+    sol = mbdae.solve(mech, (0, 1), np.zeros(2), np.array([3.0, 1.0]))
+    sol.save(tmp_path / "run.npz")
+    again = mbdae.Solution.load(tmp_path / "run.npz")
+    assert again.mechanism.clutches == mech.clutches
+    assert again.modes == sol.modes
+
+
+def test_wrong_clutches_are_refused():
+    with pytest.raises(InputError, match="a clutch needs one of joint and joints"):
+        Clutch()
+    with pytest.raises(InputError, match="tooth belongs to a ratchet"):
+        Clutch(joint="wheel", tooth=0.1)
+    with pytest.raises(UnknownNameError, match="unknown joint 'whel'"):
+        wheels(clutches=[Clutch(joint="whel")])
+    with pytest.raises(InputError, match="a joint that turns without end does not say which tooth is next"):
+        wheels((), pin.JointModelRUBZ, clutches=[Clutch(joint="wheel", pitch=0.1)])
