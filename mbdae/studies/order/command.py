@@ -1,6 +1,7 @@
 """The sub-commands ``order`` and ``methods``: what is observed, and what is claimed."""
 
 import sys
+from typing import Any
 
 import click
 
@@ -17,11 +18,14 @@ from ...cli.options import (
     show,
     writable,
 )
+from ...errors import InputError
 from ...mechanism import load
 from ...methods import METHODS, method
 from ...methods.order.conditions import check_conditions
 from ...textbook.problems import TEXTBOOK
+from .gradients import check_gradients
 from .order import check_order
+from .result import OrderStudy
 
 
 @click.command()
@@ -29,16 +33,33 @@ from .order import check_order
 @click.option("-m", "--method", "names", multiple=True, help="A method; several times for several; all when left out.")
 @click.option("-t", "--time", "T", type=float, help="End time in s; the model's own when left out.")
 @click.option("--steps", type=int, help="Coarsest number of steps, at least ten.")
+@click.option("--gradients", is_flag=True, help="Of derivatives, and those beside difference quotients of runs.")
+@click.option("-p", "--parameter", help="With --gradients: by this number; by a velocity of the start when left out.")
 @plot_option
 @as_json
 def order(
-    model: str, names: tuple[str, ...], T: float | None, steps: int | None, plot: str | None, as_json: bool
+    model: str,
+    names: tuple[str, ...],
+    T: float | None,
+    steps: int | None,
+    gradients: bool,
+    parameter: str | None,
+    plot: str | None,
+    as_json: bool,
 ) -> None:
     """Measure the orders of methods on a model: exit 1 when one misses its claim, 3 when one cannot be judged."""
+    if parameter is not None and not gradients:
+        raise InputError("a parameter belongs to --gradients")
     writable((plot, PICTURES))
+    if gradients and model in TEXTBOOK:
+        raise InputError(f"gradients are those of mechanisms, {model!r} is a textbook problem")
     problem = TEXTBOOK[model]() if model in TEXTBOOK else load(model)
     with bar("order", None) as tell:
-        study = check_order(problem, listed(names) or None, T=T, steps=steps, progress=tell)
+        options: dict[str, Any] = {"T": T, "steps": steps, "progress": tell}
+        if gradients:
+            study: OrderStudy = check_gradients(load(model), listed(names) or None, parameter=parameter, **options)
+        else:
+            study = check_order(problem, listed(names) or None, **options)
     if plot:
         study.plot(plot)
     emit(study.to_dict(), str(study), as_json)

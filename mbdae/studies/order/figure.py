@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AXES = {
+    "dq": "the derivative of $q$",
+    "dv": "the derivative of $v$",
     "q": "$q$ (rad, m)",
     "v": "$v$ (rad/s, m/s)",
     "own lam": r"own $\lambda$ (N, N m)",

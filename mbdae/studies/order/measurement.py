@@ -7,6 +7,7 @@ from two methods other than the one judged, their disagreement is its uncertaint
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,13 @@ Progress = Callable[[str], None]
 
 
 class Measurement:
-    """Runs with fixed steps, errors at common times, references."""
+    """Runs with fixed steps, errors at common times, references.
+
+    Attributes:
+        largest: solves in one run.
+    """
+
+    largest = LARGEST_RUN
 
     def __init__(
         self,
@@ -40,7 +47,7 @@ class Measurement:
         self.problem, self.T, self.steps, self.progress, self.backend = problem, T, steps, progress, backend
         self.start = start or (None, None)
         self.mechanical = isinstance(problem, Mechanism)
-        self.names = ("q", "v", "own lam", "lam") if self.mechanical else ("y", "own z", "z")
+        self.names: tuple[str, ...] = ("q", "v", "own lam", "lam") if self.mechanical else ("y", "own z", "z")
         self._references: dict[str, tuple[tuple[Array, ...], Array]] = {}
         self.system = problem.system()
 
@@ -52,13 +59,17 @@ class Measurement:
 
     def sample(self, sol: Solution) -> tuple[Array, ...]:
         """The quantities at the common times, one row each; configurations as points."""
-        times = np.arange(1, self.steps + 1) * self.T / self.steps
-        at = np.searchsorted(sol.t, times * (1 + 1e-12), side="right") - 1  # behind a jump, where there is one
+        at = self.places(sol)
         hidden = np.array([sol.at(int(i)).derivative(sol.t[i], sol.y[i], sol.z_own[i])[1] for i in at])
         own = sol.z_own[at]
         if self.mechanical:
             return sol.q[at], sol.v[at], own, hidden
         return sol.y[at], own, hidden
+
+    def places(self, sol: Solution) -> Array:
+        """The nodes at the common times: behind a jump, where there is one."""
+        times = np.arange(1, self.steps + 1) * self.T / self.steps
+        return np.searchsorted(sol.t, times * (1 + 1e-12), side="right") - 1
 
     def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
         """Largest difference of each quantity over the common times."""
@@ -80,14 +91,18 @@ class Measurement:
         if key not in self._references:
             best = self._finest(first)
             other = self._finest(second)
-            samples = (*best[:-2], best[-1], best[-1])  # the reference of the own multipliers is the hidden lam
-            self._references[key] = samples, self.difference(samples, (*other[:-2], other[-1], other[-1]))
+            samples = self.doubled(best)
+            self._references[key] = samples, self.difference(samples, self.doubled(other))
         return self._references[key]
+
+    def doubled(self, best: tuple[Array, ...]) -> tuple[Array, ...]:
+        """The reference of a finest run: that of the own multipliers is the hidden lam."""
+        return *best[:-2], best[-1], best[-1]
 
     def _finest(self, name: str) -> tuple[Array, ...]:
         """Refine until the differences of successive runs stop to shrink: the limit that rounding sets."""
         n, last, last_difference = 16 * self.steps, None, np.inf
-        while n * find_method(name).solves <= LARGEST_RUN // 2:
+        while n * find_method(name).solves <= self.largest // 2:
             sol = self.run(name, n)
             if sol is not None:
                 now = self.sample(sol)
@@ -106,28 +121,35 @@ class Measurement:
 
     def floors(self, name: str, n: int, reference: tuple[Array, ...], uncertainty: Array) -> Array:
         """100 (uncertainty + rounding), one for each quantity."""
-        tableau = find_method(name)
         sizes = np.array([float(np.abs(x).max(initial=0.0)) for x in reference])
-        h = self.T / n
+        return ABOVE * (uncertainty + self.rounding(find_method(name), self.T / n, sizes))
+
+    def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
+        """What rounding makes of each quantity, of these sizes, with steps of h."""
         rounding = EPS * (1 + sizes)
         start = self.problem.point(*self.start)
         gain = self.system.multiplier_gain(0.0, start, self.system.derivative(0.0, start)[1])
         moving = sizes[1] if self.mechanical else sizes[0]
         rounding[-2] = EPS * (gain * moving / (h * tableau.smallest_pivot) + sizes[-2])
-        return ABOVE * (uncertainty + rounding)
+        return rounding
+
+    def claims(self, tableau: Any) -> tuple[list[int], int]:
+        """The claimed order of each quantity, and how many are judged: without closures there is no lam."""
+        order = self.system.order_of(tableau)
+        found = [order] * (len(self.names) - 2) + [tableau.order_own, order]
+        return found, len(found) if self.system.nz else len(found) - 2
 
     def judge(self, name: str) -> tuple[Slope, ...]:
         """Halve the steps of a method until its slopes can be judged, or never will."""
         tableau = find_method(name)
         reference, uncertainty = self.reference(name)
-        order = self.system.order_of(tableau)
-        claims = [order] * (len(self.names) - 2) + [tableau.order_own, order]
-        judged = self.names if self.system.nz else self.names[:-2]  # without closures there is no lam
+        claims, number = self.claims(tableau)
+        judged = self.names[:number]
         ns: list[int] = []
         errors: list[Array] = []
         floors: list[Array] = []
         n = self.steps
-        while n * tableau.solves <= LARGEST_RUN:
+        while n * tableau.solves <= self.largest:
             sol = self.run(name, n)
             if sol is not None:
                 ns.append(n)
@@ -151,7 +173,7 @@ class Measurement:
         if end < HALVINGS + 1:
             counted = f"only {end - 1} halvings" if end else "no error"
             if end == len(ns):
-                what = f"{counted} within {LARGEST_RUN} solves" if end else "no run came to its end"
+                what = f"{counted} within {self.largest} solves" if end else "no run came to its end"
             elif 2 * ABOVE * uncertainty > floors[end]:
                 what = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
             else:

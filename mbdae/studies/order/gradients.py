@@ -1,0 +1,224 @@
+"""Are derivatives of runs those of the runs, and do they converge as the runs do?
+
+Two questions for each method. Its tangent at the coarsest steps stands beside difference quotients of runs with the
+same steps, of order six and several widths; the least difference counts, as the others truncate or round. And the
+tangents of ever finer steps approach the derivative of the motion: with the order of the method, by the rules of
+`mbdae.studies.order.measurement`.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, require, several
+from ...integrate.binding import common
+from ...integrate.solve import solve
+from ...integrate.span import checked_span
+from ...mechanism import Mechanism
+from ...methods import METHODS
+from ...methods import method as find_method
+from ...solution.solution import Solution
+from ...system import Array
+from ..sensitivity.numbers import maker
+from ..sensitivity.sensitivity import sensitivity
+from .measurement import Measurement, Progress
+from .order import LEAST_OUTPUTS
+from .result import OrderStudy
+
+__all__ = ["check_gradients"]
+
+CLOSE = 1e-9  # of the derivative: what a tangent may differ from quotients
+UNSURE = 10.0  # times the spread of the quotients themselves: closer than that says nothing more
+WIDTHS = (3e-4, 1e-3, 3e-3)  # of quotients, relative to the parameter
+SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+FINER = 4  # times the coarsest number of steps, where no run with those ends
+SMALLEST = 1e-3  # of a random velocity that closures allow: with less there is none
+
+
+@dataclass(frozen=True)
+class GradientStudy(OrderStudy):
+    """Result of `check_gradients`: an order study of the derivatives of q and v, with more.
+
+    Attributes:
+        of: with respect to what.
+        differences: between tangent and quotients, relative to the largest derivative, by method; nan where no run
+            ends.
+        uncertainties: of the quotients, by method.
+    """
+
+    of: str = ""
+    differences: dict[str, float] = field(default_factory=dict)
+    uncertainties: dict[str, float] = field(default_factory=dict)
+
+    def wrong(self, name: str) -> bool:
+        """Whether quotients show that a method's tangent is not that of its runs."""
+        return self.differences[name] > max(CLOSE, UNSURE * self.uncertainties[name])
+
+    @property
+    def holds(self) -> bool:
+        """True when every tangent is exact, and every slope was judged and reaches its claim."""
+        return super().holds and all(x <= CLOSE for x in self.differences.values())
+
+    @property
+    def refuted(self) -> bool:
+        """True when some tangent is not that of its runs, or some observed order misses its claim."""
+        return super().refuted or any(map(self.wrong, self.differences))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        more = {"differences": self.differences, "uncertainties": self.uncertainties}
+        return {**super().to_dict(), "of": self.of, **more}
+
+    def __str__(self) -> str:
+        head, *rows = super().__str__().splitlines()
+        out = [f"derivatives with respect to {self.of}: tangent beside quotients of runs, and {head}"]
+        for name, row in zip(self.slopes, rows, strict=True):
+            difference, unsure = self.differences[name], self.uncertainties[name]
+            more = f" (quotients: {unsure:.0e})" if difference > CLOSE else ""
+            out.append(f"{row[:9]}{difference:7.0e}{more}  {row[9:]}")
+        return "\n".join(out)
+
+
+def check_gradients(
+    mech: Mechanism,
+    methods: str | Iterable[str] | None = None,
+    *,
+    parameter: str | None = None,
+    T: float | None = None,
+    steps: int | None = None,
+    model: Any = None,
+    progress: Progress | None = None,
+) -> GradientStudy:
+    """Compare tangents of runs with difference quotients of runs, and observe the order of the derivatives.
+
+    Args:
+        mech: a mechanism, started as its order study is.
+        methods: a name or several; all half-explicit and Radau IIA methods when left out.
+        parameter: dotted name of a number, as of `mbdae.sensitivity`; when left out, a velocity of the start that the
+            closures allow.
+        T: end time in s; from the model file when left out.
+        steps: coarsest number of steps, at least ten; from the model file when left out.
+        model: what makes the mechanism with another parameter; what it was read from when left out.
+        progress: called with the name of each run.
+
+    Raises:
+        UnknownNameError: for a method or parameter that does not exist.
+        InputError: for wrong T or steps, no mechanism, or one without freedom and no parameter.
+    """
+    require(mech, Mechanism, "check_gradients takes a Mechanism (see mbdae.load)")
+    names = several(methods or METHODS, "methods is a list of names")
+    for name in names:
+        find_method(name)
+    _, T = checked_span(T if T is not None else mech.order.T, end=True)
+    steps = steps if steps is not None else mech.order.steps
+    if steps < LEAST_OUTPUTS:
+        raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
+    backend, because = common(mech, [(find_method(name), "index2", None) for name in names], "auto")
+    measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)
+    beside = {name: measure.beside(name) for name in names}
+    slopes = {name: measure.judge(name) for name in names}
+    differences, uncertainties = ({name: x[i] for name, x in beside.items()} for i in (0, 1))
+    return GradientStudy(
+        mech.title, T, slopes, backend, because, parameter or "a velocity of the start", differences, uncertainties
+    )
+
+
+class GradientMeasurement(Measurement):
+    """Runs with fixed steps and their derivatives with respect to one number."""
+
+    largest = 24_000  # solves of a run whose tangent is taken
+
+    def __init__(
+        self,
+        mech: Mechanism,
+        T: float,
+        steps: int,
+        progress: Progress,
+        backend: str,
+        parameter: str | None,
+        model: Any,
+    ) -> None:
+        self.own = mech.assemble(mech.order.q, mech.order.v) if mech.order.q or mech.order.v else mech.start
+        super().__init__(mech, T, steps, self.own if parameter is None else None, progress, backend)
+        self.mech, self.parameter, self.model = mech, parameter, model
+        self.names = ("dq", "dv")
+        self.direction, self.value = np.zeros(mech.nv), 0.0
+        if parameter is None:
+            q, v = self.own
+            free = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
+            if np.abs(free).max(initial=0.0) < SMALLEST:
+                raise InputError(f"the closures and drivers of {mech.title!r} leave no velocity free: name a parameter")
+            self.direction = free / np.abs(free).max()
+
+    def derivative(self, sol: Solution) -> Array:
+        """The derivatives of (q, v), (n, 2 nv), at the nodes."""
+        nv = self.mech.nv
+        if self.parameter is None:
+            return sensitivity(sol, start=True).dy[:, : 2 * nv, nv : 2 * nv] @ self.direction
+        return sensitivity(sol, [self.parameter], model=self.model).dy[:, : 2 * nv, 0]
+
+    def run(self, name: str, n: int, moved: float | None = None) -> Solution | None:
+        """Run a method with n steps; None where it does not come to the end."""
+        self.progress(f"{name}, {n} steps")
+        mech, (q, v) = self.mech, self.start
+        if self.parameter is None:
+            v = self.own[1] + (moved or 0.0) * self.direction
+        elif moved is not None:
+            mech = maker(mech, self.model).make({self.parameter: moved})
+        sol = solve(mech, (0.0, self.T), q, v, method=name, step=self.T / n, backend=self.backend)
+        return sol if sol.ended else None
+
+    def beside(self, name: str) -> tuple[float, float]:
+        """The difference of tangent and quotients, and that of the two best quotients; nan where no run ends."""
+        n = self.steps
+        while (sol := self.run(name, n)) is None:
+            if (n := 2 * n) > FINER * self.steps:
+                return np.nan, np.nan
+        if self.parameter is not None:
+            self.value = next(iter(sensitivity(sol, [self.parameter], model=self.model).parameters.values()))
+        found = self.derivative(sol)
+        size = max(1.0, np.abs(found).max())
+        quotients = [x for width in WIDTHS if (x := self._quotient(name, n, width, sol)) is not None]
+        errors = sorted((float(np.abs(found - q).max() / size), i) for i, q in enumerate(quotients))
+        if len(errors) < 2:
+            return np.nan, np.nan
+        (least, a), (_, b) = errors[:2]
+        return least, float(np.abs(quotients[a] - quotients[b]).max() / size)
+
+    def _quotient(self, name: str, n: int, width: float, sol: Solution) -> Array | None:
+        """The derivative of order six by runs with other values, (n, 2 nv)."""
+        h, nq = width * (abs(self.value) or 1.0), self.mech.nq
+        out = np.zeros((len(sol.t), 2 * self.mech.nv))
+        for k, w in SIXTH.items():
+            for sign in (1, -1):
+                other = self.run(name, n, self.value + sign * k * h)
+                if other is None or other.in_use != sol.in_use or len(other.t) != len(sol.t):
+                    return None
+                turns = [self.mech.manifold.difference(a, b) for a, b in zip(sol.q, other.q, strict=True)]
+                moves = np.hstack([np.array(turns), other.y[:, nq : nq + self.mech.nv] - sol.v])
+                out += sign * w / h * moves
+        return out
+
+    def claims(self, tableau: Any) -> tuple[list[int], int]:
+        """The claimed orders, and how many of the quantities are judged."""
+        return [self.system.order_of(tableau)] * 2, 2
+
+    def sample(self, sol: Solution) -> tuple[Array, ...]:
+        """The derivatives of q and of v at the common times, one row each."""
+        found, nv = self.derivative(sol)[self.places(sol)], self.mech.nv
+        return found[:, :nv], found[:, nv:]
+
+    def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
+        """Largest difference of each quantity over the common times."""
+        return np.array([float(np.abs(x - y).max(initial=0.0)) for x, y in zip(a, b, strict=True)])
+
+    def doubled(self, best: tuple[Array, ...]) -> tuple[Array, ...]:
+        """What finest runs are compared by: the derivatives themselves."""
+        return best
+
+    def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
+        """What rounding makes of each quantity."""
+        return np.finfo(float).eps * (1 + sizes)
+

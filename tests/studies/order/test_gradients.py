@@ -1,0 +1,73 @@
+"""Derivatives of runs beside quotients of runs, and their observed orders."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mbdae
+from mbdae.__main__ import cli
+from mbdae.errors import InputError
+from mbdae.studies.order import gradients
+from mbdae.studies.order.gradients import GradientMeasurement, GradientStudy
+
+
+@pytest.fixture
+def brief(monkeypatch):
+    monkeypatch.setattr(GradientMeasurement, "largest", 3000)
+
+
+@pytest.mark.parametrize(
+    ("model", "options"), [("four_bar", {"parameter": "joint.crank.mass", "T": 0.4}), ("heavy_top", {"T": 0.3})]
+)
+def test_two_models(model, options, brief):
+    """Derivatives converge as their runs do: by a mass, and by a velocity of a free body."""
+    study = mbdae.check_gradients(mbdae.load(model), ["herk2"], steps=10, **options)
+    assert study.holds, str(study)
+    assert max(study.differences.values()) < 1e-10
+    assert [s.claimed for s in study.slopes["herk2"]] == [2, 2]
+    assert study.of in str(study)
+    assert str(study).count("\n") == 1
+
+
+def test_a_wrong_tangent_is_refuted(monkeypatch):
+    def wrong(sol, *args, **options):
+        found = sensitivity(sol, *args, **options)
+        return replace(found, dy=found.dy * (1 + 1e-6))
+
+    sensitivity = gradients.sensitivity
+    monkeypatch.setattr(gradients, "sensitivity", wrong)
+    measure = GradientMeasurement(mbdae.load("pendulum"), 0.3, 10, lambda name: None, "auto", None, None)
+    difference, unsure = measure.beside("herk2")
+    study = GradientStudy("pendulum", 0.3, {}, differences={"herk2": difference}, uncertainties={"herk2": unsure})
+    assert study.refuted
+    assert not study.holds
+    assert difference == pytest.approx(1e-6, rel=0.1)
+
+
+def test_no_run():
+    """Where steps end nowhere nothing is judged."""
+    study = GradientStudy("none", 1.0, {}, differences={"radau3": np.nan}, uncertainties={"radau3": np.nan})
+    assert not study.holds
+    assert not study.refuted
+
+
+def test_what_is_refused():
+    with pytest.raises(InputError, match="leave no velocity free: name a parameter"):
+        mbdae.check_gradients(mbdae.load("cam_follower"), "herk2")
+    with pytest.raises(InputError, match="at least 10"):
+        mbdae.check_gradients(mbdae.load("pendulum"), "herk2", steps=3)
+
+
+def test_command(brief, tmp_path):
+    words = "order --gradients pendulum -m pherk3 -t 0.5 --steps 10".split()
+    found = CliRunner().invoke(cli, [*words, "--json", "--plot", str(tmp_path / "orders.svg")])
+    data = json.loads(found.stdout)
+    assert found.exit_code == (0 if data["holds"] else 3)
+    assert data["differences"]["pherk3"] < 1e-11
+    assert (tmp_path / "orders.svg").stat().st_size > 5000
+    for wrong in ("order pendulum -p gravity.2", "order --gradients hessenberg_a"):
+        with pytest.raises(InputError):
+            CliRunner().invoke(cli, wrong.split(), catch_exceptions=False)
