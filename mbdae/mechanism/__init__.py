@@ -12,7 +12,7 @@ from .formats.load import describe, load, restore
 from .formats.mjcf.states import from_mujoco, to_mujoco
 from .formats.tree import depth_first
 from .formulations.compiled import Compiled
-from .joint_wrenches import joint_reaction, loaded, loads
+from .joint_wrenches import joint_reaction, loaded, loads, point_loads
 from .mechanism import Mechanism
 from .reactions import Effort, Reaction, effort, reaction, redundant
 from .signals import Function
@@ -43,6 +43,7 @@ __all__ = [
     "loaded",
     "loads",
     "model_names",
+    "point_loads",
     "reaction",
     "redundant",
     "restore",

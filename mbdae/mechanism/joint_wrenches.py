@@ -115,22 +115,31 @@ def loads(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Arr
         vdot: accelerations, (n, nv).
         lam: multipliers of all rows, (n, ng).
     """
-    names, system = loaded(mech), mech.system()
-    parts, joints = system.constraints.frame_parts, joint_names(mech.model)
-    world, own = np.full((2, len(t), len(names), 6), np.nan)
+    system = mech.system()
+    world, own = np.full((2, len(t), len(loaded(mech)), 6), np.nan)
     for i in range(len(t)):
-        if not np.isfinite(lam[i]).all() or not np.isfinite(vdot[i]).all():
-            continue
-        wrenches = joint_wrenches(system, t[i], q[i], v[i], vdot[i], lam[i])
-        for k, name in enumerate(names):
-            if name in parts:
-                pair, rows = parts[name].pair, system.constraints.spans[name]
-                W = system.constraints.W[:, rows].copy()
-                W[3:] -= skew(pair.pb) @ W[:3]
-                w = W @ lam[i, rows]
-                world[i, k], own[i, k] = w, (w.reshape(2, 3) @ pair.Ra).ravel()
-            else:
-                j = joints.index(name)
-                own[i, k] = wrenches[j]
-                world[i, k] = (wrenches[j].reshape(2, 3) @ system.data.oMi[j + 1].rotation.T).ravel()
+        if np.isfinite(lam[i]).all() and np.isfinite(vdot[i]).all():
+            world[i], own[i] = point_loads(system, t[i], q[i], v[i], vdot[i], lam[i])
+    return world, own
+
+
+def point_loads(
+    system: "Index2System", t: float, q: Array, v: Array, vdot: Array, lam: Array
+) -> tuple[Array, Array]:
+    """Return what `loads` does at one point, (k, 6) each."""
+    names = loaded(system.mechanism)
+    parts, joints = system.constraints.frame_parts, joint_names(system.model)
+    world, own = np.zeros((2, len(names), 6))
+    wrenches = joint_wrenches(system, t, q, v, vdot, lam)
+    for k, name in enumerate(names):
+        if name in parts:
+            pair, rows = parts[name].pair, system.constraints.spans[name]
+            W = system.constraints.W[:, rows].copy()
+            W[3:] -= skew(pair.pb) @ W[:3]
+            w = W @ lam[rows]
+            world[k], own[k] = w, (w.reshape(2, 3) @ pair.Ra).ravel()
+        else:
+            j = joints.index(name)
+            own[k] = wrenches[j]
+            world[k] = (wrenches[j].reshape(2, 3) @ system.data.oMi[j + 1].rotation.T).ravel()
     return world, own

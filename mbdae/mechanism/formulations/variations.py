@@ -197,11 +197,11 @@ class IndexTwoVariations(Corrections):
         pin.forwardKinematics(s.model, s.data, q, still)
         pin.computeJointJacobians(s.model, s.data, q)
         out[1, :nv] = gravity - s.laws.parts(0.0, q, still, np.zeros(s.ns))[0]
-        for i, (p, near) in enumerate(zip(self.parameters.all, self._near, strict=True)):
+        for i, (p, near) in enumerate(zip(self.parameters.all, self.near, strict=True)):
             out[:, self.ny + i] = p.quotient({k: np.array(other.energy(q, v)) for k, other in near.items()})
         return out
 
     @cached_property
-    def _near(self) -> list[dict[int, "Index2System"]]:
+    def near(self) -> list[dict[int, "Index2System"]]:
         """Workspaces of the mechanisms with other numbers."""
         return [{k: m.system() for k, m in p.near.items()} for p in self.parameters.all]

@@ -7,11 +7,14 @@ import numpy as np
 from ...errors import InputError
 from ...integrate.trace import Trace
 from ...mechanism import Mechanism
+from ...solution.columns import load_names
 from ...solution.signal_value import RESIDUALS, SignalValue, find_signal
 from ...system import Array
+from .load_slopes import load_row, load_slopes
 
 ENERGIES = {"kinetic": (1.0, 0.0), "potential": (0.0, 1.0), "energy": (1.0, 1.0)}
-KNOWN = ("t", "y", "angle", "lam", "force", *ENERGIES)
+LOADS = ("load", "torque")
+KNOWN = ("t", "y", "angle", "rate", "lam", "force", *LOADS, *ENERGIES)
 
 
 def differentiable(mech: Mechanism, name: str) -> SignalValue:
@@ -43,7 +46,10 @@ class SignalSlopes:
 
     def __init__(self, trace: Trace, names: Sequence[str]) -> None:
         self.trace = trace
-        self.signals = [differentiable(trace.system.mechanism, name) for name in names]
+        mech = trace.system.mechanism
+        self.signals = [differentiable(mech, name) for name in names]
+        listed = load_names(mech) if any(signal.kind in LOADS for signal in self.signals) else []
+        self.loads = [listed.index(name) if name in listed else -1 for name in names]
 
     def rows(self, i: int, t: float, y: Array) -> Array:
         """Return the derivatives at a point behind node i with respect to (y, p, t), (len(names), ny + k + 1)."""
@@ -52,11 +58,12 @@ class SignalSlopes:
         kinds = {signal.kind for signal in self.signals}
         N = s.manifold.coordinate_slopes(q) if "y" in kinds else np.empty(0)
         energies = trace.slopes.energy(q, v) if kinds & set(ENERGIES) else np.empty(0)
-        lam = slopes = np.empty(0)
-        if kinds & {"lam", "force"}:
+        lam = slopes = rates = np.empty(0)
+        if kinds & {"lam", "force", "rate", *LOADS}:
             trace.hold(i)
-            lam, slopes = s.derivative(t, y)[1], trace.slopes.rate(t, y).lam
-        for row, signal in zip(out, self.signals, strict=True):
+            lam, (rates, slopes) = s.derivative(t, y)[1], trace.slopes.rate(t, y)
+        loads = load_slopes(trace, t, y) if kinds & set(LOADS) else (np.empty(0), np.empty(0))
+        for row, signal, load in zip(out, self.signals, self.loads, strict=True):
             if signal.kind == "t":
                 row[-1] = 1.0
             elif signal.kind in ENERGIES:
@@ -65,6 +72,10 @@ class SignalSlopes:
                 own = lam[list(signal.rows)]
                 weights = np.ones(1) if signal.kind == "lam" else own / (np.linalg.norm(own) or 1.0)
                 row[:] = weights @ slopes[list(signal.rows)]
+            elif signal.kind in LOADS:
+                row[:] = load_row(loads, load)
+            elif signal.kind == "rate":
+                row[:] = rates[signal.i]
             elif signal.kind == "angle":
                 row[signal.rate] = 1.0
             elif signal.i < s.nq:

@@ -62,7 +62,7 @@ def test_what_is_refused():
 
 
 def test_command(brief, tmp_path):
-    words = "order --gradients pendulum -m pherk3 -t 0.5 --steps 10".split()
+    words = ["order", "--gradients", "pendulum", "-m", "pherk3", "-t", "0.5", "--steps", "10"]
     found = CliRunner().invoke(cli, [*words, "--json", "--plot", str(tmp_path / "orders.svg")])
     data = json.loads(found.stdout)
     assert found.exit_code == (0 if data["holds"] else 3)

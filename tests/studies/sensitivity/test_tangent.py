@@ -89,7 +89,8 @@ def test_rows_that_are_chosen_anew():
     assert best(along, run, 0.0, (1e-5, 1e-4), mech=mech) < 1e-9
 
 
-SIGNALS = ("q.crank", "force.pin", "v.coupler", "lam.pin.1", "lam.pin.3", "kinetic", "potential", "energy", "t")
+SIGNALS = ("q.crank", "force.pin", "v.coupler", "lam.pin.1", "lam.pin.3", "kinetic", "potential", "energy", "t",
+           "a.rocker", "force.crank", "force.coupler.1", "force.pin.x", "torque.rocker")  # fmt: skip
 
 
 def test_signals():
@@ -99,6 +100,28 @@ def test_signals():
     for signal in SIGNALS:
         assert best(found.signal(signal)[:, 0], lambda x, s=signal: columns(run(x), {s})[s], value) < 1e-10, signal
     np.testing.assert_allclose(found.signal("lam.pin.1"), found.lam[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("model", "name", "T", "signals"),
+    [
+        ("stewart_platform", "gravity.2", 0.04, ("force.{}", "torque.{}.y", "force.{}.3", "torque.{}.1", "a.{}.1")),
+        ("andrews_squeezer", "force.spring.stiffness", 2e-3, ("force.gamma", "torque.K2-K3", "torque.epsilon.z")),
+        ("car_axis", "gravity.2", 0.05, ("force.{}.z",)),
+    ],
+)
+def test_forces_and_torques(model, name, T, signals):
+    """In all joints and closures: springs between frames, drivers, and rows that depend on others."""
+    template, value, run = runs_of(model, name, T, step=T / 4, method="pherk5")
+    sol = run(value)
+    found, known = mbdae.sensitivity(sol, [name], model=template), sol.signals()
+    joint = sol.mechanism.joint_names[-1]
+    for signal in (s.format(joint) for s in signals):
+        signal = signal if signal in known else signal.rpartition(".")[0]
+        size = max(1.0, np.abs(known[signal]).max())
+        moved = found.signal(signal)[:, 0] / size
+        assert best(moved, lambda x, s=signal, n=size: run(x).signals()[s] / n, value) < 1e-9, signal
+        assert np.abs(moved).max() > 1e-9, signal
 
 
 def test_a_place_that_cannot_be_moved_far():
