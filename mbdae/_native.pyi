@@ -70,10 +70,10 @@ class Radau:
         patience: int,
         short_patience: int,
         tolerance: float,
-        soon: float,
-        stalled: float,
+        near: float,
+        further: int,
+        expected: float,
         reuse: float,
-        slower: float,
         share: float,
     ) -> None: ...
 

@@ -25,9 +25,9 @@ from ..system import Array, Chart, Linearization, Solver, State, Step, System
 from .radau_coefficients import RadauArrays, lagrange
 
 TOLERANCE = 1e-16  # Newton error that is aimed at, relative to the size of y: rounding
-SOON = 1e-13  # above this no prediction is trusted: convergence is not geometric where z lags behind
-STALLED = 1e-11  # an iteration that ceases to converge below this has met rounding
-SLOWER = 0.9  # of the change before: where rounding stops the iteration
+NEAR = 1e-11  # changes below this are so near to rounding that what is left to do follows from those before
+FURTHER = 8  # iterations, at most, from there on
+EXPECTED = 0.1  # how changes shrink, before anything is known
 SHARE = 1e-3  # of the largest component: none counts for less
 REUSE = 0.03  # slopes and factors serve the next step of the same h while the iteration converges faster than this
 HALVINGS = 6  # of a step that is solved once more, for a guess
@@ -80,7 +80,8 @@ def collocation_step(
         memory = None
         F, z = chart.start()
         K, Z, middle = np.tile(F, (s, 1)), np.tile(z, (s, 1)), np.zeros(system.ny)
-    stages = _Stages(system, chart, a, t, h, system.size(state.y), patience)
+    rate = EXPECTED if memory is None else memory.rate
+    stages = _Stages(system, chart, a, t, h, system.size(state.y), patience, rate)
     found = None
     if memory is not None and memory.h == h and memory.rate < REUSE:
         with suppress(StepError):
@@ -136,40 +137,55 @@ def _errors(a: RadauArrays, F: Array, found: Memory) -> Array:
     return np.array([filtered(found.slopes.weigh(miss), none)[0] for miss in misses])
 
 
+def _left(size: float, rate: float) -> int:
+    """Iterations that are left after a change by ``size``, until the next one would be below the tolerance."""
+    if rate * size <= TOLERANCE:
+        return 0
+    return FURTHER if rate >= 1 else min(FURTHER, int(np.ceil(np.log(TOLERANCE / size) / np.log(rate))) - 1)
+
+
 class _Stages:
     """The coupled equations of a step."""
 
     def __init__(
-        self, system: System, chart: Chart, a: RadauArrays, t: float, h: float, size: Array, patience: int
+        self, system: System, chart: Chart, a: RadauArrays, t: float, h: float, size: Array, patience: int, rate: float
     ) -> None:
-        self.chart, self.a, self.t, self.h, self.patience = chart, a, t, h, patience
+        self.chart, self.a, self.t, self.h, self.patience, self.rate = chart, a, t, h, patience, rate
         self.counts, self.measured, self.size = system.counts, system.measured, size
 
     def solve(self, K: Array, Z: Array, slopes: Linearization, solvers: list[Solver]) -> Memory:
         """Iterate from a guess of K (s, ny) and Z (s, m).
 
-        After a change of X by ``size`` about rate / (1 - rate) size is missing (Hairer, Wanner II, section IV.8): it is
-        brought below rounding, or until rounding stops the convergence.
+        Changes of X shrink by ``rate`` (Hairer, Wanner II, section IV.8), as seen over pairs of iterations: errors of X
+        that the first of a pair corrects change G v = 0, which the second corrects. As soon as one is small, the number
+        of those that are left follows from it, before rounding is all that they show: it shall not decide.
 
         Raises:
             StepError: if the iteration diverges or is too slow.
         """
-        scale, last, rate = self._scale(K), 0.0, 0.0
+        scale, last, rate, left = self._scale(K), np.inf, self.rate, 0
         for k in range(self.patience):
             dK, dZ = self._correction(K, Z, solvers)
             K, Z = K + dK, Z + dZ
             size = float(np.sqrt(np.mean((self._moves(dK) / scale) ** 2)))
             self.counts.newton += 1
-            if k:
-                rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
-            converged = size <= TOLERANCE or (k and size <= SOON and rate < 1 and rate * size <= (1 - rate) * TOLERANCE)
-            if converged or (k and size <= STALLED and (size >= SLOWER * last or k == self.patience - 1)):
+            if not np.isfinite(size):
+                break
+            if last > NEAR:
+                if k:
+                    rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
+                left = max(_left(size, rate), 0 if k else 1)
+            else:
+                left -= 1
+            if size <= NEAR and (left <= 0 or k == self.patience - 1):
                 return Memory(self.chart.unknowns, self.h, K, Z, slopes, solvers, rate)
-            if not np.isfinite(size) or rate >= 1 or rate ** (self.patience - 1 - k) * size > STALLED:
+            if k > 1 and last > NEAR and (rate >= 1 or rate ** (self.patience - 1 - k) * size > NEAR):
                 break
             last = size
         raise StepError(
-            "newton", f"the iteration of an implicit step at t = {self.t:.17g}, h = {self.h:.3g} does not converge"
+            "newton",
+            f"the iteration of an implicit step at t = {self.t:.17g}, h = {self.h:.3g} does not converge: take shorter "
+            "steps, or rtol in their place",
         )
 
     def afresh(self, K: Array, Z: Array) -> Memory:

@@ -155,8 +155,8 @@ class RadauIIA:
         real = -1 if a.real is None else a.real
         return native.Radau(
             a.c, a.A, modes, real, a.gamma, a.start, a.middle,
-            patience=PATIENCE, short_patience=SHORT_PATIENCE, tolerance=collocation.TOLERANCE, soon=collocation.SOON,
-            stalled=collocation.STALLED, reuse=collocation.REUSE, slower=collocation.SLOWER, share=collocation.SHARE,
+            patience=PATIENCE, short_patience=SHORT_PATIENCE, tolerance=collocation.TOLERANCE, near=collocation.NEAR,
+            further=collocation.FURTHER, expected=collocation.EXPECTED, reuse=collocation.REUSE, share=collocation.SHARE,
         )  # fmt: skip
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:

@@ -38,6 +38,13 @@ Rows<double> lagrange(const Numbers& c, const Numbers& x) {
   return out;
 }
 
+// Iterations that are left after a change by `size`, until the next one would be below the tolerance.
+int iterations_left(const Radau& a, double size, double rate) {
+  if (rate * size <= a.tolerance) return 0;
+  if (!(rate < 1)) return a.further;
+  return static_cast<int>(std::fmin(a.further, std::ceil(std::log(a.tolerance / size) / std::log(rate)) - 1));
+}
+
 }  // namespace
 
 CollocationStep::CollocationStep(Index2System& s)
@@ -151,7 +158,7 @@ void CollocationStep::correction(const Radau& a, double t, const StageMemory& m)
   }
 }
 
-bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory& m) {
+bool CollocationStep::solve(const Radau& a, int patience, double t, double expected, StageMemory& m) {
   const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.measured();
   const double h = m.h;
   for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
@@ -164,7 +171,8 @@ bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory&
     scale_[k] = size_[k] + move, most = std::max(most, scale_[k]);
   }
   for (int k = 0; k < measured; ++k) scale_[k] = 1 / (scale_[k] + a.share * most + std::numeric_limits<double>::min());
-  double last = 0, rate = 0;
+  double last = INFINITY, rate = expected;
+  int left = 0;
   for (int k = 0; k < patience; ++k) {
     correction(a, t, m);
     for (int i = 0; i < s * ny; ++i) m.K[i] += dK_[i];
@@ -179,14 +187,18 @@ bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory&
       }
     const double size = std::sqrt(sum / (s * measured));
     s_.counts.newton += 1;
-    if (k) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
-    const bool converged = size <= a.tolerance || (k && size <= a.soon && rate < 1 &&
-                                                   rate * size <= (1 - rate) * a.tolerance);
-    if (converged || (k && size <= a.stalled && (size >= a.slower * last || k == patience - 1))) {
+    if (last > a.near) {
+      if (k) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
+      left = std::max(iterations_left(a, size, rate), k ? 0 : 1);
+    } else {
+      --left;
+    }
+    if (size <= a.near && (left <= 0 || k == patience - 1)) {
       m.rate = rate;
       return true;
     }
-    if (!std::isfinite(size) || rate >= 1 || std::pow(rate, patience - 1 - k) * size > a.stalled) return false;
+    const bool slow = k > 1 && last > a.near && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > a.near);
+    if (slow || !std::isfinite(size)) return false;
     last = size;
   }
   return false;
@@ -230,11 +242,12 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     }
   }
   bool found = false;
+  const double expected = before ? before->rate : a.expected;
   if (before && before->h == h && before->rate < a.reuse) {
     const Numbers K1(m->K), Z1(m->Z);
     m->slopes = before->slopes, m->solvers = before->solvers;
     try {
-      found = solve(a, patience, t, *m);
+      found = solve(a, patience, t, expected, *m);
     } catch (const Interrupted&) {
       throw;
     } catch (const Trouble&) {
@@ -245,7 +258,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     RowsOut K2(m->K.data(), s, ny_), Z2(m->Z.data(), s, r);
     m->slopes = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
     m->solvers = factorize(a, m->slopes, h);
-    if (!solve(a, patience, t, *m)) throw TooLong();
+    if (!solve(a, patience, t, expected, *m)) throw TooLong();
   }
   const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
   Vector<double> x = h * (A.row(s - 1) * K3).transpose();

@@ -24,7 +24,8 @@ struct Radau {
   Numbers start;  // (1 or 2, s) by rows
   int errors = 0, middle = 0;
   int patience = 0, short_patience = 0;  // iterations for a given step, and where a smaller one can be taken
-  double tolerance = 0, soon = 0, stalled = 0, reuse = 0, slower = 0, share = 0;
+  int further = 0;                       // iterations behind a change that is near to rounding, at most
+  double tolerance = 0, near = 0, expected = 0, reuse = 0, share = 0;
 };
 
 class StageSolver;
@@ -68,7 +69,7 @@ class CollocationStep {
                                                             const std::shared_ptr<const LinearizedStages>& slopes,
                                                             double h);
   void correction(const Radau& a, double t, const StageMemory& m);  // dK_ and dZ_ of an iteration
-  bool solve(const Radau& a, int patience, double t, StageMemory& m);  // found; else slopes or h do not serve
+  bool solve(const Radau& a, int patience, double t, double expected, StageMemory& m);  // found; else slopes or h do not serve
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;
