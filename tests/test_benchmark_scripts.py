@@ -75,6 +75,18 @@ def test_stiff_mechanisms_are_the_equations_written_by_hand(script, name):
     np.testing.assert_allclose(run.end, problem.reference(), rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("name", ["GOVERNOR", "SPRING_CRANK", "CAR_AXIS"])
+def test_stiff_mechanisms_in_exudyn_are_those_equations(script, name):
+    pytest.importorskip("exudyn")
+    problem = replace(getattr(script("stiff"), name), end=0.01)
+    run = script("stiff_peers").with_exudyn(problem)
+    reference, errors = problem.reference(), []
+    for n in (100, 200):
+        errors.append(np.abs(run(problem.end / n).end - reference).max())
+    assert errors[1] < 1e-5
+    assert errors[1] < errors[0] / 3
+
+
 def test_stages(script, capsys):
     measured = script("stages").main(["--brief"])
     assert set(measured) == {"four_bar", "panda_handle", "humanoid_stance"}

@@ -8,6 +8,19 @@ from exudyn import itemInterface as item
 from planar import Equations, Problem
 
 
+def settings(exu: ModuleType, end: float, step: float) -> Any:
+    """Return generalised alpha as the trapezoidal rule on index 2; no files."""
+    s = exu.SimulationSettings()
+    method = s.timeIntegration
+    method.endTime, method.numberOfSteps = end, round(end / step)
+    method.generalizedAlpha.spectralRadius = 1.0
+    method.generalizedAlpha.useIndex2Constraints = method.generalizedAlpha.useNewmark = True
+    method.newton.useModifiedNewton = True
+    method.newton.relativeTolerance, method.newton.absoluteTolerance = 1e-10, 1e-12
+    s.solution.file.write = False
+    return s
+
+
 def plane(exu: ModuleType, problem: Problem) -> tuple[Any, list[Any]]:
     """Return the assembled system and a sensor for each bar, whose column 3 is the angle that it turned."""
     mbs = exu.SystemContainer().AddSystem()

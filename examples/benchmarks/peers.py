@@ -186,18 +186,12 @@ def with_exudyn(problem: Problem) -> Runner | None:
     exu = installed("exudyn")
     if exu is None:
         return None
-    from exudyn_model import plane
+    from exudyn_model import plane, settings
 
     def run(step: float) -> Run | None:
         mbs, sensors = plane(exu, problem)
-        s = exu.SimulationSettings()
-        method = s.timeIntegration
-        method.endTime, method.numberOfSteps = problem.end, round(problem.end / step)
-        method.generalizedAlpha.spectralRadius = 1.0
-        method.generalizedAlpha.useIndex2Constraints = method.generalizedAlpha.useNewmark = True
-        method.newton.useModifiedNewton = True
-        method.newton.relativeTolerance, method.newton.absoluteTolerance = 1e-10, 1e-12
-        s.solution.file.write, s.solution.sensors.writePeriod = False, problem.end / SAMPLES
+        s = settings(exu, problem.end, step)
+        s.solution.sensors.writePeriod = problem.end / SAMPLES
         started = perf_counter()
         mbs.SolveDynamic(s)
         seconds = perf_counter() - started

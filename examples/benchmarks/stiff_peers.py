@@ -77,8 +77,31 @@ def with_solve_dae(problem: Stiff) -> Runner | None:
     return run
 
 
-def stiff_solvers(problem: Stiff) -> dict[str, Callable[[Stiff], Runner | None]]:
-    """What makes the runner, by name."""
+def with_exudyn(problem: Stiff) -> Runner | None:
+    """Generalised alpha of Exudyn as the trapezoidal rule on index 2."""
+    exu = installed("exudyn")
+    if exu is None:
+        return None
+    from exudyn_model import settings
+    from exudyn_stiff import MODELS
+
+    def run(step: float) -> Run | None:
+        mbs = exu.SystemContainer().AddSystem()
+        seen = MODELS[problem.title](exu, mbs)
+        mbs.Assemble()
+        s = settings(exu, problem.end, step)
+        started = perf_counter()
+        mbs.SolveDynamic(s)
+        seconds = perf_counter() - started
+        start = mbs.systemData.GetODE2Coordinates(exu.ConfigurationType.Reference)
+        return Run(seconds, (mbs.systemData.GetODE2Coordinates() + start)[seen], 0.0)
+
+    return run
+
+
+def stiff_solvers(problem: Stiff) -> dict[str, tuple[Callable[[Stiff], Runner | None], bool]]:
+    """Return by name: what makes the runner, and whether it takes steps instead of tolerances."""
     fast = backends()[-1]
     ours = {name: partial(with_mbdae, method=name, backend=fast) for name in ("radau5", "radau9", "pherk5")}
-    return {**ours, "casadi IDAS": with_idas, "solve_dae Radau": with_solve_dae}
+    others = {"casadi IDAS": (with_idas, False), "solve_dae Radau": (with_solve_dae, False)}
+    return {name: (make, False) for name, make in ours.items()} | others | {"Exudyn": (with_exudyn, True)}

@@ -18,7 +18,8 @@ compiled to C where there is a compiler) solve equations with index 1 written by
 are asked for. The double pendulum is a tree for mbdae, Pinocchio and MuJoCo;
 solve_dae keeps the elbow by a constraint, as "elbow cut" does in mbdae, and Exudyn all hinges. The
 stiff problems (stiff.py) go to mbdae, to IDAS as above but not compiled and with a and lam left out of its error test,
-and to solve_dae's Radau on equations with index 1, with slopes by differences. Largest |g| in m: over
+to solve_dae's Radau on equations with index 1, with slopes by differences, and to Exudyn as above, the governor as a
+kinematic tree (exudyn_stiff.py). Largest |g| in m: over
 all steps; for MuJoCo and Exudyn over 20 times, and there without the hinges.
 
 Run: python examples/benchmarks/work_precision.py [--brief]
@@ -28,6 +29,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -58,7 +60,7 @@ class Point:
     g: float
 
 
-def values(problem: Problem, stepped: bool) -> Iterable[float]:
+def values(problem: Problem | Stiff, stepped: bool) -> Iterable[float]:
     """Tolerances, or steps from 500 in the whole span on."""
     return (problem.end / (500 * 2**k) for k in range(16)) if stepped else TOLERANCES
 
@@ -84,10 +86,12 @@ def cheapest(points: Sequence[Point], error: float, g: float = np.inf) -> Point 
     return min((p for p in points if p.error <= error and p.g <= g), key=lambda p: p.seconds, default=None)
 
 
-def measure(problem: Problem, targets: Sequence[float], cap: float, repeats: int) -> dict[str, list[Point]]:
+def measure(
+    problem: Problem | Stiff, solvers: dict[str, Any], targets: Sequence[float], cap: float, repeats: int
+) -> dict[str, list[Point]]:
     """Points of each solver; those that count, and short ones, are timed again, in turn."""
     reference, runners, points = problem.reference(), {}, {}
-    for name, (make, stepped) in solvers(problem).items():
+    for name, (make, stepped) in solvers.items():
         if (runner := make(problem)) is None:
             print(f"{name} is not installed: left out", file=sys.stderr)
             continue
@@ -138,22 +142,6 @@ def report(problem: Problem, points: dict[str, list[Point]], targets: Sequence[f
     return table([*header, kept, "time over pherk5, projected", "over mbdae's best with this \\|g\\|"], rows)
 
 
-def measure_stiff(problem: Stiff, targets: Sequence[float], cap: float, repeats: int) -> dict[str, list[Point]]:
-    """Points of each solver of a stiff problem; those that count are timed again, in turn."""
-    reference, runners, points = problem.reference(), {}, {}
-    for name, make in stiff_solvers(problem).items():
-        if (runner := make(problem)) is None:
-            print(f"{name} is not installed: left out", file=sys.stderr)
-            continue
-        print(f"{problem.title}: {name}", file=sys.stderr)
-        runners[name], points[name] = runner, list(curve(runner, TOLERANCES[4:], reference, min(targets), cap))
-    chosen = {(n, p.value): p for n, found in points.items() for e in targets if (p := cheapest(found, e))}
-    again = {key: (lambda key=key: runners[key[0]](key[1]).seconds) for key in chosen if chosen[key].seconds < LONG}
-    for key, seconds in medians(again, repeats).items():
-        chosen[key].seconds = seconds
-    return points
-
-
 def report_stiff(problem: Stiff, points: dict[str, list[Point]], targets: Sequence[float]) -> str:
     """One row for each solver, beside radau5."""
     base, rows = cells(points["radau5"], targets), []
@@ -197,10 +185,11 @@ def main(argv: Sequence[str] | None = None, picture: Path | None = None) -> dict
     print(f"back end of mbdae: {backends()[-1]}, but for rows that say Python")
     measured = {}
     for title, problem in PROBLEMS.items():
-        measured[title] = measure(problem, targets, cap, repeats)
+        measured[title] = measure(problem, solvers(problem), targets, cap, repeats)
         print("\n" + report(problem, measured[title], targets), flush=True)
     for stiff in () if short else STIFF.values():
-        print("\n" + report_stiff(stiff, measure_stiff(stiff, STIFF_TARGETS, cap, repeats), STIFF_TARGETS), flush=True)
+        points = measure(stiff, stiff_solvers(stiff), STIFF_TARGETS, cap, repeats)
+        print("\n" + report_stiff(stiff, points, STIFF_TARGETS), flush=True)
     if picture or not short:
         draw(measured, picture or PICTURE)
     return measured
