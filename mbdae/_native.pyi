@@ -33,6 +33,7 @@ class Limits:
         open: float,
         stalled: float,
         iterations: int,
+        unmoved: float,
         meeting: int,
         met: float,
         halted: float,
@@ -183,6 +184,8 @@ class Run:
     def state(self) -> tuple[Array, Any, Array | None]: ...
     def steps(self) -> tuple[Array, Array, Array, Array]: ...
 
+class Parameters: ...
+
 class Core:
     least_pivot_ratio: float
     def __init__(
@@ -235,3 +238,45 @@ class Core:
     def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]: ...
     def ratio(self, q: Array, rank: int) -> float | None: ...
     def bare(self, q: Array, v: Array, repetitions: int) -> float: ...
+    def vary(
+        self,
+        count: int,
+        stuff: list[tuple[str, int, bool, bool]],
+        directions: list[tuple[int, int, list[float]]],
+        changed: list[tuple[int, list[int], list[Any], list[Any]]],
+    ) -> Parameters: ...
+    def walk(
+        self,
+        tableau: Any,
+        halved: bool,
+        run: Run,
+        t: Array,
+        y: Array,
+        carry: Array,
+        repeated: float,
+        synchronous: float,
+    ) -> tuple[Array, list[int], int, Array] | None: ...
+    def adjoint(
+        self,
+        parameters: Parameters,
+        tableau: Any,
+        halved: bool,
+        project: bool,
+        t: Array,
+        y: Array,
+        carries: Array,
+        extra: Array,
+        bar: Array,
+    ) -> tuple[Array, Array] | None: ...
+    def tangent(
+        self,
+        parameters: Parameters,
+        tableau: Any,
+        halved: bool,
+        project: bool,
+        t: Array,
+        y: Array,
+        carries: Array,
+        first: Array,
+        dp: Array,
+    ) -> Array | None: ...

@@ -120,6 +120,12 @@ def test_ensembles(script, capsys):
     assert "| threads | 2 |" in capsys.readouterr().out
 
 
+def test_gradients(script, capsys):
+    found = script("gradients").main(["--brief"])
+    assert found["run"] < found["value and gradient"]
+    assert "| 10 tangents |" in capsys.readouterr().out
+
+
 def test_singular(script, capsys):
     singular = script("singular")
     (result,) = singular.main(["--brief", "--mechanism", "parallelogram"])

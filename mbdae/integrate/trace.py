@@ -24,6 +24,7 @@ from ..methods.tangent import StepSlopes
 from ..solution.solution import Solution
 from ..system import Array, State, System
 from .checkpoints import Checkpoints
+from .core_steps import core_steps
 from .jumps import MARGIN
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
@@ -75,6 +76,7 @@ class Trace:
         system: a workspace.
         slopes: what moves.
         n_carry: length of what the method carries.
+        core: many steps at once in the compiled core, where it has them.
 
     Raises:
         InputError: for a run of another kind, or one whose steps cannot be repeated.
@@ -98,6 +100,7 @@ class Trace:
         self.n_carry = self.system.ny - self.system.nv if self.tableau.carries else 0
         self.renewed = np.zeros(len(self.ts), bool)
         self.walked: Checkpoints | None = None
+        self.core = core_steps(self)
         if self.n_carry:
             self.hold(0)
             self.walked = Checkpoints(len(self.ts), State(self.ys[0], self._anew(0, self.ys[0])), self._walk)
@@ -150,13 +153,19 @@ class Trace:
         if i + 1 in self.changes or self.jumps(i):
             yield from self._renewal(t1, y1)
 
+    def trailing(self, i: int) -> Iterator[Part]:
+        """What follows behind a step to node i and its projection, where nothing else leads there."""
+        if self.renewed[i]:
+            self.hold(i)
+            yield from self._renewal(float(self.ts[i]), self.ys[i])
+
     def steps(self, i: int, h: float) -> list[StepPart]:
         """The step of size h from node i; two half ones where the method has no error estimate of its own."""
         t, state = float(self.ts[i]), self.state(i)
         at = self.system, self.slopes
         self.hold(i)  # which a segment that was walked again may have changed
         try:
-            if not self._halved:
+            if not self.halved:
                 return [self.tableau.slopes(*at, t, h, state)]
             first = self.tableau.slopes(*at, t, h / 2, state)
             return [first, self.tableau.slopes(*at, t + h / 2, h / 2, first.state)]
@@ -171,8 +180,16 @@ class Trace:
             return y, list(steps)
         return self.system.restore(t, y), [*steps, LinearPart(self.slopes.restored(t, y), False)]
 
+    def between(self, i: int, t: float) -> Array:
+        """The point (n,) where a shorter step from node i ends."""
+        start = self.state(i)
+        self.hold(i)
+        y = self._taken(float(self.ts[i]), t - float(self.ts[i]), start).y
+        return self.system.restore(t, y) if self.project else y
+
     @property
-    def _halved(self) -> bool:
+    def halved(self) -> bool:
+        """Whether a step is two of half the size."""
         return self.controlled and not self.tableau.b_embedded
 
     def _renewal(self, t: float, y: Array) -> Iterator[Part]:
@@ -183,8 +200,16 @@ class Trace:
     def _walk(self, i: int, j: int, state: State) -> list[State]:
         """The states at nodes i, ..., j."""
         states = [state]
-        for k in range(i, j):
-            states.append(self._advance(k, states[-1]))
+        while i < j:
+            if self.core and (found := self.core.walk(i, j, states[-1], (REPEATED, SYNCHRONOUS))):
+                states += found.states
+                self.renewed[i + 1 : i + 1 + len(found.states)] = found.renewed
+                i += len(found.states)
+                if not found.complete:
+                    raise InputError(self._unlike(i))
+                continue
+            states.append(self._advance(i, states[-1]))
+            i += 1
         return states
 
     def _advance(self, i: int, state: State) -> State:
@@ -199,8 +224,7 @@ class Trace:
             state, self.renewed[i + 1] = self._repeat(i, state)
             apart = np.abs(self.system.difference(state.y, y1)).max()
             if not apart <= REPEATED * (1 + np.abs(y1).max()) and i + 1 not in self.changes:
-                where = f"the step from t = {self.ts[i]:.9g} s cannot be repeated"
-                raise InputError(f"{where}: not a step of the method, or one with other forces")
+                raise InputError(self._unlike(i))
             if not apart <= SYNCHRONOUS * (1 + np.abs(y1).max()):
                 state = State(y1, state.carry)
         if self.jumps(i) or i + 1 in self.changes:
@@ -215,11 +239,7 @@ class Trace:
         """Take the step from node i once more; return where it ends, and whether what is carried is new."""
         t, h = float(self.ts[i]), float(self.ts[i + 1] - self.ts[i])
         try:
-            if self._halved:
-                half = self.tableau.step(self.system, t, h / 2, start)
-                state = self.tableau.step(self.system, t + h / 2, h / 2, half.state).state
-            else:
-                state = self.tableau.step(self.system, t, h, start).state
+            state = self._taken(t, h, start)
             if not self.project:
                 return State(state.y, state.carry), False
             closed, standing = self.system.restore(t + h, state.y), _Standing(self.system, start)
@@ -228,6 +248,17 @@ class Trace:
             return State(closed, self._anew(i + 1, closed)), True
         except StepError as e:
             raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
+
+    def _taken(self, t: float, h: float, start: State) -> State:
+        """Where a step ends."""
+        if not self.halved:
+            return self.tableau.step(self.system, t, h, start).state
+        half = self.tableau.step(self.system, t, h / 2, start)
+        return self.tableau.step(self.system, t + h / 2, h / 2, half.state).state
+
+    def _unlike(self, i: int) -> str:
+        where = f"the step from t = {self.ts[i]:.9g} s cannot be repeated"
+        return f"{where}: not a step of the method, or one with other forces"
 
 
 def _checked(sol: Solution) -> Mechanism:

@@ -44,7 +44,7 @@ Limits make_limits(const nb::kwargs& given) {
   TAKE(largest_turn), TAKE(series), TAKE(series_end), TAKE(same_point), TAKE(smallest_pivot);
   TAKE(independent), TAKE(worst_conditioning), TAKE(grown), TAKE(many), TAKE(reason), TAKE(probed);
   TAKE(converged), TAKE(spare);
-  TAKE(truncation), TAKE(rounding), TAKE(falling), TAKE(open), TAKE(stalled), TAKE(iterations);
+  TAKE(truncation), TAKE(rounding), TAKE(falling), TAKE(open), TAKE(stalled), TAKE(iterations), TAKE(unmoved);
   TAKE(meeting), TAKE(met), TAKE(halted), TAKE(gaping);
 #undef TAKE
   if (given.size() != known) refuse("a limit that is not known");

@@ -252,8 +252,8 @@ NB_MODULE(_native, m) {
       .def_ro("projections", &Counts::projections)
       .def_ro("state_projections", &Counts::state_projections);
 
-  nb::class_<PyCore>(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.")
-      .def(nb::init<nb::handle, const Limits&, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
+  nb::class_<PyCore> core(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.");
+  core.def(nb::init<nb::handle, const Limits&, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
                     const nb::list&, int, const nb::list&, std::vector<int>, std::vector<int>, std::vector<double>,
                     const std::string&, double, double>(),
            nb::arg("model"), nb::arg("limits"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"),
@@ -298,4 +298,5 @@ NB_MODULE(_native, m) {
            "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
       .def("bare", bare, nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
            "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
+  bind_tangents(m, core);
 }

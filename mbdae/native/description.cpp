@@ -183,6 +183,12 @@ Row row(const nb::dict& d, const Sizes& n, int pair_count) {
   return r;
 }
 
+Driver driver(const nb::dict& d, size_t row_count, Callbacks& callbacks) {
+  const int at = get<int>(d, "row");
+  within({at}, static_cast<int>(row_count), "row");
+  return {at, get<bool>(d, "length"), get<bool>(d, "speed"), signal(get<nb::dict>(d, "motion"), callbacks)};
+}
+
 Sampler sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks) {
   static const std::map<std::string, Sampler::Kind> kinds = {{"pid", Sampler::pid}, {"python", Sampler::python}};
   Sampler out;

@@ -56,6 +56,7 @@ inline void within(const std::vector<int>& x, int n, const char* what) {
 Signal signal(const nb::dict& d, Callbacks& callbacks);
 std::vector<std::pair<Anchor, Anchor>> pairs(const nb::list& list, int joints);
 Row row(const nb::dict& d, const Sizes& n, int pair_count);
+Driver driver(const nb::dict& d, size_t row_count, Callbacks& callbacks);
 Sampler sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks);
 Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Callbacks& callbacks);
 

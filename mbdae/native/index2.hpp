@@ -83,8 +83,14 @@ class Index2System {
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates);
   // tau (nv,) of all laws, and the rates, where the kinematics stand at q.
   void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
-  // Slopes at a point with v' (nv,) and lam (ng,) by row; the tree is expanded.
-  void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out);
+  // Slopes at a point with v' (nv,) and lam (ng,) by row; the tree is expanded. Where asked for, the wrenches of laws
+  // between frames, too, and then those of closures, whose rows are summed up.
+  void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out,
+              std::vector<ActingWrench>* wrenches = nullptr);
+  // Slopes of G v by q, (r, nv) by rows, and added to K (nv, nv) those of G^T lam where there is lam (ng,); poses stand
+  // at q, and the pairs of the rows in use are located.
+  void closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers& B,
+                      std::vector<ActingWrench>* wrenches = nullptr) const;
   // v' (nv,) and the rates from the hidden constraint, where `point` stands at q; `multipliers` are found.
   void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates);
   // y' (ny,) and lam (ng,) from the hidden constraint.
@@ -103,6 +109,7 @@ class Index2System {
   void difference(const double* y0, const double* y1, double* out) const;
   void size(const double* y, double* out);  // magnitudes in the tangent, (ny,)
 
+  const std::vector<Pair>& law_pairs() const { return law_pairs_; }
   const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, that `derivative` found last
   void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, where G stands
   double ratio(const double* q, int rank);                         // see mbdae/mechanism/singularity.py; uncounted

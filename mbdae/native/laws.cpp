@@ -12,6 +12,13 @@ namespace laws {
 
 }  // namespace laws
 
+void LawSlopes::add(const PairSlopes& here, const Turning& t, bool conservative_) const {
+  double* to = conservative_ ? conservative : other;
+  here.torque(t, to, width);
+  if (t.damped) here.damping(t.C, to + here.nv, width);
+  if (wrenches) wrenches->push_back({&here.pair, t, conservative_});
+}
+
 const LawKind* law_kind(const std::string& name) {
   static const std::map<std::string, const LawKind*> kinds = {
 #define LAW(name) {#name, &laws::name},

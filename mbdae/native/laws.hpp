@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "pair_slopes.hpp"
 #include "rows.hpp"
 #include "signals.hpp"
 
@@ -28,11 +29,22 @@ struct Forces {
   double *conservative, *other, *ds;
 };
 
+// A wrench between two frames; of a law: whether it derives from a potential.
+struct ActingWrench {
+  const Pair* pair;
+  Turning turning;
+  bool conservative;
+};
+
 // Slopes by (q in the tangent, v, s), by rows of `width` numbers: of both parts of tau, (nv, width), and of s'.
 struct LawSlopes {
   double *conservative, *other, *ds;
   size_t width;
   int states;  // the column of the law's first state
+  std::vector<ActingWrench>* wrenches = nullptr;  // where they are asked for, too
+
+  // Add those of a wrench between the frames of a pair.
+  void add(const PairSlopes& here, const Turning& t, bool conservative) const;
 };
 
 struct LawKind {

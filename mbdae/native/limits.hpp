@@ -25,6 +25,7 @@ struct Limits {
   // formulations/projection.py
   double truncation, rounding, falling, open, stalled;
   int iterations;
+  double unmoved;  // rad or m
   // formulations/ggl.py
   int meeting;             // iterations
   double met, halted, gaping;  // of 1 + |q|, of 1 + |q|, m or rad

@@ -55,6 +55,18 @@ void BandLU::solve(double* b) const {
   }
 }
 
+void BandLU::solve_transposed(double* b) const {
+  for (int k = 0; k < n_; ++k) {
+    for (int i = std::max(0, k - 2 * half_); i < k; ++i) b[k] -= a_[i * width_ + half_ + k - i] * b[i];
+    b[k] /= a_[k * width_ + half_];
+  }
+  for (int k = n_ - 1; k >= 0; --k) {
+    const int below = std::min(k + half_, n_ - 1);
+    for (int i = k + 1; i <= below; ++i) b[k] -= multiplier_[k * half_ + i - k - 1] * b[i];
+    if (swap_[k] != k) std::swap(b[k], b[swap_[k]]);
+  }
+}
+
 namespace {
 
 // Column-pivoted Householder QR in place: R above the diagonal, reflectors below with their heads in `head`.

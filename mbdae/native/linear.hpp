@@ -15,6 +15,7 @@ class BandLU {
   double& at(int i, int j) { return a_[i * width_ + j - i + half_]; }
   bool factorize();  // false where a pivot is zero or not finite
   void solve(double* b) const;
+  void solve_transposed(double* b) const;
   double ratio() const { return ratio_; }  // smallest to largest pivot
   int half_bandwidth() const { return half_; }
 

@@ -163,4 +163,23 @@ void Manifold::slopes(const double* x, const double* v, std::vector<TangentBlock
   }
 }
 
+void Manifold::turned(const double* x, const double* v, std::vector<TurnedBlock>& out) const {
+  std::vector<TangentBlock> tangents;
+  slopes(x, v, tangents);
+  out.resize(blocks_.size());
+  for (size_t i = 0; i < blocks_.size(); ++i) {
+    TurnedBlock& t = out[i];
+    const int n = t.n = tangents[i].n, at = t.at = tangents[i].at;
+    double X[36], column[6], moved[6];
+    std::copy_n(tangents[i].J, n * n, t.J), std::copy_n(tangents[i].turn, n * n, t.T);
+    ad(blocks_[i], x + at, X);
+    for (int k = 0; k < n; ++k) {
+      double e[6] = {0, 0, 0, 0, 0, 0};
+      e[k] = 1;
+      right_jacobian(m_.limits, n, X, e, column), times(n, X, column, moved);
+      for (int j = 0; j < n; ++j) t.R[j * n + k] = column[j], t.A[j * n + k] = (j == k) - moved[j];
+    }
+  }
+}
+
 }  // namespace mbdae

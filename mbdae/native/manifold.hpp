@@ -20,6 +20,12 @@ struct TangentBlock {
   double J[36], turn[36];
 };
 
+// How coordinates x turn variations at a block: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (n, n) by rows.
+struct TurnedBlock {
+  int at, n;
+  double A[36], R[36], J[36], T[36];
+};
+
 class Manifold {
  public:
   Manifold(Mechanics& m, bool flat, std::vector<Block> blocks, std::vector<int> turning);
@@ -34,6 +40,7 @@ class Manifold {
   void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v
   void velocity(const double* x, double* v) const;  // v: x' (nv,) becomes J(x)^-1 x'
   void transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const;  // J(to)^-1 J(x), in J
+  void turned(const double* x, const double* v, std::vector<TurnedBlock>& out) const;
   // J(x), and d(J(x) v)/dx where J may differ from 1: (n, n) by rows for each block.
   void slopes(const double* x, const double* v, std::vector<TangentBlock>& out) const;
 

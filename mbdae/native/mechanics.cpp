@@ -57,6 +57,7 @@ Mechanics::Mechanics(const void* model, const Limits& limits_)
   nq = w->model.nq, nv = w->model.nv, joints = w->model.njoints;
   ancestors.resize(nv), tangent.assign(nq, 0);
   const auto above = supports();
+  parents.assign(w->model.parents.begin(), w->model.parents.end());
   for (int j = 1; j < joints; ++j) tangent[w->model.idx_qs[j]] = w->model.idx_vs[j];
   for (int j = 1; j < joints; ++j)
     for (int i = 0; i < w->model.nvs[j]; ++i) {
@@ -90,6 +91,11 @@ void Mechanics::poses(const double* q) {
 void Mechanics::motions(const double* q, const double* v) {
   w->q = In(q, nq), w->v = In(v, nv);
   pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->a));
+}
+
+void Mechanics::motions(const double* q, const double* v, const double* a) {
+  w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
+  pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
 }
 
 void Mechanics::bias(const double* q, const double* v, double* out) {
@@ -199,6 +205,25 @@ void Mechanics::acceleration(int j, double* out) const {
     o = w->data.oMi[j].act(w->data.a[j]).toVector();
   else
     o.setZero();
+}
+
+void Mechanics::gravity(double* out) const {
+  Eigen::Map<Eigen::Vector3d>(out, 3) = w->model.gravity.linear();
+}
+
+void Mechanics::place(int j, double* R, double* p) const {
+  const pinocchio::SE3 place = w->data.oMi[w->model.parents[j]] * w->model.jointPlacements[j];
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R, 3, 3) = place.rotation();
+  Eigen::Map<Eigen::Vector3d>(p, 3) = place.translation();
+}
+
+Body Mechanics::body(int j) const {
+  const auto inertia = w->data.oMi[j].act(w->model.inertias[j]);
+  Body out;
+  out.mass = inertia.mass();
+  Eigen::Map<Eigen::Vector3d>(out.centre, 3) = inertia.lever();
+  Eigen::Map<Eigen::Matrix3d>(out.I, 3, 3) = inertia.inertia().matrix();
+  return out;
 }
 
 }  // namespace mbdae

@@ -8,6 +8,11 @@
 
 namespace mbdae {
 
+// A body in the world: its mass, centre, and inertia about that by rows.
+struct Body {
+  double mass, centre[3], I[9];
+};
+
 class Mechanics {
  public:
   // model points to a pinocchio::Model that outlives this object.
@@ -18,6 +23,7 @@ class Mechanics {
   int nq, nv, joints;
   std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
   std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
+  std::vector<int> parents;                 // (joints,)
   std::vector<int> parts;                   // (nv,) of each degree of freedom: its joint in the expanded tree
 
   std::vector<std::vector<int>> supports() const;  // of each joint: the degrees of freedom that move it
@@ -25,6 +31,7 @@ class Mechanics {
   void inertia(const double* q);                                  // M; J and poses in the world
   void poses(const double* q);                                    // J and poses alone
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
+  void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
   void bias(const double* q, const double* v, double* out);       // nle(q, v)
   void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 
@@ -51,6 +58,9 @@ class Mechanics {
   const double* position(int joint) const;
   void velocity(int joint, double* out) const;  // spatial, at the world's origin, linear part first
   void acceleration(int joint, double* out) const;
+  void gravity(double* out) const;                              // (3,)
+  void place(int joint, double* R, double* p) const;            // of the joint's own place on the body before it, by rows
+  Body body(int joint) const;                                   // behind a joint
 
  private:
   struct Workspace;

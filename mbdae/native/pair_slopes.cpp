@@ -58,7 +58,7 @@ void line_slopes(const Pair& pair, double factor, Turning& t) {
   carried(pair.pb, n, t.Db);
 }
 
-PairSlopes::PairSlopes(const Mechanics& m, const Pair& pair, const double* v) {
+PairSlopes::PairSlopes(const Mechanics& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {
   std::fill(V, V + 6, 0.0);
   for (size_t k = 0; k < pair.columns.size(); ++k) {
     const int at = pair.columns[k];

@@ -19,6 +19,8 @@ class PairSlopes {
  public:
   PairSlopes(const Mechanics& m, const Pair& pair, const double* v);  // J and poses stand, the pair is located
 
+  const Pair& pair;
+  const int nv;
   double V[6];  // V_b - V_a
 
   void torque(const Turning& t, double* K, size_t width) const;          // K += slopes of J^T F by q

@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-void restore(Index2System& s, double t, double* y) {
+void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
   const int nq = s.nq, nv = s.nv, ng = s.ng;
   const Limits& limits = s.mechanics.limits;
   Point& point = s.point;
@@ -40,6 +40,7 @@ void restore(Index2System& s, double t, double* y) {
     s.constraints.value(s.mechanics, nearer.data(), s.constraints.all, G.data(), gap.data());
     s.constraints.gaps(t, gap.data());
     if (!(norm(gap.data(), ng) < limits.falling * norm(g.data(), ng))) break;
+    if (path) path->emplace_back(q, q + nq);
     std::copy(nearer.begin(), nearer.end(), q);
     g = gap;
     point.forget();  // M stays that of the start

@@ -6,6 +6,7 @@
 
 namespace mbdae {
 
-void restore(Index2System& system, double t, double* y);  // y: the nearest point with g = 0 and G v + g_t = 0
+// y becomes the nearest point with g = 0 and G v + g_t = 0; the configurations on the way, but for the last.
+void restore(Index2System& system, double t, double* y, std::vector<Numbers>* path = nullptr);
 
 }  // namespace mbdae

@@ -47,12 +47,7 @@ struct PyCore {
     out.place = std::move(place);
     out.pairs = pairs(pair_list, n.joints), out.law_pairs = pairs(law_pair_list, n.joints);
     for (nb::handle h : row_list) out.rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(out.pairs.size())));
-    for (nb::handle h : driver_list) {
-      auto d = nb::cast<nb::dict>(h);
-      const int at = get<int>(d, "row");
-      within({at}, static_cast<int>(out.rows.size()), "row");
-      out.drivers.push_back({at, get<bool>(d, "length"), get<bool>(d, "speed"), signal(nb::cast<nb::dict>(d["motion"]), *callbacks)});
-    }
+    for (nb::handle h : driver_list) out.drivers.push_back(driver(nb::cast<nb::dict>(h), out.rows.size(), *callbacks));
     for (nb::handle h : law_list) {
       int pair;
       out.laws.push_back(law(nb::cast<nb::dict>(h), n, ns, static_cast<int>(out.law_pairs.size()), pair, *callbacks));
@@ -123,5 +118,7 @@ void many(PyCore& c, F&& compute) {
   }
   if (c.callbacks->interrupted) throw nb::python_error();
 }
+
+void bind_tangents(nb::module_& m, nb::class_<PyCore>& core);
 
 }  // namespace mbdae

@@ -16,6 +16,7 @@ class SaddleSystem {
   void factorize(const Numbers& Zhat);  // S
   // Where `factorize` was called last: rhs (ng,) by row becomes lam, f (nv,) becomes v'.
   void solve(const Numbers& Zhat, double* rhs, double* f);
+  const BandLU& factors() const { return lu_; }  // of S
   void symmetric();  // factorize G M^-1 G^T where Z stands
   // M^-1 G^T S^-1 times a vector (ng,) by row, (nv,); and, where asked for, S^-1 times it, (ng,) by row.
   void normal(const double* by_row, double* out, double* multipliers = nullptr);

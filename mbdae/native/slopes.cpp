@@ -8,7 +8,7 @@
 namespace mbdae {
 
 void Index2System::slopes(double t, const double* q, const double* u, const double* vdot, const double* lam,
-                          Slopes& out) {
+                          Slopes& out, std::vector<ActingWrench>* wrenches) {
   const size_t n = nv + ns + 1, m = nv, width = 2 * m + ns, r = rows.in_use().size();
   const double *v = u, *s = u + nv;
   counts.M += 1, counts.G += ng > 0;
@@ -22,7 +22,7 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
   torque(t, q, v, s, tau.data(), now.data());
   for (const Law& law : laws_)
     law.kind->slopes(law, {mechanics, t, q, v, s + law.state},
-                     {conservative, other, rates + law.state * width, width, 2 * nv + law.state});
+                     {conservative, other, rates + law.state * width, width, 2 * nv + law.state, wrenches});
   out.K.assign(n * m, 0.0), out.D.assign(n * n, 0.0);
   auto add = [&](size_t to, const double* row, double factor) {
     for (size_t j = 0; j < m; ++j) out.K[to * m + j] += factor * row[j];
@@ -36,30 +36,44 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
   for (int i = 0; i < ns; ++i) add(m + i, rates + i * width, 1);
 
   const std::vector<int>& position = rows.position();
-  out.G.assign(r * m, 0.0), out.B.assign(r * m, 0.0), out.g_t.assign(r, 0.0);
+  out.G.assign(r * m, 0.0), out.g_t.assign(r, 0.0);
   Numbers G(ng * m), speed(ng, 0.0);
   constraints.value(mechanics, q, rows.in_use(), G.data());
   constraints.speed(t, speed.data());
+  closure_slopes(q, v, lam, out.K.data(), out.B, wrenches);
+  for (int k : rows.in_use()) {
+    for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = G[k * m + c];
+    out.g_t[position[k]] = speed[k];
+  }
+}
+
+void Index2System::closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers& B,
+                                  std::vector<ActingWrench>* wrenches) const {
+  const size_t m = nv, r = rows.in_use().size();
+  const std::vector<int>& position = rows.position();
+  B.assign(r * m, 0.0);
   for (size_t p = 0; p < constraints.pairs.size(); ++p) {
-    const Pair& pair = constraints.pairs[p];
-    const PairSlopes here(mechanics, pair, v);
+    const std::vector<int>& own = constraints.of_pair[p];
+    if (std::none_of(own.begin(), own.end(), [&](int k) { return position[k] >= 0; })) continue;
+    const PairSlopes here(mechanics, constraints.pairs[p], v);
     Turning sum;
-    for (int k : constraints.of_pair[p]) {
+    for (int k : own) {
       if (position[k] < 0) continue;
       Turning one;
-      constraints.rows[k].slopes(pair, one);
-      here.power(one.F, one, &out.B[position[k] * m]);
+      constraints.rows[k].slopes(here.pair, one);
+      here.power(one.F, one, &B[position[k] * m]);
+      if (!lam) continue;
       for (int i = 0; i < 6; ++i) sum.F[i] += lam[k] * one.F[i];
       for (int i = 0; i < 36; ++i) sum.Da[i] += lam[k] * one.Da[i], sum.Db[i] += lam[k] * one.Db[i];
     }
-    here.torque(sum, out.K.data(), m);
+    if (!lam) continue;
+    here.torque(sum, K, m);
+    if (wrenches) wrenches->push_back({&here.pair, sum, true});
   }
-  for (int k : rows.in_use()) {
-    const Row& row = constraints.rows[k];
-    for (int c : row.columns) out.G[position[k] * m + c] = G[k * m + c];
-    out.g_t[position[k]] = speed[k];
-    if (row.between_joints()) row.coordinate_slopes(q, v, lam[k], out.K.data(), &out.B[position[k] * m], m);
-  }
+  Numbers none(lam ? 0 : m * m);
+  for (int k : rows.in_use())
+    if (constraints.rows[k].between_joints())
+      constraints.rows[k].coordinate_slopes(q, v, lam ? lam[k] : 0, lam ? K : none.data(), &B[position[k] * m], m);
 }
 
 }  // namespace mbdae

@@ -40,6 +40,7 @@ def limits_of(native: ModuleType) -> "Limits":
         open=projection.OPEN,
         stalled=projection.STALLED,
         iterations=projection.ITERATIONS,
+        unmoved=projection.UNMOVED,
         meeting=ggl.ITERATIONS,
         met=ggl.ROUNDING,
         halted=ggl.STALLED,

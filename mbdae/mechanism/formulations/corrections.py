@@ -13,13 +13,11 @@ import numpy as np
 
 from ...system import Array
 from .parameters import Parameters
-from .projection import approach, felt
+from .projection import UNMOVED, approach, felt
 from .stage_slopes import Saddle
 
 if TYPE_CHECKING:
     from .index2 import Index2System
-
-UNMOVED = 1e-13  # rad or m: what a projection moves by so little adds no slopes of its own
 
 
 class Corrections:

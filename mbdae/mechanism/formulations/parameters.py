@@ -55,6 +55,7 @@ class Parameters:
         make: makes a mechanism with these values, for instance `mbdae.mechanism.formats.template.Template.make`.
         values: names and values of the parameters.
         native: the compiled core, for slopes of places and frames.
+        own: the values are those that ``make`` gives of itself.
 
     Attributes:
         mech: the mechanism with these values.
@@ -64,13 +65,16 @@ class Parameters:
         InputError: for a parameter that changes more than numbers.
     """
 
-    def __init__(self, make: Make, values: Mapping[str, float], native: ModuleType | None = None) -> None:
-        self.mech = mech = make(values)
+    def __init__(
+        self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, own: bool = False
+    ) -> None:
+        self.mech = mech = make({} if own else values)
+        rest = {} if own else values
         self.system = s = Index2System(mech)
         self.all: list[Parameter] = []
         for name, value in values.items():
             h = WIDTH * (abs(value) or 1.0)
-            near = {k: make({**values, name: value + k * h}) for k in (-3, -2, -1, 1, 2, 3)}
+            near = {k: make({**rest, name: value + k * h}) for k in (-3, -2, -1, 1, 2, 3)}
             self.all.append(Parameter(name, mech, near, h))
         self.laws = [ChangedLaws(p, s) for p in self.all]
         self.rows = [ChangedRows(p, s) for p in self.all]

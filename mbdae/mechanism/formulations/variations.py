@@ -158,27 +158,26 @@ class IndexTwoVariations(Corrections):
         s, out, nv = self.system, np.zeros((self.ny, self.k)), self.system.nv
         mech = self.parameters.mech
         base, (q, v) = mech.point(t=t), s.split(given)
-        refused: dict[int, AssemblyError] = {}
-        for i, p in enumerate(self.parameters.all):
-            try:
-                out[:, i] = p.quotient({k: s.difference(base, m.point(t=t)) for k, m in p.near.items()})
-            except AssemblyError as e:  # as far apart as that; none is needed where what is held decides all
-                refused[i] = e
-        if not s.ng or not mech.start_values.assemble:
-            return out
         driven = {d.joint for d in mech.drivers}
         tables = [
             {n: x for n, x in table.items() if n not in driven} for table in (mech.start_values.q, mech.start_values.v)
         ]
         held = [mech.coordinates(table, of_v=bool(i))[1] for i, table in enumerate(tables)]
         free_q, free_v = (np.setdiff1d(np.arange(nv), h) for h in held)
-        G = s.jacobian(q)
+        G, kept = s.jacobian(q), s.constraints.positional
+        assembled = bool(s.ng and mech.start_values.assemble)
+        decided = assembled and all(_decide(A) for A in (G[np.ix_(kept, free_q)], G[:, free_v]))
+        for i, p in enumerate(self.parameters.all):
+            if decided and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in p.near.values()):
+                continue  # closures and what is held say all
+            try:
+                out[:, i] = p.quotient({k: s.difference(base, m.point(t=t)) for k, m in p.near.items()})
+            except AssemblyError as e:  # as far apart as that
+                if p.name.startswith("start.") or not decided:
+                    raise InputError(f"the start cannot be assembled beside this value of {p.name!r}: {e}") from None
+        if not assembled:
+            return out
         g = self.parameters.of_rows(t, q, np.zeros(nv))[1]
-        kept = s.constraints.positional
-        for i, reason in refused.items():
-            name = self.parameters.all[i].name
-            if name.startswith("start.") or np.linalg.matrix_rank(G[np.ix_(kept, free_q)], 1e-8) < len(free_q):
-                raise InputError(f"the start cannot be assembled beside this value of {name!r}: {reason}")
         out[free_q] -= np.linalg.pinv(G[np.ix_(kept, free_q)], rcond=1e-8) @ (G @ out[:nv] + g)[kept]
         pin.computeJointJacobians(s.model, s.data, q)
         B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
@@ -205,3 +204,8 @@ class IndexTwoVariations(Corrections):
     def near(self) -> list[dict[int, "Index2System"]]:
         """Workspaces of the mechanisms with other numbers."""
         return [{k: m.system() for k, m in p.near.items()} for p in self.parameters.all]
+
+
+def _decide(G: Array) -> bool:
+    """Say whether rows of a start's free coordinates determine them all."""
+    return int(np.linalg.matrix_rank(G, 1e-8)) == G.shape[1] if G.size else not G.shape[1]

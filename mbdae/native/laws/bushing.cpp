@@ -123,7 +123,7 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
   block(spring.Db, 3, 3, both, -1);
   matrix_of_wrench(spring.F, spring.Da);
   for (int i = 0; i < 36; ++i) spring.Da[i] -= spring.Db[i];
-  here.torque(spring, out.conservative, out.width);
+  out.add(here, spring, true);
   if (!damped(law)) return;
   double spin[9], u[3], velocity[3], W[9], AW[9], more[6];
   const double* w = here.V + 3;
@@ -144,7 +144,7 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
     motion_cross(here.V, e, column), times6(damper.C, column, more);
     for (int i = 0; i < 6; ++i) damper.Da[6 * i + j] += more[i] - damper.Db[6 * i + j];
   }
-  here.torque(damper, out.other, out.width), here.damping(damper.C, out.other + p.m.nv, out.width);
+  out.add(here, damper, false);
 }
 
 static double potential(const Law& law, const ForcePoint& p) {

@@ -46,8 +46,7 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
     }
   }
   damper.damped = true;
-  here.torque(spring, out.conservative, out.width), here.torque(damper, out.other, out.width);
-  here.damping(damper.C, out.other + p.m.nv, out.width);
+  out.add(here, spring, true), out.add(here, damper, false);
 }
 
 static double potential(const Law& law, const ForcePoint& p) {

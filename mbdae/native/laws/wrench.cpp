@@ -42,8 +42,7 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
     skew(force.F, N), skew(moment.F + 3, M), skew(pair.pb, P), product(P, N, PN);
     block(force.Db, 0, 3, N, -1), block(force.Db, 3, 3, PN, -1), block(moment.Db, 3, 3, M, -1);
   }
-  here.torque(force, law.steady ? out.conservative : out.other, out.width);
-  here.torque(moment, out.other, out.width);
+  out.add(here, force, law.steady), out.add(here, moment, false);
 }
 
 static double potential(const Law& law, const ForcePoint& p) {

@@ -9,11 +9,11 @@ import numpy as np
 from ...errors import require
 from ...integrate.trace import Trace
 from ...solution.solution import Solution
+from .backwards import Arriving, backwards
 from .cost import Cost, Signals, evaluated
 from .ending import ending
 from .numbers import Model, Names, bound
 from .sensitivity import begun, places, start_columns
-from .signal_slopes import SignalSlopes
 
 __all__ = ["gradient"]
 
@@ -73,40 +73,11 @@ def gradient(
     between = np.flatnonzero(sol.t != trace.ts[at])
     points = sol.y.copy() if len(between) else sol.y
     for k in between:
-        points[k] = trace.short(int(at[k]), float(sol.t[k] - trace.ts[at[k]]))[0]
+        points[k] = trace.between(int(at[k]), float(sol.t[k]))
     value, weights = evaluated(cost, Signals(replace(sol, y=points)), len(sol.t))
-    signals = SignalSlopes(trace, list(weights))
-    w = np.array(list(weights.values())).reshape(len(weights), len(sol.t))
-
-    y, carry = np.zeros((trace.slopes.ny, 1)), np.zeros((trace.n_carry, 1))
-    p = np.zeros((len(values), 1))
-    for i in range(len(trace.ts) - 1, -1, -1):
-        late = 0.0
-        for m in range(*(int(x) for x in np.searchsorted(at, (i, i + 1)))):
-            if not w[:, m].any():
-                continue
-            row = w[:, m] @ signals.rows(i, float(sol.t[m]), points[m])
-            own, c = row[: len(y), None], np.zeros_like(carry)
-            p += row[len(y) : -1, None]
-            if sol.t[m] == trace.ts[i]:
-                late += float(row[-1])
-            else:
-                for part in reversed(trace.short(i, float(sol.t[m] - trace.ts[i]))[1]):
-                    own, c, by_p = part.reverse(own, c)
-                    p += by_p
-            y, carry = y + own, carry + c
-        if i == 0:
-            break
-        last = end if i + 1 == len(trace.ts) else None
-        if last:
-            y = last.held(y, carry, len(p), late)
-        for part in reversed(last.parts if last else list(trace.parts(i - 1))):
-            y, carry, by_p = part.reverse(y, carry)
-            p += by_p
-    for part in reversed(list(trace.start())):
-        y, carry, by_p = part.reverse(y, carry)
-        p += by_p
-    both = begun(trace, np.eye(len(values), len(values) + (len(y) - 1) * start), start).T @ y
-    total = both[:, 0] + np.concatenate([p[:, 0], np.zeros(len(both) - len(p))])
+    arriving = Arriving(trace, sol.t, points, weights)
+    bar, p = backwards(trace, arriving, end, len(values))
+    both = begun(trace, np.eye(len(values), len(values) + (trace.slopes.ny - 1) * start), start).T @ bar
+    total = both + np.concatenate([p, np.zeros(len(both) - len(p))])
     names = [*values, *(start_columns(trace) if start else ())]
     return Gradient(value, dict(zip(names, total.tolist(), strict=True)))

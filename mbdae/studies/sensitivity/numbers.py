@@ -1,7 +1,9 @@
 """The numbers of a mechanism by which a run is differentiated, by dotted names, and what makes mechanisms."""
 
 from collections.abc import Mapping, Sequence
+from threading import get_ident
 from typing import Any, Protocol
+from weakref import WeakKeyDictionary
 
 from ... import backend
 from ...errors import InputError
@@ -10,6 +12,9 @@ from ...mechanism.formats.remembered import Remembered, number
 from ...mechanism.formats.template import Template
 from ...mechanism.formulations.parameters import Parameters
 from ..sweep.run import Made
+
+_BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()
+"""The parameters by which a mechanism was differentiated last: workspaces of one thread."""
 
 Names = Sequence[str] | Mapping[str, float]
 Model = Any  # str | Maker | Callable[..., Mechanism] | None
@@ -46,17 +51,28 @@ def bound(mech: Mechanism, names: Names, model: Model, t: float) -> tuple[dict[s
         raise InputError(f"parameters are a list of names, or name = value, got {names!r}")
     if not names:
         return {}, Parameters(lambda values: mech, {})
-    make = maker(mech, model)
+    key = (get_ident(), tuple(names.items()) if isinstance(names, Mapping) else tuple(names))
+    if model is None and key in _BOUND.get(mech, {}):
+        values, parameters = _BOUND[mech][key]
+    else:
+        values, parameters = _bound(mech, names, maker(mech, model))
+        if model is None:
+            _BOUND[mech] = {key: (values, parameters)}
+    if parameters.mech.ng:
+        parameters.refuse(t, parameters.mech.start_at(t)[0])
+    return values, parameters
+
+
+def _bound(mech: Mechanism, names: Names, make: Makes) -> tuple[dict[str, float], Parameters]:
     if isinstance(names, Mapping):
         values = {name: float(value) for name, value in names.items()}
     elif isinstance(make, Template):
         values = {name: number(make, name) for name in names}
     else:
         raise InputError("the parameters of a function that makes a mechanism are given as name = value")
-    parameters = Parameters(make.make, values, backend.load())
+    own = isinstance(make, Template) and not isinstance(names, Mapping)
+    parameters = Parameters(make.make, values, backend.load(), own=own)
     _compare(mech, parameters.mech)
-    if parameters.mech.ng:
-        parameters.refuse(t, parameters.mech.start_at(t)[0])
     return values, parameters
 
 

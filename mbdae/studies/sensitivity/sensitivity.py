@@ -144,18 +144,28 @@ def sensitivity(
     dy, carry = begun(trace, dp, start), np.zeros((trace.n_carry, len(columns)))
     for part in trace.start():
         dy, carry = part.forward(dy, carry, dp)
-    n = len(sol.t)
-    after = places(sol)
+    n, after = len(sol.t), places(sol)
+    bounds = np.searchsorted(after, np.arange(len(trace.ts) + 1))
     out, points, dt = np.zeros((n, *dy.shape)), sol.y.copy(), np.zeros((n, len(columns)))
-    order, at = np.argsort(after, kind="stable"), 0
-    for i in range(len(trace.ts)):
-        while at < n and after[order[at]] == i:
-            k = order[at]
+
+    def at_node(i: int, dy: Array, carry: Array) -> None:
+        for k in range(bounds[i], bounds[i + 1]):
             points[k], out[k] = _between(trace, i, float(sol.t[k]), dy, carry, dp)
-            at += 1
-        if i + 1 == len(trace.ts):
-            break
+
+    i, ny = 0, len(dy)
+    while i + 1 < len(trace.ts):
         last = end if i + 2 == len(trace.ts) else None
+        j = trace.core.after(i, end is not None) if trace.core else i
+        if trace.core and j > i:
+            found = trace.core.tangent(trace.core.nodes(i, j), np.concatenate([dy, carry]).T, dp.T)
+            if found is not None:
+                for m in range(i, j):
+                    at_node(m, found[m - i, :, :ny].T, found[m - i, :, ny:].T)
+                i, dy, carry = j, found[-1, :, :ny].T, found[-1, :, ny:].T
+                for part in trace.trailing(i):
+                    dy, carry = part.forward(dy, carry, dp)
+                continue
+        at_node(i, dy, carry)
         if last:
             dh = last.move(dy, carry, dp)
             dt[sol.t == trace.ts[-1]] = dh
@@ -163,6 +173,8 @@ def sensitivity(
         else:
             for part in trace.parts(i):
                 dy, carry = part.forward(dy, carry, dp)
+        i += 1
+    at_node(i, dy, carry)
     return Sensitivity(values, columns, np.asarray(sol.t), points, out, dt, trace, after)
 
 
@@ -188,6 +200,10 @@ def _between(trace: Trace, i: int, t: float, dy: Array, carry: Array, dp: Array)
     """The point at a time behind node i, and its derivatives."""
     if t == trace.ts[i]:
         return trace.ys[i], dy
+    if trace.core:
+        found = trace.core.tangent(trace.core.short(i, t), np.concatenate([dy, carry]).T, dp.T)
+        if found is not None:
+            return trace.between(i, t), found[-1, :, : len(dy)].T
     y, parts = trace.short(i, t - float(trace.ts[i]))
     for part in parts:
         dy, carry = part.forward(dy, carry, dp)

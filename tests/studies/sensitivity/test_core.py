@@ -1,0 +1,141 @@
+"""Tangents and adjoints in the compiled core against those in Python, which are the specification."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.integrate import trace
+from mbdae.mechanism.formats.library import model_names
+from mbdae.mechanism.mechanism import Mechanism
+from mbdae.methods import METHODS, Tableau
+
+METHODS_HERE = [name for name, method in METHODS.items() if isinstance(method, Tableau)]
+STEPS = {"andrews_squeezer": 5e-4, "humanoid_stance": 2e-3, "flyball_governor": 2e-4, "jansen_walker": 5e-3,
+         "heavy_top": 2e-3, "sleeping_top": 2e-3, "stewart_platform": 0.01}  # fmt: skip
+
+
+@contextmanager
+def in_python():
+    """Let Python go along the steps of traces."""
+    known = trace.core_steps
+    trace.core_steps = lambda trace: None
+    try:
+        yield
+    finally:
+        trace.core_steps = known
+
+
+def random_cost(sol, seed=0):
+    """A cost of random weights of all coordinates and velocities, and of lam."""
+    rng = np.random.default_rng(seed)
+    names = [name for name in sol.signals() if name.startswith(("q.", "v.", "s."))]
+    weights = {name: rng.standard_normal(len(sol.t)) for name in names}
+    return lambda values: (sum(float(w @ values[name]) for name, w in weights.items()), weights)
+
+
+def compare(sol, names, **options):
+    """Both back ends, and in each the adjoint with the tangent."""
+    cost = random_cost(sol)
+    _, weights = cost(sol.signals())
+    found = []
+    for core in (True, False):
+        if core:
+            tangent, adjoint = mbdae.sensitivity(sol, names, **options), mbdae.gradient(sol, cost, names, **options)
+            assert tangent.trace.core is not None
+        else:
+            with in_python():
+                tangent, adjoint = mbdae.sensitivity(sol, names, **options), mbdae.gradient(sol, cost, names, **options)
+            assert tangent.trace.core is None
+        backwards = np.array(list(adjoint.gradient.values()))
+        slopes = {name: tangent.signal(name) for name in weights}
+        forwards = sum(w @ slopes[name] for name, w in weights.items())
+        size = sum(np.abs(w) @ np.abs(slopes[name]) for name, w in weights.items())
+        assert (np.abs(forwards - backwards) <= 1e-13 * size.max()).all()
+        found.append((tangent.dy, backwards, size.max()))
+    (dy, back, _), (expected, expected_back, size) = found
+    assert np.abs(dy - expected).max() <= 1e-11 * max(1.0, np.abs(expected).max())
+    assert np.abs(back - expected_back).max() <= 1e-11 * size
+    assert np.abs(expected).max() > 0
+
+
+@pytest.mark.parametrize("model", model_names())
+def test_every_model(model):
+    mech, step = mbdae.load(model), STEPS.get(model, 0.02)
+    sol = mbdae.solve(mech, (0.0, 4 * step), step=step, method="pherk5", project=mech.ng > 0)
+    compare(sol, ["gravity.2"], start=True)
+
+
+@pytest.mark.parametrize("method", METHODS_HERE)
+def test_every_method(method):
+    """Not projected; the second one under control, on a manifold that is not flat."""
+    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.12), step=0.03, method=method, project=False)
+    compare(sol, ["joint.crank.mass", "start.q.crank"], start=True)
+    sol = mbdae.solve(mbdae.load("heavy_top"), (0.0, 0.02), rtol=1e-4, method=method)
+    compare(sol, ["gravity.2"], start=True)
+
+
+FOUR_BAR = ("joint.crank.mass", "joint.coupler.com.0", "joint.rocker.inertia.1", "joint.coupler.xyz.0",
+            "joint.coupler.rpy.1", "joint.rocker.xyz.2", "frame.coupler_tip.xyz.0", "frame.rocker_tip.rpy.1",
+            "gravity.2", "start.v.crank")  # fmt: skip
+ANDREWS = ("joint.gamma.mass", "joint.Theta.com.1", "joint.Phi.inertia.2", "joint.beta.xyz.0", "joint.Omega.xyz.1",
+           "frame.P4.xyz.1", "frame.D.xyz.0", "frame.C.xyz.1", "force.spring.stiffness", "force.spring.length",
+           "force.spring.damping", "force.drive.torque.value")  # fmt: skip
+
+CAR_AXIS = ("body.chassis.mass", "body.right.mass", "closure.axle.length", "driver.0.motion.amplitude",
+            "force.left spring.stiffness", "frame.wheel.xyz.0", "gravity.1")  # fmt: skip
+
+
+@pytest.mark.parametrize("project", [False, True])
+@pytest.mark.parametrize(
+    ("model", "names", "step"),
+    [("four_bar", FOUR_BAR, 0.05), ("andrews_squeezer", ANDREWS, 1e-3), ("car_axis", CAR_AXIS, 0.01)],
+)
+def test_every_sort_of_parameter(model, names, step, project):
+    sol = mbdae.solve(mbdae.load(model), (0.0, 3 * step), step=step, method="pherk5", project=project)
+    compare(sol, names)
+
+
+def test_places_on_a_tree_that_moves():
+    """Masses and places of a spatial mechanism in motion, with springs, dampers and forces between its frames."""
+    mech = mbdae.load("panda_handle")
+    joints = mech.joint_names[:3]
+    names = [f"joint.{joint}.{key}" for joint in joints for key in ("mass", "com.1", "inertia.3", "xyz.1", "rpy.0")]
+    rng = np.random.default_rng(2)
+    q, v = mech.start
+    v = mech.assemble(q, v + rng.standard_normal(mech.nv))[1]
+    compare(mbdae.solve(mech, (0.0, 0.03), q, v, step=0.01, project=True), names)
+
+
+def test_rows_that_are_chosen_anew():
+    sol = mbdae.solve(mbdae.load("bricard"), (0.0, 3.0), step=0.05, method="pherk5")
+    assert len(sol.in_use) > 1
+    compare(sol, ["gravity.2"])
+
+
+def test_jumps_events_and_times_between_nodes():
+    hold = mbdae.Sampled(lambda t, q, v: -5 * v[:1], rate=10, joints="crank", name="hold")
+    mech = mbdae.load("four_bar", forces=[hold])
+    times = np.linspace(0.0, 0.35, 9)
+    compare(mbdae.solve(mech, (0.0, 0.35), rtol=1e-4, t_eval=times), ["joint.crank.mass"], start=True)
+    event = mbdae.Event(lambda t, q, v: q[0] - 1.0, terminal=True)
+    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 2.0), rtol=1e-4, events=event)
+    compare(sol, ["joint.crank.mass"], start=True, event=event)
+
+
+def test_a_law_in_python():
+    """The core calls it."""
+    mech = mbdae.load("four_bar", forces=[lambda t, q, v: -0.1 * v * abs(v)])
+    compare(mbdae.solve(mech, (0.0, 0.2), step=0.05), ["joint.crank.mass"])
+
+
+def test_one_mechanism_is_bound_once(monkeypatch):
+    made = []
+    make = Mechanism.__init__
+    monkeypatch.setattr(Mechanism, "__init__", lambda self, *args, **more: made.append(1) or make(self, *args, **more))
+    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.1), step=0.05)
+    mbdae.gradient(sol, random_cost(sol), ["joint.crank.mass"])
+    n = len(made)
+    mbdae.gradient(sol, random_cost(sol, 1), ["joint.crank.mass"])
+    assert len(made) == n
