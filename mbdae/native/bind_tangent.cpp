@@ -32,15 +32,13 @@ std::vector<Stuff> stuff(const nb::list& list, const Index2System& s) {
 }
 
 std::vector<Direction> directions(const nb::list& list, const std::vector<Stuff>& of, int count, int nv) {
-  static const int sizes[] = {10, 6, 6, 3};
   std::vector<Direction> out;
   for (nb::handle h : list) {
     const auto x = nb::cast<nb::tuple>(h);
     if (x.size() != 3) refuse("a direction is a parameter, stuff and numbers");
     Direction d{nb::cast<int>(x[0]), nb::cast<int>(x[1]), nb::cast<Numbers>(x[2])};
     within({d.parameter}, count, "parameter"), within({d.stuff}, static_cast<int>(of.size()), "stuff");
-    const Stuff::Of kind = of[d.stuff].of;
-    if (static_cast<int>(d.x.size()) != (kind == Stuff::armature ? nv : sizes[kind])) refuse("a direction does not fit");
+    if (static_cast<int>(d.x.size()) != size_of(of[d.stuff].of, nv)) refuse("a direction does not fit");
     out.push_back(std::move(d));
   }
   return out;

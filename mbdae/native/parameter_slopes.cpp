@@ -29,9 +29,8 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
     columns_[j].assign(supports[j].begin() + supports[m.parents[j]].size(), supports[j].end());
     for (int i = j; i; i = m.parents[i]) above_[j][i] = true;
   }
-  static const int sizes[] = {10, 6, 6, 3};
   for (const Stuff& x : stuff_) {
-    sums_.emplace_back(x.of == Stuff::armature ? s.nv : sizes[x.of], 0.0);
+    sums_.emplace_back(size_of(x.of, s.nv), 0.0);
     kinematic_ = kinematic_ || x.of != Stuff::armature;
     placing_ = placing_ || x.of == Stuff::place;
     moving_ = moving_ || placing_ || x.of == Stuff::frame;

@@ -18,9 +18,13 @@ struct Stuff {
   bool b = false;       // the pair's second frame
 };
 
+inline int size_of(Stuff::Of of, int nv) {  // mass, moment, inertia; a motion; a vector; one for each velocity
+  return of == Stuff::inertia ? 1 + 3 + 6 : of == Stuff::gravity ? 3 : of == Stuff::armature ? nv : 6;
+}
+
 struct Direction {  // of a parameter in some stuff
   int parameter, stuff;
-  Numbers x;  // (10,), (6,), (6,), (3,) or (nv,)
+  Numbers x;
 };
 
 // Laws, or rows, that a parameter changes, with another value of it: their difference is a sum of them with weights.

@@ -51,15 +51,14 @@ def bound(mech: Mechanism, names: Names, model: Model, t: float) -> tuple[dict[s
         raise InputError(f"parameters are a list of names, or name = value, got {names!r}")
     if not names:
         return {}, Parameters(lambda values: mech, {})
-    key = (get_ident(), tuple(names.items()) if isinstance(names, Mapping) else tuple(names))
+    key = get_ident(), t, tuple(names.items()) if isinstance(names, Mapping) else tuple(names)
     if model is None and key in _BOUND.get(mech, {}):
-        values, parameters = _BOUND[mech][key]
-    else:
-        values, parameters = _bound(mech, names, maker(mech, model))
-        if model is None:
-            _BOUND[mech] = {key: (values, parameters)}
+        return _BOUND[mech][key]
+    values, parameters = _bound(mech, names, maker(mech, model))
     if parameters.mech.ng:
         parameters.refuse(t, parameters.mech.start_at(t)[0])
+    if model is None:
+        _BOUND[mech] = {key: (values, parameters)}
     return values, parameters
 
 

@@ -1,0 +1,88 @@
+"""Wrong input to the core's tangents and adjoints: exceptions, never a crash; and what ends them."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae import backend
+from mbdae.methods import METHODS
+
+pytestmark = pytest.mark.native
+REFUSED = (ValueError, RuntimeError)
+
+
+@pytest.fixture
+def system():
+    bound = mbdae.load("four_bar").system(native=backend.load())
+    bound.derivative(0.0, bound.mechanism.point())
+    bound.expand()
+    return bound
+
+
+def given(system, m=2, d=3):
+    """Parameters, what comes before the nodes, nodes, and what is carried."""
+    parameters = system.core.vary(0, [], [], [])
+    y = np.array([system.mechanism.point()] * (m + 1))
+    carries = np.array([system.derivative(0.0, y[0])[0][system.nv :]] * (m + 1))
+    method = METHODS["pherk5"].compiled(backend.load())
+    return [parameters, method, False, True, 1e-3 * np.arange(m + 1.0), y, carries], (d, system.ny + carries.shape[1])
+
+
+def test_what_does_not_fit_is_refused(system):
+    nodes, shape = given(system)
+    first, extra = np.ones(shape), np.zeros((3, shape[1]))
+    assert system.core.tangent(*nodes, first, np.empty((3, 0))).shape == (3, *shape)
+    assert len(system.core.adjoint(*nodes, extra, first[0])[0]) == shape[1]
+    for i, wrong in ((4, np.empty(0)), (5, nodes[5][:-1]), (6, nodes[6][:, :-1])):
+        short = [*nodes[:i], wrong, *nodes[i + 1 :]]
+        with pytest.raises(REFUSED):
+            system.core.tangent(*short, first, np.empty((3, 0)))
+        with pytest.raises(REFUSED):
+            system.core.adjoint(*short, extra, first[0])
+    with pytest.raises(REFUSED):
+        system.core.tangent(*nodes, first, np.ones((3, 1)))
+    with pytest.raises(REFUSED):
+        system.core.adjoint(*nodes, extra[:-1], first[0])
+    with pytest.raises(REFUSED):
+        system.core.adjoint(*nodes, extra, first[0, :-1])
+    other = mbdae.load("four_bar").system(native=backend.load())
+    other.expand()
+    with pytest.raises(ValueError, match="another core"):
+        other.core.tangent(*nodes, first, np.empty((3, 0)))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        (-1, [], [], []),
+        (1, [("mass", 1, False, False)], [], []),
+        (1, [("inertia", 9, False, False)], [], []),
+        (1, [("frame", 5, True, False)], [], []),
+        (1, [("place", 1, False, False)], [(0, 0, [1.0] * 5)], []),
+        (1, [("place", 1, False, False)], [(1, 0, [1.0] * 6)], []),
+        (1, [("place", 1, False, False)], [(0, 1, [1.0] * 6)], []),
+        (1, [], [], [(0, [0], [(1.0, [], [{"kind": "nothing"}])], [])]),
+        (1, [], [], [(0, [7], [], [(1.0, [], [], [])])]),
+    ],
+)
+def test_wrong_parameters_are_refused(system, wrong):
+    with pytest.raises(REFUSED):
+        system.core.vary(*wrong)
+
+
+def test_steps_that_cannot_be_taken(system):
+    nodes, shape = given(system)
+    nodes[5][0, 0] = np.nan
+    assert system.core.tangent(*nodes, np.ones(shape), np.empty((3, 0))) is None
+    run = backend.load().Run()
+    assert system.core.walk(nodes[1], False, run, nodes[4], nodes[5], nodes[6][0], 1e-7, 1e-10) is None
+
+
+def test_steps_of_another_run_are_seen(system):
+    nodes, _ = given(system)
+    run = backend.load().Run()
+    nodes[5][1, 0] += 0.1
+    carries, renewed, steps, _ = system.core.walk(nodes[1], False, run, nodes[4], nodes[5], nodes[6][0], 1e-7, 1e-10)
+    assert steps == 0
+    assert carries.shape == nodes[6].shape
+    assert renewed == [0, 0, 0]
