@@ -28,11 +28,10 @@ def main(end: float = 10.0, rtol: float = 1e-6, plot: str | Path | None = "drift
         d = out[name] = mbdae.drift(sol)
         print(f"{name:20s} {d.g_max:10.1e} {d.Gv_max:10.1e} {d.energy_relative:17.1e}")
     if plot:
-        from mbdae.studies.drift.drift import history
         from mbdae.studies.drift.figure import drifts
         from mbdae.studies.figures import save
 
-        save(drifts([history(sol) for sol in sols]), plot)
+        save(drifts([mbdae.drift(sol).history for sol in sols]), plot)
     return out
 
 

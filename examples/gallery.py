@@ -11,7 +11,6 @@ from PIL import Image
 
 import mbdae
 from mbdae.studies import figures
-from mbdae.studies.drift.drift import history
 from mbdae.studies.drift.figure import drifts
 from mbdae.studies.replay import video
 from mbdae.studies.replay.replay import page
@@ -85,7 +84,7 @@ def drift(folder: Path, end: float = 10.0, methods: Sequence[str] = ("herk3", "h
     mech = mbdae.load("four_bar")
     runs = [mbdae.solve(mech, (0, end), method=name, rtol=1e-6, project=False) for name in methods]
     runs.append(mbdae.solve(mech, (0, end), rtol=1e-6, project=True))
-    figures.save(drifts([history(sol) for sol in runs]), folder / "drift.png")
+    figures.save(drifts([mbdae.drift(sol).history for sol in runs]), folder / "drift.png")
     reduce(folder / "drift.png")
 
 

@@ -30,11 +30,16 @@ _STUDIES = public("mbdae.studies", "*/*.py")  # loaded when used: plotting and v
 globals().update(_FORCES)
 
 
-def _replay(sol: Solution) -> str:
-    return import_module(_STUDIES["animate"]).notebook(sol)
+def _study(name: str, function: str) -> Any:
+    return getattr(import_module(f"mbdae.studies.{name}"), function)
 
 
-Solution.viewer = _replay  # solutions know nothing of studies: what shows them in notebooks is handed down
+# solutions and mechanisms know nothing of studies: what shows them is handed down, and loaded when used
+Solution.viewer = lambda sol: _study("replay.replay", "notebook")(sol)  # type: ignore[assignment]
+Solution.drawer = lambda sol, path, names: _study("figures", "given")(  # type: ignore[assignment]
+    _study("run.figure", "motion")(sol, names), path
+)
+Mechanism.viewer = lambda mech: _study("card.card", "card")(mech)._repr_html_()  # type: ignore[assignment]
 
 
 def __getattr__(name: str) -> Any:

@@ -6,6 +6,7 @@ from types import UnionType
 from typing import Any
 from unicodedata import category
 
+MANY = 60  # names that a message lists
 ACTING = ("Cc", "Cf", "Cs", "Zl", "Zp")  # control, format (writing direction), halves of characters, line ends
 STATUS = {
     "finished": "the end of the time span was reached",
@@ -87,7 +88,8 @@ class UnknownNameError(InputError):
         self.kind, self.name, self.valid = kind, name, tuple(valid)
         near = get_close_matches(str(name), self.valid, n=1)
         hint = f" (did you mean {near[0]!r}?)" if near else ""
-        super().__init__(f"unknown {kind} {name!r}{hint}; valid: {', '.join(self.valid) or 'none'}")
+        all_of = f", ... ({len(self.valid)} in all)" if len(self.valid) > MANY else ""
+        super().__init__(f"unknown {kind} {name!r}{hint}; valid: {', '.join(self.valid[:MANY]) or 'none'}{all_of}")
 
 
 class AssemblyError(MbdaeError):

@@ -1,7 +1,6 @@
 """What the sub-commands share: options, tables, progress, exit codes."""
 
 import json
-import math
 import os
 import re
 import sys
@@ -22,6 +21,7 @@ from ..integrate.solve import solve
 from ..integrate.span import checked_span
 from ..mechanism import Mechanism
 from ..solution.solution import Solution
+from ..tabular import SUFFIXES, finite
 
 RTOL = 1e-8  # of a run on the command line
 HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
@@ -47,7 +47,10 @@ speed_option = click.option("--speed", type=SPEEDS, default=1.0, show_default=Tr
 time_option = click.option("-t", "--time", "end", type=float, help="End time in s; the model's own when left out.")
 methods_option = click.option("-m", "--method", "names", multiple=True, help="A method; several times for several.")
 plot_option = click.option("--plot", type=click.Path(dir_okay=False), help="Draw a figure as .png, .svg or .pdf.")
-PICTURES, PAGES = (".png", ".svg", ".pdf"), (".html",)
+table_option = click.option(
+    "-o", "--output", type=click.Path(dir_okay=False), help="Save as a table .csv, all as .json, or in LaTeX as .tex."
+)
+PICTURES, PAGES, TABLES = (".png", ".svg", ".pdf"), (".html",), SUFFIXES
 
 
 def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -109,15 +112,7 @@ def finish(sol: Solution) -> None:
 
 def emit(data: Any, text: str, as_json: bool) -> None:
     """Print a result as one JSON document, numbers that are not finite as null, or as text."""
-    click.echo(json.dumps(_finite(data), allow_nan=False) if as_json else printable(text))
-
-
-def _finite(data: Any) -> Any:
-    if isinstance(data, dict):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
-    return None if isinstance(data, float) and not math.isfinite(data) else data
+    click.echo(json.dumps(finite(data), allow_nan=False) if as_json else printable(text))
 
 
 def show(rows: list[dict[str, Any]], as_json: bool) -> None:

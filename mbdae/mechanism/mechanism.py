@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -31,7 +31,7 @@ from .joints import is_depth_first
 from .manifold import Manifold
 from .modes.switches import switches_of
 from .scene.scene import Scene
-from .start import Motor, OrderSettings, Start, coordinates
+from .start import Motor, OrderSettings, Start, coordinates, vector
 from .workspace import make_data
 
 Coordinates = Mapping[str, float | Sequence[float]]
@@ -66,6 +66,8 @@ class Mechanism:
     Example:
         >>> mech = Mechanism(model, closures=[Closure.point("left_tip", "right_tip")])   # doctest: +SKIP
     """
+
+    viewer: ClassVar[Callable[["Mechanism"], str]]  # `mbdae.card` for notebooks, set by the package
 
     def __init__(
         self,
@@ -112,9 +114,14 @@ class Mechanism:
         self.states = self.bind_forces(data).states()  # wrong names are refused here
         self.start_values = start or Start()
         self._starts: dict[float, tuple[Array, Array]] = {}
-        for table in self.start_values.tables.values():
-            for name in table:
-                find_joint(model, name)
+        for name in (name for table in self.start_values.tables.values() for name in table):
+            find_joint(model, name)
+
+    def __repr__(self) -> str:
+        return f"<Mechanism {self.title}: nq {self.nq}, nv {self.nv}, {self.ng} closure rows>"
+
+    def _repr_html_(self) -> str:
+        return type(self).viewer(self)
 
     # -- sizes and names -----------------------------------------------------------------------------------------
 
@@ -277,29 +284,16 @@ class Mechanism:
         Raises:
             InputError: for wrong shapes, values that are not finite, or a state that is not consistent.
         """
-        s0 = np.array(list(self.states.values())) if s is None else self.vector("s", s, len(self.states))
+        s0 = np.array(list(self.states.values())) if s is None else vector(self.title, "s", s, len(self.states))
         if q is None and v is None:
             return np.concatenate([*self.start_at(t), s0, [0.0]])
-        q0 = self.start_at(t)[0] if q is None else self.vector("q", q, self.nq)
-        v0 = self.start_at(t)[1] if v is None else self.vector("v", v, self.nv)
+        q0 = self.start_at(t)[0] if q is None else vector(self.title, "q", q, self.nq)
+        v0 = self.start_at(t)[1] if v is None else vector(self.title, "v", v, self.nv)
         if not pin.isNormalized(self.model, q0, 1e-8):
             raise InputError("q is not on the manifold: normalise its quaternions, or pass it through assemble(q, v)")
         refuse_inconsistent(self, q0, v0, t, gap)
         return np.concatenate([q0, v0, s0, [0.0]])
 
     def vector(self, name: str, value: Any, n: int) -> Array:
-        """Return a value as n finite numbers.
-
-        Raises:
-            InputError: if it is something else.
-        """
-        try:
-            x = np.asarray(value, float)
-        except (TypeError, ValueError):
-            text = f"{name} is an array of {n} numbers, got {value!r}; assemble() takes values by name"
-            raise InputError(text) from None
-        if x.shape != (n,):
-            raise InputError(f"{name} has shape {x.shape}, expected ({n},) for {self.title!r}")
-        if not np.isfinite(x).all():
-            raise InputError(f"{name} is not finite: {x}")
-        return x
+        """Return a value as n finite numbers, see `mbdae.mechanism.start.vector`."""
+        return vector(self.title, name, value, n)

@@ -8,6 +8,7 @@ import pinocchio as pin
 from pydantic import Field
 
 from ..errors import InputError
+from ..system import Array
 from .frames import find_joint
 from .tables import Table
 
@@ -97,3 +98,21 @@ def normalized(model: pin.Model, q: np.ndarray) -> np.ndarray | None:
     """Return q (nq,) with quaternions, and cosines with sines, of length 1; None where one of them vanishes."""
     q = pin.normalize(model, q)
     return q if pin.isNormalized(model, q, 1e-8) else None
+
+
+def vector(title: str, name: str, value: Any, n: int) -> Array:
+    """Return a value of a mechanism as n finite numbers.
+
+    Raises:
+        InputError: if it is something else.
+    """
+    try:
+        x = np.asarray(value, float)
+    except (TypeError, ValueError):
+        text = f"{name} is an array of {n} numbers, got {value!r}; assemble() takes values by name"
+        raise InputError(text) from None
+    if x.shape != (n,):
+        raise InputError(f"{name} has shape {x.shape}, expected ({n},) for {title!r}")
+    if not np.isfinite(x).all():
+        raise InputError(f"{name} is not finite: {x}")
+    return x

@@ -1,6 +1,5 @@
 """Solutions in files: .npz holds everything and can be read again, .csv is a table of named columns."""
 
-import csv
 import json
 import sys
 import warnings
@@ -20,6 +19,7 @@ from ..errors import STATUS, InputError
 from ..files import write_whole
 from ..mechanism import Singular, describe, restore
 from ..mechanism.tables import one_line
+from ..tabular import write_csv
 from .impact import Impact
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 FORMAT = 2  # 1 held Pinocchio's archives, which are not safe to read
 SUFFIXES = (".npz", ".csv")
-TABLES = (".csv", ".json")  # of studies whose results are columns
 DAMAGE = (
     OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
     SyntaxError, TokenError, BadZipFile, zlib.error,
@@ -110,29 +109,6 @@ def write(sol: "Solution", path: str | Path) -> None:
     arrays = {"t": sol.t, "y": sol.y, "z_own": sol.z_own, "steps_t": ts, "steps_y": ys, "steps_z": zs}
     with write_whole(path) as temporary:
         np.savez_compressed(temporary, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
-
-
-def write_csv(columns: dict[str, np.ndarray], path: str | Path) -> None:
-    """Write columns of equal length, by name, as a table of comma-separated values."""
-    with write_whole(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(columns)
-        table.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
-
-
-def save_table(result: Any, path: str | Path, what: str) -> None:
-    """Write the columns ``result.signals()`` as .csv, or all of ``result.to_dict()`` as .json.
-
-    Raises:
-        InputError: for another suffix, naming ``what``, or an unwritable path.
-    """
-    if Path(path).suffix not in TABLES:
-        raise InputError(f"{what} are saved as {' or '.join(TABLES)}, got {str(path)!r}")
-    if Path(path).suffix == ".csv":
-        write_csv(result.signals(), path)
-        return
-    with write_whole(path) as temporary:
-        temporary.write_text(json.dumps(result.to_dict()), "utf-8")
 
 
 def read(path: str | Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A solution as named columns over time, for tables and plots."""
+"""Columns of a solution: coordinates, multipliers, forces in joints and closures, residuals and energies."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -7,7 +7,8 @@ import numpy as np
 from ..errors import InputError
 from ..mechanism import Reaction, joint_reaction, loaded, loads, reaction
 from ..mechanism.contacts import contact, path, rolling
-from ..mechanism.frames import find_joint
+from ..mechanism.frames import WORLD, find_joint, frame_names, motions
+from ..mechanism.units import parts
 from ..system import Array
 from .sampling import kept
 
@@ -17,15 +18,9 @@ if TYPE_CHECKING:
 
 TURN = 2 * np.pi
 CONTACT = ("normal", "longitudinal", "lateral", "friction")
-LOADS, WORLD_AXES, OWN_AXES = ("force", "torque"), "xyz", "123"
+LOADS, WORLD_AXES, OWN_AXES = {"force": "N", "torque": "N m"}, "xyz", "123"
+MOTIONS = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # of frames
 RESTING = 1e-10  # rad/s or m/s: of what does not move, energies are rounding
-PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # joint: names of the coordinates in q and in v
-    "Translation": (("x", "y", "z"), ("x", "y", "z")),
-    "Spherical": (("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")),
-    "FreeFlyer": (("x", "y", "z", "qx", "qy", "qz", "qw"), ("vx", "vy", "vz", "wx", "wy", "wz")),
-    "Planar": (("x", "y", "cos", "sin"), ("vx", "vy", "wz")),
-    "Universal": (("1", "2"), ("1", "2")),
-}
 
 
 class Residuals(NamedTuple):
@@ -73,94 +68,67 @@ def residuals(sol: "Solution") -> Residuals:
     return Residuals(g, Gv, *energies.T)
 
 
-def signals(sol: "Solution", *, lam: bool = True) -> dict[str, Array]:
-    """Return named columns of equal length: ``pandas.DataFrame(sol.signals())`` is a table.
-
-    ``t`` in s; ``q.<joint>`` and ``v.<joint>`` (rad or m, per s), with a part behind the name where a joint has several
-    coordinates (``q.base.x``, ``v.base.wz``); unbounded revolute joints as one angle, unwrapped over the run;
-    ``contact.<closure>.x``, ``.y``, ``.z`` in m where bodies roll; ``s.<state>`` of forces that have states of their
-    own; ``lam.<closure>.<row>`` with rows counted from 1 (N, N m; from the hidden constraint); of rolling bodies
-    ``normal.<closure>``, ``longitudinal.<closure>`` and ``lateral.<closure>`` in N, and ``friction.<closure>``, the
-    coefficient that it takes not to slip; ``a.<joint>``, accelerations, named as velocities; ``force.<name>`` and
-    ``torque.<name>`` (N, N m) of joints, and of closures and driven distances between frames: the magnitude, and with
-    ``.x .y .z`` behind it the components along the world's axes, with ``.1 .2 .3`` along its own, see
-    `mbdae.mechanism.joint_wrenches.loads`; ``kinetic``, ``potential``, ``energy`` = kinetic + potential, and ``work``
-    of the non-conservative forces and drivers in J; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
-
-    Args:
-        sol: the solution.
-        lam: whether multipliers, accelerations, forces and torques are among them; they cost more than all others.
-
-    Raises:
-        InputError: for a solution of a textbook problem.
-    """
-    mech, r = sol.mechanism, residuals(sol)
-    out = {"t": np.asarray(sol.t)}
-    out |= coordinates(sol)
-    for closure in rolling(mech):
-        points = path(mech, closure.name, sol.q)
-        out |= {f"contact.{closure.name}.{x}": column for x, column in zip("xyz", points.T, strict=True)}
-    out |= {f"s.{name}": sol.y[:, mech.nq + mech.nv + i] for i, name in enumerate(mech.states)}
-    if lam:
-        out |= {name: sol.lam[:, i] for i, name in enumerate(row_names(mech))}
-        for closure in rolling(mech):
-            out |= contact_forces(sol, closure.name)
-        out |= {name: sol.vdot[:, i] for i, name in enumerate(acceleration_names(mech))}
-        out |= load_columns(mech, loads(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
-    energy = r.kinetic + r.potential
-    out |= {"kinetic": r.kinetic, "potential": r.potential, "energy": energy, "work": sol.work}
-    for name, rows in (("g", r.g), ("Gv", r.Gv)):
-        out[name] = np.abs(rows).max(axis=1, initial=0.0)
-    return out
-
-
-def contact_forces(sol: "Solution", name: str) -> dict[str, Array]:
-    """Return the columns of `signals` that a rolling closure has with its multipliers."""
-    found = contact(sol.mechanism, name, sol.t, sol.q, sol.lam)
-    return {f"{kind}.{name}": getattr(found, kind) for kind in CONTACT}
-
-
-def contact_names(mech: "Mechanism") -> list[str]:
-    """Names of all columns of rolling closures."""
-    names = [c.name for c in rolling(mech)]
-    return [f"contact.{n}.{x}" for n in names for x in "xyz"] + [f"{kind}.{n}" for n in names for kind in CONTACT]
-
-
 def coordinates(sol: "Solution") -> dict[str, Array]:
-    """Return the columns ``q.*`` and then ``v.*`` of `signals`."""
+    """Return the columns ``q.*`` and then ``v.*`` of `mbdae.solution.signals.signals`."""
     mech = sol.mechanism
     q: dict[str, Array] = {}
     v: dict[str, Array] = {}
     for name in mech.joint_names:
-        joint, kind = find_joint(mech.model, name), mech.joint_kind(name)
-        qs, vs = sol.q[:, joint.idx_q : joint.idx_q + joint.nq], sol.v[:, joint.idx_v : joint.idx_v + joint.nv]
-        if (joint.nq, joint.nv) == (2, 1):
-            q[f"q.{name}"] = unwrapped(sol, joint.idx_q, joint.idx_v)
-            v[f"v.{name}"] = vs[:, 0]
-            continue
-        for letter, columns, out, side in (("q", qs, q, 0), ("v", vs, v, 1)):
-            numbers = tuple(str(k + 1) for k in range(columns.shape[1]))
-            parts = PARTS[kind][side] if kind in PARTS else numbers
-            for part, column in zip(parts, columns.T, strict=True):
-                out[f"{letter}.{name}" + (f".{part}" if len(parts) > 1 else "")] = column
+        j, (of_q, of_v) = find_joint(mech.model, name), parts(mech, name)
+        v |= {f"v.{name}{part}": sol.v[:, j.idx_v + k] for k, part in enumerate(of_v)}
+        if (j.nq, j.nv) == (2, 1):
+            q[f"q.{name}"] = unwrapped(sol, j.idx_q, j.idx_v)
+        else:
+            q |= {f"q.{name}{part}": sol.q[:, j.idx_q + k] for k, part in enumerate(of_q)}
     return {**q, **v}
 
 
-def units(mech: "Mechanism") -> dict[str, str]:
-    """Units of the columns ``q.*`` and ``v.*`` of `signals`: rad or m, and per s; 1 for parts of quaternions."""
-    out = {}
-    for name in mech.joint_names:
-        joint, kind = find_joint(mech.model, name), mech.joint_kind(name)
-        own = "m" if kind.startswith("P") and kind != "Planar" else "rad"
-        single = (joint.nq, joint.nv) in ((1, 1), (2, 1))
-        parts = ((name,), (name,)) if single else PARTS.get(kind, ((), ()))
-        for letter, side, per in (("q", parts[0], ""), ("v", parts[1], "/s")):
-            for part in side:
-                length = part.removeprefix("v") in ("x", "y", "z") or (single and own == "m")
-                pure = part in ("qx", "qy", "qz", "qw", "cos", "sin")
-                unit = "m" if length else "1" if pure else "rad"
-                out[f"{letter}.{name}" + ("" if single else f".{part}")] = unit + per
+def contact_paths(sol: "Solution") -> dict[str, Array]:
+    """Return the columns ``contact.*``, where bodies touch what they roll on."""
+    paths = {c.name: path(sol.mechanism, c.name, sol.q) for c in rolling(sol.mechanism)}
+    return {f"contact.{name}.{x}": points[:, k] for name, points in paths.items() for k, x in enumerate("xyz")}
+
+
+def contact_forces(sol: "Solution") -> dict[str, Array]:
+    """Return the forces of rolling closures, and the friction that they take."""
+    found = {c.name: contact(sol.mechanism, c.name, sol.t, sol.q, sol.lam) for c in rolling(sol.mechanism)}
+    return {f"{kind}.{name}": getattr(x, kind) for name, x in found.items() for kind in CONTACT}
+
+
+def pulls(mech: "Mechanism") -> dict[str, Array]:
+    """Closures and driven distances between frames, with their rows that are forces along directions at right angles.
+
+    Those in m; the length of their multipliers is that of the force.
+    """
+    names = np.array(mech.row_names)
+    return {c.name: np.flatnonzero((names == c.name) & (mech.row_units == "m")) for c in mech.constraints if c.frames}
+
+
+def frame_columns(sol: "Solution") -> dict[str, Array]:
+    """Return the columns of positions, velocities and accelerations of frames."""
+    names = moving_frames(sol.mechanism)
+    out: dict[str, Array] = {}
+    found = motions(sol.mechanism.model, names, sol.q, sol.v, sol.vdot)
+    for word, values in zip(MOTIONS, found, strict=True):
+        for name, x in zip(names, values, strict=True):
+            out |= {f"{word}.{name}": np.linalg.norm(x, axis=1)} if word != "position" else {}
+            out |= {f"{word}.{name}.{axis}": x[:, k] for k, axis in enumerate(WORLD_AXES)}
     return out
+
+
+def frame_units(mech: "Mechanism") -> dict[str, str]:
+    """Units of the columns of frames, in the order of `frame_columns`."""
+    out: dict[str, str] = {}
+    for word, unit in MOTIONS.items():
+        for name in moving_frames(mech):
+            out |= {f"{word}.{name}": unit} if word != "position" else {}
+            out |= {f"{word}.{name}.{axis}": unit for axis in WORLD_AXES}
+    return out
+
+
+def moving_frames(mech: "Mechanism") -> list[str]:
+    """Names of all frames but the world."""
+    return [name for name in frame_names(mech.model) if name != WORLD]
 
 
 def row_names(mech: "Mechanism") -> list[str]:
@@ -182,23 +150,18 @@ def reaction_of(sol: "Solution", name: str) -> Reaction:
     return reaction(mech, name, sol.t, sol.q, sol.lam)
 
 
-def acceleration_names(mech: "Mechanism") -> list[str]:
-    """Names ``a.<joint>`` of the components of v'."""
-    return [f"a.{name[2:]}" for name in units(mech) if name.startswith("v.")]
+def load_units(mech: "Mechanism") -> dict[str, str]:
+    """Units of the columns of forces and torques of joints and closures: magnitude, world's axes, own axes."""
+    ends = ("", *(f".{axis}" for axis in (*WORLD_AXES, *OWN_AXES)))
+    return {f"{word}.{name}{end}": unit for name in loaded(mech) for word, unit in LOADS.items() for end in ends}
 
 
-def load_names(mech: "Mechanism") -> list[str]:
-    """Names of the columns of forces and torques."""
-    words = [f"{word}.{name}" for name in loaded(mech) for word in LOADS]
-    return [word + part for word in words for part in ("", *(f".{axis}" for axis in (*WORLD_AXES, *OWN_AXES)))]
-
-
-def load_columns(mech: "Mechanism", found: tuple[Array, Array]) -> dict[str, Array]:
-    """Columns of forces and torques along the world's axes and along their own, (n, k, 6) each, see `loads`."""
-    n = len(found[0])
-    world, own = (x.reshape(n, -1, 3) for x in found)
+def load_columns(sol: "Solution") -> dict[str, Array]:
+    """Columns of forces and torques of joints and closures, see `mbdae.mechanism.joint_wrenches.loads`."""
+    n, mech = len(sol.t), sol.mechanism
+    world, own = (x.reshape(n, -1, 3) for x in loads(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
     all_of = np.concatenate([np.linalg.norm(world, axis=2)[:, :, None], world, own], axis=2)
-    return dict(zip(load_names(mech), all_of.reshape(n, -1).T, strict=True))
+    return dict(zip(load_units(mech), all_of.reshape(n, -1).T, strict=True))
 
 
 def unwrapped(sol: "Solution", iq: int, iv: int) -> Array:

@@ -1,6 +1,6 @@
 """Points of a solution between its steps, many at once."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,7 +44,7 @@ def kept(sol: "Solution") -> tuple[Array, Array, Array]:
     return out
 
 
-def at_once(sol: "Solution", times: Array) -> Array | None:
+def at_once(sol: Any, times: Array) -> Array | None:
     """Return y at all times, (n, ...), as `Solution.point` does; None where they must be computed one by one.
 
     Raises:

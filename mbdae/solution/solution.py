@@ -1,23 +1,30 @@
 """What a run returns: times, states, multipliers, statistics, and the solution between the steps."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from .. import backend
-from ..errors import InputError, StepError
+from ..errors import InputError
 from ..mechanism import Contact, Effort, Mechanism, NotCompiled, Reaction, Singular, contact, effort, redundant
 from ..system import Array
+from ..tabular import Columns, Tabular
 from ..textbook.hessenberg import Hessenberg
 from .archive import read, write
-from .columns import reaction_of, signals
+from .columns import reaction_of
+from .dense_output import DenseOutput
 from .impact import Impact
-from .sampling import at_once, at_times
+from .sampling import at_times
+from .signals import signals, units
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 
 class Sample(NamedTuple):
@@ -28,7 +35,7 @@ class Sample(NamedTuple):
 
 
 @dataclass
-class Solution:
+class Solution(DenseOutput, Tabular):
     """A computed motion.
 
     Attributes:
@@ -62,16 +69,11 @@ class Solution:
     in_use: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
     modes: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
     impacts: list[Impact] = field(default_factory=list, repr=False)
-    viewer: ClassVar[Callable[["Solution"], str] | None] = None  # the page for notebooks, set by the package
+    viewer: ClassVar[Callable[["Solution"], str]]  # the page for notebooks, set by the package; so is what draws
+    drawer: ClassVar[Callable[..., Any]]
 
     def __post_init__(self) -> None:
-        self.rates: dict[int, Array] = {}
-        self._dense: dict[int, Callable[[float], Array]] = {}
-
-    @property
-    def nodes(self) -> tuple[Array, Array, Array]:
-        """Times, points and own multipliers of all steps."""
-        return self.steps or (self.t, self.y, self.z_own)
+        super().__init__()
 
     @cached_property
     def system(self) -> Any:
@@ -84,25 +86,6 @@ class Solution:
             with suppress(NotCompiled):
                 return self.problem.system(native=native)
         return self.problem.system()
-
-    def at(self, i: int) -> Any:
-        """The workspace, with the rows that were solved for at node i: what it computes depends on nothing else."""
-        rows = next((rows for first, rows in reversed(self.in_use) if first <= i), None)
-        if self.modes:
-            self.system.enter(self.mode(i))
-        if rows and (not self.system.held or rows != self.system.in_use):
-            self.system.hold(rows)
-        return self.system
-
-    def mode(self, i: int) -> tuple[int, ...]:
-        """The states of the mechanism's switches at node i."""
-        return next((mode for first, mode in reversed(self.modes) if first <= i), ())
-
-    def before(self, t: Array) -> Array:
-        """The node before each time, (k,): the later one of two at a jump."""
-        ts = np.asarray(self.nodes[0])
-        sign = 1.0 if len(ts) < 2 or ts[-1] > ts[0] else -1.0
-        return np.clip(np.searchsorted(sign * ts, sign * np.asarray(t), side="right") - 1, 0, max(0, len(ts) - 1))
 
     @property
     def success(self) -> bool:
@@ -207,61 +190,6 @@ class Solution:
         """Closures whose reactions are not unique, and how many of their rows others keep as well, at the start."""
         return redundant(self.mechanism, self.t[0], self.q[0])
 
-    def point(self, t: float) -> Array:
-        """Return y at any time of the run, interpolated between steps.
-
-        Raises:
-            InputError: for a time outside.
-        """
-        ts, ys, _ = self.nodes
-        low, high = min(ts[0], ts[-1]), max(ts[0], ts[-1])
-        if not low <= t <= high:
-            raise InputError(f"t = {t} is outside the solution, {low} to {high}")
-        if len(ts) == 1:
-            return ys[0]
-        i = min(int(self.before(np.array([t]))[0]), len(ts) - 2)
-        if t in (ts[i], ts[i + 1]):
-            return ys[i] if t == ts[i] else ys[i + 1]
-        return self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
-
-    def points(self, times: Array) -> Iterator[Array]:
-        """Return y at several times of the run, one after another; all are computed at once where that can be.
-
-        Raises:
-            InputError: for a time outside.
-            StepError: for a point that cannot be found; those before are given first.
-        """
-        found = None
-        with suppress(StepError):
-            found = at_once(self, np.asarray(times, float))
-        yield from (self.point(float(t)) for t in times) if found is None else found
-
-    def dense(self, i: int) -> Callable[[float], Array]:
-        """Return theta -> y on step i, theta in [0, 1], of one order below the method's."""
-        if i not in self._dense:
-            ts, ys, _ = self.nodes
-            rates = self.rate(i), self.rate(i + 1)
-            order = self.settings["dense_order"]
-            curve = self.at(i).interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
-            self._dense[i] = partial(self._on, i, curve)
-        return self._dense[i]
-
-    def _on(self, i: int, curve: Callable[[float], Array], theta: float) -> Array:
-        self.at(i)  # a curve may ask the workspace for more
-        return curve(theta)
-
-    def rate(self, i: int) -> Array:
-        """The tangent rate of y at the end of step i, computed once; 0 is the start."""
-        if i not in self.rates:
-            ts, ys, zs = self.nodes
-            self.rates[i] = self.at(i).derivative(ts[i], ys[i], zs[i])[0]
-        return self.rates[i]
-
-    def multipliers(self, t: float) -> Array:
-        """Return z (nz,) at any time of the run from the hidden constraint; the first ng are lam."""
-        y, i = self.point(t), int(self.before(np.array([t]))[0])
-        return self.at(i).derivative(t, y, self.nodes[2][i])[1]
-
     def __call__(self, t: float | Array) -> Sample:
         """Return q and v at a time, (nq,) and (nv,), or at several, (n, nq) and (n, nv); one order below the method's.
 
@@ -273,12 +201,29 @@ class Solution:
         return Sample(y[..., : m.nq], y[..., m.nq : m.nq + m.nv])
 
     def signals(self) -> dict[str, Array]:
-        """Named columns of equal length, see `mbdae.solution.columns.signals`: ``pandas.DataFrame(sol.signals())``.
+        """Named columns of equal length, see `mbdae.solution.columns.signals`; `to_pandas` makes a table of them.
 
         Raises:
             InputError: for a textbook problem.
         """
         return signals(self)
+
+    def tabulated(self) -> Columns:
+        """The columns of `signals` over time, with their units."""
+        return Columns(self.signals(), units(self.mechanism), "t")
+
+    def plot(self, path: str | Path | None = None, names: str | Sequence[str] = ()) -> "Figure":
+        """Draw signals by unit over time; written where a path is given.
+
+        Args:
+            path: a file to be written as well, .png, .svg or .pdf.
+            names: of `signals`, a name or several; coordinates, velocities, residuals and energy when left out.
+
+        Raises:
+            UnknownNameError: for a signal that does not exist.
+            InputError: for another format, an unwritable path, or a textbook problem.
+        """
+        return type(self).drawer(self, path, names)
 
     def save(self, path: str | Path) -> None:
         """Write a .npz file without pickles (arrays; mechanism, settings and versions as JSON text), or a .csv table.
@@ -302,10 +247,18 @@ class Solution:
         span = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "empty"
         return f"<Solution of {title}, {self.settings.get('method', '?')}: {span}, {self.status}>"
 
+    def __str__(self) -> str:
+        s = self.stats
+        rejected = "-" if s["rejected"] is None else s["rejected"]
+        return (
+            f"{self.status}: {self.message}, t = {self.t[-1]:g} s\n"
+            f"  {s['steps']} steps, {rejected} rejected, {s['solves']} solves, {s['seconds']:.2f} s, {s['backend']}"
+        )
+
     def _repr_html_(self) -> str | None:
-        """How a notebook shows a motion; None where there is nothing to see."""
-        show = type(self).viewer
-        return show(self) if show and isinstance(self.problem, Mechanism) and len(self.t) else None
+        """How a notebook shows a motion."""
+        seen = isinstance(self.problem, Mechanism) and len(self.t)
+        return type(self).viewer(self) if seen else super()._repr_html_()
 
 
 Problem = Mechanism | Hessenberg

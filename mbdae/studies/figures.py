@@ -63,7 +63,11 @@ LOOKS = {  # a hue for a family, a shade and a marker for a method
     "RK45": ("#969696", "<"), "DOP853": ("#252525", "p"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
 }  # fmt: skip
 OTHER = ("#17becf", "d")
-NAMES = {"rad": "angles", "m": "positions", "1": "quaternions", "rad/s": "turning rates", "m/s": "speeds"}
+NAMES = {  # what has a unit
+    "rad": "angles", "m": "positions", "1": "quaternions", "rad/s": "turning rates", "m/s": "speeds", "J": "energies",
+    "N": "forces", "N m": "torques", "W": "powers", "rad/s^2": "angular accelerations", "m/s^2": "accelerations",
+    "kg m/s": "momentum", "kg m^2/s": "angular momentum", "m, rad": "gaps", "m/s, rad/s": "rates of gaps", "": "states",
+}  # fmt: skip
 PATTERNS = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)))
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9")
 FEW = 4.0  # an axis whose ends have a smaller ratio may have one multiple of a power of ten, or none
@@ -109,11 +113,15 @@ def settled(draw: Callable[P, "Figure"]) -> Callable[P, "Figure"]:
 
 
 def sheet(width: float, height: float) -> "Figure":
-    """An empty figure, in inches, that finds room for legends outside its axes."""
+    """An empty figure, in inches, that finds room for legends outside its axes, and that notebooks show."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    return Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.06))
+    class Sheet(Figure):
+        def _repr_svg_(self) -> str:
+            return svg(self).decode()
+
+    return Sheet(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=0.06))
 
 
 def plain(text: str) -> str:
@@ -166,6 +174,13 @@ def save(figure: "Figure", path: str | Path) -> None:
     check(path)
     with write_whole(path) as temporary:
         figure.savefig(temporary, metadata=_undated(Path(path).suffix))
+
+
+def given(figure: "Figure", path: str | Path | None) -> "Figure":
+    """Return a figure, written where a path is given, see `save`."""
+    if path is not None:
+        save(figure, path)
+    return figure
 
 
 @styled

@@ -181,4 +181,4 @@ def test_a_notebook_shows_the_replay(sol):
     assert "pherk6" in repr(sol)
     assert len(repr(sol)) < 200
     textbook = mbdae.solve(hessenberg_a(), (0, 0.1))
-    assert textbook._repr_html_() is None
+    assert textbook._repr_html_().startswith("<div><strong>finished")

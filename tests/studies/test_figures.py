@@ -10,11 +10,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import mbdae
 from mbdae.errors import InputError
 from mbdae.integrate.steppers.scipy_ivp import SCIPY
-from mbdae.solution.columns import units
+from mbdae.solution.signals import units
 from mbdae.studies import figures
 from mbdae.studies.comparison.comparison import Comparison, Point
 from mbdae.studies.comparison.figure import work_precision
-from mbdae.studies.drift.drift import history
 from mbdae.studies.drift.figure import drifts
 from mbdae.studies.order.figure import convergence
 from mbdae.studies.order.result import OrderStudy, Slope
@@ -58,7 +57,7 @@ def drawn(four_bar):
     sols = [mbdae.solve(four_bar, (0, 1), rtol=1e-6, method=m, project=False) for m in ("pherk5", "herk3")]
     return {
         "motion": motion(sols[0]),
-        "drifts": drifts([history(sol) for sol in sols]),
+        "drifts": drifts([mbdae.drift(sol).history for sol in sols]),
         "work_precision": work_precision(comparison()),
         "convergence": convergence(orders()),
     }
@@ -144,13 +143,13 @@ def test_a_method_looks_the_same_in_all_figures(drawn):
 def test_runs_of_one_method_and_of_several_mechanisms_are_told_apart(four_bar):
     pendulum = mbdae.load("pendulum")
     options = {"method": "pherk5", "project": False}
-    runs = [history(mbdae.solve(four_bar, (0, 0.2), rtol=r, **options)) for r in (1e-4, 2.5e-4)]
+    runs = [mbdae.drift(mbdae.solve(four_bar, (0, 0.2), rtol=r, **options)).history for r in (1e-4, 2.5e-4)]
     figure = drifts(runs)
     lines = figure.axes[0].get_lines()
     assert [line.get_label() for line in lines] == ["pherk5, rtol 1e-04", "pherk5, rtol 2.5e-04"]
     assert lines[0].get_color() != lines[1].get_color()
     assert lines[0].get_linestyle() != lines[1].get_linestyle()
-    figure = drifts([runs[0], history(mbdae.solve(pendulum, (0, 0.2), rtol=1e-4, **options))])
+    figure = drifts([runs[0], mbdae.drift(mbdae.solve(pendulum, (0, 0.2), rtol=1e-4, **options)).history])
     assert figure.get_suptitle() == f"Drift of {four_bar.title}, {pendulum.title}"
     labels = [line.get_label() for line in figure.axes[0].get_lines()]
     assert labels == [f"{m.title}: pherk5, rtol 1e-04" for m in (four_bar, pendulum)]
@@ -220,7 +219,7 @@ def test_dollars_in_names_are_dollars(tmp_path, four_bar):
     grid = mbdae.sweep("four_bar", runs, 0.1, outputs=[last], executor="threads", rtol=1e-3)
     drawings = (
         motion(sol),
-        drifts([history(sol)] * 2),
+        drifts([mbdae.drift(sol).history] * 2),
         work_precision(replace(comparison(), title=title)),
         convergence(replace(orders(), title=title)),
         spread(grid, title),

@@ -58,6 +58,8 @@ class BushingElement(PairElement):
     gives the moment -J_l(theta)^-T K theta; J_l^-T = J_r^-1, the inverse right Jacobian of exp.
     """
 
+    deflections = tuple((-1, axis) for axis in ("x", "y", "z", "rx", "ry", "rz"))
+
     def __init__(self, spec: Bushing, pair: Pair) -> None:
         super().__init__(spec.name)
         self.pair = pair
@@ -71,7 +73,7 @@ class BushingElement(PairElement):
         Raises:
             StepError: when the relative turn reaches 3 rad.
         """
-        gap, theta = self.deflection()
+        gap, theta = self.gap()
         if np.sqrt(theta @ theta) > LARGEST_TURN:
             raise StepError("chart", f"bushing {self.name!r} is turned by more than {LARGEST_TURN} rad at t = {t:.17g}")
         spring = self._on_b(-self.k * gap, -inverse_jacobian(skew(theta), self.kr * theta))
@@ -83,7 +85,7 @@ class BushingElement(PairElement):
 
     def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:
         """See `PairElement`; a motion d of both frames with all velocities turns a wrench to d x* F, which gives Da."""
-        gap, theta = self.deflection()
+        gap, theta = self.gap()
         Ra, pb, w = self.pair.Ra, self.pair.pb, V[3:]
         point = np.hstack([np.eye(3), -skew(pb)])  # velocity of the point p_b
         J_left = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T
@@ -103,7 +105,10 @@ class BushingElement(PairElement):
         none = np.zeros((6, 6))
         return Turning(spring, wrench_matrix(spring) - Db, Db, none), Turning(damping, Da, Db_damper, C)
 
-    def deflection(self) -> tuple[Array, Array]:
+    def deflection(self, q: Array) -> Array:  # noqa: D102
+        return np.concatenate(self.gap())
+
+    def gap(self) -> tuple[Array, Array]:
         """Return p and theta, (3,) each, in axes of the first frame."""
         self.pair.locate()
         Ra, Rb = self.pair.Ra, self.pair.Rb
@@ -115,7 +120,7 @@ class BushingElement(PairElement):
         return self.pair.torque(np.concatenate([n, m + skew(self.pair.pb) @ n]))
 
     def potential(self, q: Array) -> float:  # noqa: D102
-        gap, theta = self.deflection()
+        gap, theta = self.gap()
         return 0.5 * float(self.k @ gap**2 + self.kr @ theta**2)
 
     def plain(self) -> dict[str, Any]:  # noqa: D102

@@ -42,6 +42,8 @@ class CoulombFriction(Force):
 class CoulombElement(ForceElement):
     """Nothing by q and v alone: what depends on multipliers is added by `mbdae.mechanism.formulations.sliding`."""
 
+    by_state = False
+
     def torque(self, t: float, q: Array, v: Array) -> tuple[float, float]:  # noqa: D102
         return 0.0, 0.0
 

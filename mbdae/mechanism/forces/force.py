@@ -59,6 +59,18 @@ class ForceElement:
         """Potential energy in J."""
         return 0.0
 
+    tension = False  # a pull between two points
+    by_state = True  # it follows from (t, q, v, s), without multipliers and modes
+    deflections: Sequence[tuple[int, str]] = ()  # of springs: a velocity component and "", or -1 and what is deflected
+
+    def acts(self, nv: int) -> list[int]:
+        """The velocity components that it may act on; all where nothing else is known."""
+        return list(range(nv))
+
+    def deflection(self, q: Array) -> Array:
+        """Return how far its springs are deflected, in rad or m, one number for each of ``deflections``."""
+        return np.empty(0)
+
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, where the law may jump; sign * inf if none."""
         return sign * min((sign * s.jump(t, sign) for s in self.signals), default=inf)

@@ -101,6 +101,9 @@ class FrictionElement(ForceElement):
         super().__init__(name)
         self.d, self.v0 = d, v0
 
+    def acts(self, nv: int) -> list[int]:  # noqa: D102
+        return np.flatnonzero(self.d).tolist()
+
     def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:  # noqa: D102
         return 0.0, -self.d * np.tanh(v / self.v0)
 
@@ -116,6 +119,8 @@ class FrictionElement(ForceElement):
 
 class DryElement(ForceElement):
     """tau = -d * sign with d (nv,); sign (nv,): where joints slip to in a mode, 0 where they stick."""
+
+    by_state = False
 
     def __init__(self, name: str, d: Array) -> None:
         super().__init__(name)

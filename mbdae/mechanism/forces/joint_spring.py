@@ -72,6 +72,13 @@ class CurveElement(ForceElement):
         self.c, self.rest, self.damping = spec.curve, spec.rest, spec.damping
         self.integral, self.steepness = self.c.antiderivative(), self.c.derivative()
         self.iq, self.iv = map(list, zip(*at, strict=True))
+        self.deflections = [(iv, "") for iv in self.iv]
+
+    def acts(self, nv: int) -> list[int]:  # noqa: D102
+        return self.iv
+
+    def deflection(self, q: Array) -> Array:  # noqa: D102
+        return q[self.iq] - self.rest
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:  # noqa: D102
         spring = np.zeros_like(v)

@@ -53,6 +53,13 @@ class LinearElement(ForceElement):
     ) -> None:
         super().__init__(name, signals, states)
         self.terms, self.springs, self.u = terms, springs, signals
+        self.deflections = [(spring.iv, "") for spring in springs]
+
+    def acts(self, nv: int) -> list[int]:  # noqa: D102
+        return sorted({i for row, i, *_ in self.terms if row == "tau"} | {spring.iv for spring in self.springs})
+
+    def deflection(self, q: Array) -> Array:  # noqa: D102
+        return np.array([q[spring.iq] - spring.rest for spring in self.springs])
 
 
 class Linear(ForceElement):

@@ -44,6 +44,13 @@ class SpringDamper(Force):
 class SpringDamperElement(PairElement):
     """The law of `SpringDamper`."""
 
+    tension = True
+    deflections = ((-1, ""),)
+
+    def deflection(self, q: Array) -> Array:  # noqa: D102
+        self.pair.locate()
+        return np.array([unit_gap(self.pair)[0] - self.spec.length])
+
     def __init__(self, spec: SpringDamper, pair: Pair) -> None:
         super().__init__(spec.name, [spec.force])
         self.spec, self.pair = spec, pair

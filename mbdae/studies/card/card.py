@@ -8,6 +8,7 @@ import numpy as np
 from ...errors import require
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.reactions import rank, scaled
+from ...tabular import Tabular
 
 __all__ = ["card"]
 
@@ -20,7 +21,7 @@ NOT_MODELLED = (
 
 
 @dataclass(frozen=True)
-class Card:
+class Card(Tabular):
     """Result of `card`.
 
     Attributes:
@@ -67,6 +68,29 @@ class Card:
     motors: tuple[str, ...] = ()
     parameters: tuple[dict[str, Any], ...] = ()
     not_modelled: tuple[str, ...] = NOT_MODELLED
+
+    def facts(self) -> dict[str, str]:
+        """What there is to say, by headings; several lines where there are several things."""
+        closures = [
+            f"{x['name']}: {x['kind']} {' - '.join(x['joins'])}, {x['rows']} rows"
+            + (f" ({x['dependent']} depend on others)" if x["dependent"] else "")
+            for x in self.closures
+        ]
+        sizes = f"nq = {self.nq}, nv = {self.nv}, {self.ng} closure rows of rank {self.rank}"
+        q, v = (", ".join(f"{x:.6g}" for x in values) for values in (self.q, self.v))
+        return {
+            "sizes": f"{sizes}; degrees of freedom: {self.freedom}",
+            "joints": ", ".join(f"{name} ({kind})" for name, kind in self.joints),
+            "closures": "\n".join(closures) or "none",
+            "forces": ", ".join(self.forces) or "none",
+            "gravity": f"{list(self.gravity)} m/s^2",
+            "start": f"|g| = {self.g:.1e}, |G v| = {self.Gv:.1e}\nq = [{q}]\nv = [{v}]",
+            "not modelled": ", ".join(self.not_modelled),
+        }
+
+    def cells(self) -> list[list[str]]:
+        """The facts as a table of two columns."""
+        return [["", self.title], *([name, text.replace("\n", "; ")] for name, text in self.facts().items())]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""

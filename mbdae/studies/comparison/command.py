@@ -8,6 +8,7 @@ import click
 from ...cli.options import (
     FAILED,
     PICTURES,
+    TABLES,
     as_json,
     backend_option,
     bar,
@@ -20,6 +21,7 @@ from ...cli.options import (
     time_option,
     writable,
 )
+from ...errors import InputError
 from ...mechanism import load
 
 
@@ -33,7 +35,10 @@ from ...mechanism import load
 @click.option("--repeats", type=int, default=3, show_default=True, help="Runs for the median of the wall time.")
 @click.option("--workers", type=int, default=1, show_default=True, help="Processes; times are still taken one by one.")
 @click.option("--quantity", type=click.Choice(["q", "v", "lam"]), default="q", show_default=True, help="To be drawn.")
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Keep the runs here, .csv or .json.")
+@click.option(
+    "-o", "--output", "outputs", type=click.Path(dir_okay=False), multiple=True,
+    help="Keep the runs here, .csv or .json, and go on from there; or write the table in LaTeX, .tex. Twice for both.",
+)
 @click.option("--fresh", is_flag=True, help="Do not go on from the file, write it anew.")
 @backend_option
 @plot_option
@@ -46,7 +51,7 @@ def compare(
     rtol: tuple[str, ...],
     steps: tuple[str, ...],
     quantity: Any,
-    output: str | None,
+    outputs: tuple[str, ...],
     fresh: bool,
     plot: str | None,
     as_json: bool,
@@ -60,7 +65,11 @@ def compare(
     from .compare import METHODS
     from .compare import compare as study
 
-    written = writable((output, (".csv", ".json")), (plot, PICTURES))
+    written = writable(*((path, TABLES) for path in outputs), (plot, PICTURES))
+    tables, kept = ([p for p in outputs if p.endswith(".tex") is tex] for tex in (True, False))
+    output = kept[0] if kept else None
+    if len(kept) > 1:
+        raise InputError(f"the runs are kept in one file, got {' and '.join(kept)}")
     mech = load(model)
     with bar("compare", 1.0) as tell:
         result = study(
@@ -75,6 +84,8 @@ def compare(
             fresh=fresh,
             **options,
         )
+    for path in tables if result.points else ():
+        result.save(path)
     if plot and result.points:
         result.plot(plot, quantity)
     wrote = written if result.points else []

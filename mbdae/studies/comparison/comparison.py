@@ -7,15 +7,20 @@ from dataclasses import dataclass, field, fields
 from math import inf
 from pathlib import Path
 from statistics import median
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from ...errors import InputError
-from ...files import write_whole
+from ...tabular import Columns, Tabular
 from .ranking import Place, rank, sentence, targets
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 KNOWN = 5.0  # an error is known where it is this many times the uncertainty of the reference
 Quantity = Literal["q", "v", "lam"]
 Work = Literal["solves", "seconds"]
+UNITS = {"error_q": "rad, m", "error_v": "rad/s, m/s", "error_lam": "N, N m", "end_q": "rad, m", "end_v": "rad/s, m/s",
+         "end_lam": "N, N m", "g": "m, rad", "Gv": "m/s, rad/s", "seconds": "s"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Tabular):
     """Result of `mbdae.compare`.
 
     Attributes:
@@ -194,27 +199,26 @@ class Comparison:
             "ranking": self.sentences(),
         }
 
-    def save(self, path: str | Path) -> None:
-        """Write .json, or .csv with one row per run below a comment line with the rest (``read_csv(comment="#")``).
+    def cells(self) -> list[list[str]]:
+        """The runs, as they are read."""
+        from .tables import comparison_rows
 
-        Raises:
-            InputError: for another suffix or an unwritable path.
-        """
-        data = self.to_dict()
-        kind = Path(path).suffix
-        if kind not in (".json", ".csv"):
-            raise InputError(f"a comparison is saved as .json or .csv, got {str(path)!r}")
-        with write_whole(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-            if kind == ".json":
-                json.dump(data, file, indent=1)
-                return
-            rest = {k: v for k, v in data.items() if k not in ("points", "ranking")}
-            file.write(f"# {json.dumps(rest)}\n")
-            names = [f.name for f in fields(Point)] + ["seconds", "known"]
-            table = csv.DictWriter(file, names, lineterminator="\n")
-            table.writeheader()
-            for row in data["points"]:
-                table.writerow({**row, "times": " ".join(map(repr, row["times"]))})
+        heads, rows = comparison_rows(self)
+        return [heads, *rows]
+
+    def remarks(self) -> list[str]:
+        """Which method is best for an accuracy."""
+        return self.sentences()
+
+    def tabulated(self) -> Columns:
+        """A row for each run; all else stands as JSON in the first row of the last column, ``about``."""
+        rows = [{**p.to_dict(), "known": self.known(p), "about": ""} for p in self.points]
+        rest = {k: v for k, v in self.to_dict().items() if k not in ("points", "ranking")}
+        names = [f.name for f in fields(Point)] + ["seconds", "known", "about"]
+        rows = rows or [dict.fromkeys(names)]  # type: ignore[list-item]
+        rows[0]["about"] = json.dumps(rest)
+        rows = [{**row, "times": " ".join(map(repr, row["times"] or ()))} for row in rows]
+        return Columns({name: [row[name] for row in rows] for name in names}, UNITS)
 
     @classmethod
     def load(cls, path: str | Path) -> "Comparison":
@@ -226,8 +230,10 @@ class Comparison:
         try:
             with Path(path).open(encoding="utf-8", newline="") as file:
                 if Path(path).suffix == ".csv":
-                    data = json.loads(file.readline().removeprefix("# "))
-                    data["points"] = list(csv.DictReader(file))
+                    rows = list(csv.DictReader(file))
+                    if any(None in row.values() for row in rows):
+                        raise ValueError("a row ends early")
+                    data = json.loads(rows[0]["about"]) | {"points": [row for row in rows if row["method"]]}
                 else:
                     data = json.load(file)
             points = tuple(_point(row) for row in data["points"])
@@ -241,7 +247,7 @@ class Comparison:
             reason = f"{type(e).__name__}: {e}"
             raise InputError(f"{path} is damaged or not a comparison written by mbdae ({reason})") from None
 
-    def plot(self, path: str | Path, quantity: Quantity = "q") -> None:
+    def plot(self, path: str | Path | None = None, quantity: Quantity = "q") -> "Figure":
         """Draw the work-precision diagram as .png, .svg or .pdf, see `mbdae.studies.figures`.
 
         Raises:
@@ -250,7 +256,7 @@ class Comparison:
         from .. import figures
         from .figure import work_precision
 
-        figures.save(work_precision(self, quantity), path)
+        return figures.given(work_precision(self, quantity), path)
 
 
 def _point(row: dict[str, Any]) -> Point:

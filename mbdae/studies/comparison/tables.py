@@ -1,8 +1,8 @@
 """Comparisons as text: aligned columns, and sentences."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ...tabular import aligned
 from ..drift.drift import brief
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def comparison_table(result: "Comparison") -> str:
     ]
     heads, rows = comparison_rows(result)
     ranking = [t.replace(": ", ":\n  ", 1).replace("; fastest", "\n  fastest") for t in result.sentences()]
-    return "\n".join([*lines, *columns([heads, *rows]), "", *ranking]).rstrip()
+    return "\n".join([*lines, *aligned([heads, *rows]), "", *ranking]).rstrip()
 
 
 def comparison_rows(result: "Comparison") -> tuple[list[str], list[list[str]]]:
@@ -36,13 +36,6 @@ def comparison_rows(result: "Comparison") -> tuple[list[str], list[list[str]]]:
     if result.points and all(p.n is not None for p in result.points):
         heads[1] = "fixed steps"
     return heads, [_row(result, p) for p in result.points]
-
-
-def columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of aligned columns, the first to the left and the others to the right."""
-    widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
-    aligned = [[c.rjust(w) for c, w in zip(row, widths, strict=True)] for row in rows]
-    return ["  ".join([row[0].ljust(widths[0]), *cells[1:]]) for row, cells in zip(rows, aligned, strict=True)]
 
 
 def _row(result: "Comparison", p: "Point") -> list[str]:

@@ -23,7 +23,6 @@ from ...mechanism import load
 from ...solution.solution import Solution
 from ..variant import variants
 from .drift import drift as measure_drift
-from .drift import history
 
 
 @click.command()
@@ -68,7 +67,7 @@ def drift(
         from .. import figures
         from .figure import drifts
 
-        figures.save(drifts([history(sol) for sol in sols]), plot)
+        figures.save(drifts([f.history for f in found]), plot)
     data = [f.to_dict() for f in found]
     emit(data[0] if len(data) == 1 else data, "\n".join(map(str, found)), as_json)
     if limit is not None and not max(max(f.g_max, f.Gv_max, f.energy_relative) for f in found) <= limit:

@@ -1,78 +1,28 @@
 """How far a run drifted: position and velocity residuals over all rows, and the energy balance."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import require
 from ...solution.columns import balance, residuals
 from ...solution.solution import Solution
+from ...tabular import Columns, Tabular
 from ..variant import of as variant_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    pass
 
 __all__ = ["drift"]
 
 
 @dataclass(frozen=True)
-class Drift:
-    """Result of `drift`.
-
-    Attributes:
-        title: of the mechanism.
-        method: that computed the run, as a `mbdae.studies.variant.Variant` is written.
-        label: method and tolerance or step.
-        t_end: last time in s.
-        g_max: max |g| over rows and times (m, or rad for directions).
-        g_end: max |g| over rows at the end.
-        g_closure: name of the closure that opened the most.
-        g_rows: number of rows that have a g, and of all.
-        Gv_max: max |G v| over rows and times (m/s, rad/s).
-        Gv_end: max |G v| at the end.
-        energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated along.
-        energy_scale: max(|W|, kinetic energy, range of the potential energy) in J.
-        work_end: W at the end in J.
-    """
-
-    title: str
-    method: str
-    label: str
-    t_end: float
-    g_max: float
-    g_end: float
-    g_closure: str
-    g_rows: tuple[int, int]
-    Gv_max: float
-    Gv_end: float
-    energy_error: float
-    energy_scale: float
-    work_end: float
-
-    @property
-    def energy_relative(self) -> float:
-        """Relative error of the energy balance."""
-        return self.energy_error / self.energy_scale if self.energy_scale else 0.0
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return {**asdict(self), "energy_relative": self.energy_relative}
-
-    def __str__(self) -> str:
-        worst, (kept, rows) = f" ({self.g_closure})" if self.g_closure else "", self.g_rows
-        free = f"; over {kept} of {rows} rows, {rows - kept} have no position level" if kept < rows else ""
-        return "\n".join(
-            [
-                f"drift of {self.title}, {self.label}, t = {self.t_end:g} s",
-                f"  |g|    max {self.g_max:.2e}{worst}, at the end {self.g_end:.2e}{free}",
-                f"  |G v|  max {self.Gv_max:.2e}, at the end {self.Gv_end:.2e}",
-                f"  energy balance {self.energy_error:.2e} J, relative {self.energy_relative:.2e}"
-                f" (work {self.work_end:.4g} J)",
-            ]
-        )
-
-
-@dataclass(frozen=True)
 class History:
-    """Drift over time, see `history`.
+    """Drift over time.
 
     Attributes:
         title: of the mechanism.
@@ -93,21 +43,96 @@ class History:
     energy: np.ndarray
 
 
+@dataclass(frozen=True)
+class Drift(Tabular):
+    """Result of `drift`.
+
+    Attributes:
+        title: of the mechanism.
+        method: that computed the run, as a `mbdae.studies.variant.Variant` is written.
+        label: method and tolerance or step.
+        t_end: last time in s.
+        g_max: max |g| over rows and times (m, or rad for directions).
+        g_end: max |g| over rows at the end.
+        g_closure: name of the closure that opened the most.
+        g_rows: number of rows that have a g, and of all.
+        Gv_max: max |G v| over rows and times (m/s, rad/s).
+        Gv_end: max |G v| at the end.
+        energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated along.
+        energy_scale: max(|W|, kinetic energy, range of the potential energy) in J.
+        work_end: W at the end in J.
+        history: the same over time.
+    """
+
+    title: str
+    method: str
+    label: str
+    t_end: float
+    g_max: float
+    g_end: float
+    g_closure: str
+    g_rows: tuple[int, int]
+    Gv_max: float
+    Gv_end: float
+    energy_error: float
+    energy_scale: float
+    work_end: float
+    history: History = field(repr=False, compare=False)
+
+    @property
+    def energy_relative(self) -> float:
+        """Relative error of the energy balance."""
+        return self.energy_error / self.energy_scale if self.energy_scale else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "history"}
+        return {**own, "energy_relative": self.energy_relative}
+
+    def tabulated(self) -> Columns:
+        """Largest |g| and |G v|, and the error of the energy balance over the energy scale, over time."""
+        h = self.history
+        columns = {"t": h.t, "g": h.g, "Gv": h.Gv, "energy": h.energy}
+        return Columns(columns, {"t": "s", "g": "m, rad", "Gv": "m/s, rad/s", "energy": "1"}, "t")
+
+    def cells(self) -> list[list[str]]:
+        """Largest and last residuals, and the energy balance."""
+        return [
+            ["", "max", "at the end"],
+            ["|g|", f"{self.g_max:.2e}", f"{self.g_end:.2e}"],
+            ["|G v|", f"{self.Gv_max:.2e}", f"{self.Gv_end:.2e}"],
+            ["energy balance (J)", f"{self.energy_error:.2e}", "-"],
+            ["energy balance, relative", f"{self.energy_relative:.2e}", "-"],
+        ]
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw the drift over time; written where a path is given.
+
+        Raises:
+            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
+        """
+        from .. import figures
+        from .figure import drifts
+
+        return figures.given(drifts([self.history]), path)
+
+    def __str__(self) -> str:
+        worst, (kept, rows) = f" ({self.g_closure})" if self.g_closure else "", self.g_rows
+        free = f"; over {kept} of {rows} rows, {rows - kept} have no position level" if kept < rows else ""
+        return "\n".join(
+            [
+                f"drift of {self.title}, {self.label}, t = {self.t_end:g} s",
+                f"  |g|    max {self.g_max:.2e}{worst}, at the end {self.g_end:.2e}{free}",
+                f"  |G v|  max {self.Gv_max:.2e}, at the end {self.Gv_end:.2e}",
+                f"  energy balance {self.energy_error:.2e} J, relative {self.energy_relative:.2e}"
+                f" (work {self.work_end:.4g} J)",
+            ]
+        )
+
+
 def brief(x: float) -> str:
     """A tolerance in all its digits: 1e-04, 2.5e-04."""
     return np.format_float_scientific(x, trim="-", exp_digits=2)
-
-
-def history(sol: Solution) -> History:
-    """The drift of a solution at its times.
-
-    Raises:
-        InputError: for a solution of a textbook problem.
-    """
-    r = residuals(sol)
-    error, scale = balance(sol.v, r.kinetic, r.potential, sol.work)
-    g, Gv = (np.abs(x).max(axis=1, initial=0.0) for x in (r.g, r.Gv))
-    return History(sol.mechanism.title, *_names(sol), sol.t, g, Gv, error / (scale or 1.0))
 
 
 def _names(sol: Solution) -> tuple[str, str]:
@@ -131,6 +156,10 @@ def drift(sol: Solution) -> Drift:
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
     error, scale = balance(sol.v, r.kinetic, r.potential, sol.work)
     method, label = _names(sol)
+    history = History(
+        mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
+        error / (scale or 1.0),
+    )  # fmt: skip
     where = mech.row_closure(int(np.unravel_index(gaps.argmax(), gaps.shape)[1])) if mech.positional.any() else ""
     return Drift(
         title=mech.title,
@@ -146,4 +175,5 @@ def drift(sol: Solution) -> Drift:
         energy_error=float(error.max()),
         energy_scale=scale,
         work_end=float(sol.work[-1] - sol.work[0]),
+        history=history,
     )

@@ -9,6 +9,7 @@ from ...cli.options import (
     FAILED,
     PAGES,
     PICTURES,
+    TABLES,
     UNJUDGED,
     as_json,
     bar,
@@ -17,6 +18,7 @@ from ...cli.options import (
     plot_option,
     rtol_option,
     step_option,
+    table_option,
     writable,
 )
 from ...errors import InputError
@@ -34,8 +36,8 @@ from ...errors import InputError
 @step_option
 @click.option("--starts", type=click.IntRange(min=1), default=1, help="Searches, from starts within the bounds.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the places of other starts.")
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Write the result here, .json.")
 @click.option("--html", type=click.Path(dir_okay=False), help="Write one page: signals, residuals, values.")
+@table_option
 @plot_option
 @as_json
 def fit(
@@ -62,7 +64,7 @@ def fit(
 
     if step is not None and rtol is not None:
         raise InputError("give --step for steps of one size, or --rtol for steps under control, not both")
-    written = writable((output, (".json",)), (html, PAGES), (plot, PICTURES))
+    written = writable((output, TABLES), (html, PAGES), (plot, PICTURES))
     settings: dict[str, Any] = {"method": method}
     settings |= {"step": step} if step is not None else {} if rtol is None else {"rtol": rtol}
     with bar("fit", None) as tell:

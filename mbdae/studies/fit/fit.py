@@ -19,9 +19,9 @@ from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import number
 from ...mechanism.formats.template import Template
+from ...solution.signals import signals as computed_signals
 from ...system import Array
 from ..sensitivity.numbers import Makes, maker
-from ..sweep.outputs import columns
 from .data import records
 from .misfit import Misfit
 from .result import TIED, Fit, Search
@@ -201,7 +201,7 @@ def _result(problem: Misfit, searches: list[Search], low: Array, high: Array, sc
                    and min(deviation[i] / (high - low)[i], deviation[j] / (high - low)[j]) > 1e-2]  # fmt: skip
     near = TOLERANCE * (high - low) + 1e-6 * scale
     at_bounds = [n for n, at in zip(names, (x - low < near) | (high - x < near), strict=True) if at]
-    computed = [{name: columns(sol, {name})[name] for name in record.columns}
+    computed = [{name: computed_signals(sol, [name])[name] for name in record.columns}
                 for record, sol in zip(problem.found, problem.solved(x), strict=True)]  # fmt: skip
     residuals = [{name: (c[name] - record.columns[name]) / problem.sigma[name] for name in c}
                  for c, record in zip(computed, problem.found, strict=True)]  # fmt: skip

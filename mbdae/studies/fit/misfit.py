@@ -8,11 +8,11 @@ import numpy as np
 from ...errors import InputError, MbdaeError
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
+from ...solution.signals import signals as computed_signals
 from ...system import Array
 from ..sensitivity.numbers import Makes
 from ..sensitivity.sensitivity import sensitivity
 from ..sensitivity.signal_slopes import differentiable
-from ..sweep.outputs import columns
 from .data import Recording
 
 FEWEST = 3  # samples of a span for each parameter
@@ -80,7 +80,7 @@ class Misfit:
     def residuals(self, x: Array) -> Array:
         """(signal - data)/sigma of all values that were measured; inf where a run fails."""
         try:
-            parts = [self.left(record, columns(sol, set(record.columns)), len(sol.t))
+            parts = [self.left(record, computed_signals(sol, record.columns), len(sol.t))
                      for record, sol in zip(self.found, self.solved(x), strict=True)]  # fmt: skip
         except MbdaeError:
             if self._last[0] is None:

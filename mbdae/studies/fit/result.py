@@ -1,15 +1,17 @@
 """What a fit returns: values, how well the data tell them, and what remains of the data."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError
 from ...files import write_whole
 from ...system import Array
+from ...tabular import Columns, Tabular
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__: list[str] = []
 
@@ -31,7 +33,7 @@ class Search(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(Tabular):
     """Parameters from measurements.
 
     Attributes:
@@ -116,28 +118,39 @@ class Fit:
         return [{"measured": m, "computed": c, "residuals": r} for m, c, r in both]
 
     def save(self, path: str | Path) -> None:
-        """Write everything as .json, or one page as .html: figure, values, correlations, and what stands against them.
+        """Write a page as .html: figure, values, correlations, and what stands against them; or as `Tabular.save`.
 
         Raises:
             InputError: for another suffix, or a path that cannot be written.
         """
-        if Path(path).suffix not in (".json", ".html"):
-            raise InputError(f"a fit is saved as .json or .html, got {str(path)!r}")
-        if Path(path).suffix == ".html":
-            from .page import page
+        if Path(path).suffix != ".html":
+            super().save(path)
+            return
+        from .page import page
 
-            text = page(self)
-        else:
-            text = json.dumps(_finite(self.to_dict()), allow_nan=False)
         with write_whole(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+            temporary.write_text(page(self), encoding="utf-8")
 
-    def plot(self, path: str | Path) -> None:
-        """Draw measured and computed signals, and residuals, as .png, .svg or .pdf."""
+    def tabulated(self) -> Columns:
+        """Names, values and standard deviations of the parameters."""
+        columns = {"parameter": list(self.values), "value": list(self.values.values())}
+        return Columns({**columns, "deviation": [self.deviations[name] for name in self.values]})
+
+    def cells(self) -> list[list[str]]:
+        """Values and standard deviations."""
+        rows = [[name, f"{x:.8g}", f"{self.deviations[name]:.2g}"] for name, x in self.values.items()]
+        return [["parameter", "value", "deviation"], *rows]
+
+    def remarks(self) -> list[str]:
+        """How well the model explains the data, and what they do not tell."""
+        return str(self).splitlines()[1 + len(self.values) :]
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw measured and computed signals, and residuals."""
         from .. import figures
         from .figure import compared
 
-        figures.save(compared(self), str(path))
+        return figures.given(compared(self), path)
 
     def __str__(self) -> str:
         lines = [f"fit of {self.model}: {self.runs} runs, {self.gradients} with derivatives"]
@@ -167,11 +180,3 @@ class Fit:
         if not self.converged:
             lines.append(f"the search did not end: {self.message}")
         return lines
-
-
-def _finite(data: Any) -> Any:
-    if isinstance(data, dict):
-        return {key: _finite(x) for key, x in data.items()}
-    if isinstance(data, list):
-        return [_finite(x) for x in data]
-    return None if isinstance(data, float) and not np.isfinite(data) else data

@@ -12,7 +12,7 @@ from ...mechanism.forces.joint_pid import JointPID
 from ...mechanism.forces.joint_torque import JointTorque
 from ...mechanism.frames import find_joint
 from ...mechanism.reactions import span
-from ...solution.columns import units
+from ...mechanism.units import coordinate_units
 from ...system import Array
 
 ACTING = (JointPID, JointTorque, DCMotor)  # forces in whose place actuators are
@@ -86,18 +86,19 @@ def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str 
 
 def _of_joint(mech: Mechanism, joint: str, name: str) -> list[tuple[str, str, Array, int]]:
     j, out = find_joint(mech.model, joint), []
-    columns = [n for n in units(mech) if n.startswith("v.") and (n[2:] == joint or n.startswith(f"v.{joint}."))]
+    every = [n for n in coordinate_units(mech) if n.startswith("v.")]
+    columns = [n for n in every if n[2:] == joint or n.startswith(f"v.{joint}.")]
     for i in range(j.nv):
         row = np.zeros(mech.nv)
         row[j.idx_v + i] = 1.0
         part = columns[i][2 + len(joint) :] if j.nv > 1 else ""
-        unit = "N" if len(columns) == j.nv and units(mech)[columns[i]] == "m/s" else "N m"
+        unit = "N" if len(columns) == j.nv and coordinate_units(mech)[columns[i]] == "m/s" else "N m"
         out.append((name + part, unit, row, -1))
     return out
 
 
 def _unit(mech: Mechanism, joint: str) -> str:
-    return "N" if units(mech).get(f"v.{joint}") == "m/s" else "N m"
+    return "N" if coordinate_units(mech).get(f"v.{joint}") == "m/s" else "N m"
 
 
 def weights_of(names: Sequence[str], weights: Mapping[str, float] | None) -> Array:

@@ -4,10 +4,9 @@ from typing import Any
 
 import click
 
-from ...cli.options import PICTURES, as_json, emit, listed, plot_option, writable
+from ...cli.options import PICTURES, TABLES, as_json, emit, listed, plot_option, table_option, writable
 from ...errors import InputError
 from ...mechanism import load
-from ...solution.archive import TABLES
 from ..kinematics.command import held
 from ..kinematics.kinematics import kinematics
 from .inverse import inverse_dynamics
@@ -26,7 +25,7 @@ from .inverse import inverse_dynamics
     "-a", "--actuator", "names", multiple=True, help="A joint or driver that acts; several times for several."
 )
 @click.option("--weight", multiple=True, help="actuator=weight, where there are more of them than freedoms.")
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the table as .csv or .json.")
+@table_option
 @plot_option
 @as_json
 def inverse(
@@ -61,10 +60,7 @@ def inverse(
     if output:
         found.save(output)
     if plot:
-        from .. import figures
-        from .figure import demands
-
-        figures.save(demands(found), plot)
+        found.plot(plot)
     lines = [str(found), *(f"wrote {p}" for p in written)]
     emit({**found.to_dict(), "written": written}, "\n".join(lines), as_json)
 

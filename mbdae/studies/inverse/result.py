@@ -3,16 +3,19 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import simpson, trapezoid
 
 from ...errors import UnknownNameError
 from ...mechanism import Mechanism, Reaction, reaction
-from ...solution.archive import save_table
 from ...solution.columns import OWN_AXES, row_names
 from ...system import Array
+from ...tabular import Columns, Tabular
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Demand(NamedTuple):
@@ -46,7 +49,7 @@ class Demand(NamedTuple):
 
 
 @dataclass(frozen=True)
-class InverseDynamics:
+class InverseDynamics(Tabular):
     """Efforts of actuators along a motion.
 
     Attributes:
@@ -157,6 +160,33 @@ class InverseDynamics:
                 out |= {f"{word}.{name}.{axis}": x for axis, x in zip(OWN_AXES, values.T, strict=True)}
         return out
 
+    def tabulated(self) -> Columns:
+        """The columns of `signals` over time."""
+        columns, known = self.signals(), dict(zip(self.names, self.units, strict=True))
+        fixed = {"t": "s", "power": "W", "force": "N", "torque": "N m", "lam": "N, N m"}
+        heads = {name: name.split(".", 1) for name in columns}
+        given = {name: fixed.get(head[0], known.get(head[-1], "")) for name, head in heads.items()}
+        speeds = {f"speed.{name}": "rad/s" if unit == "N m" else "m/s" for name, unit in known.items()}
+        return Columns(columns, {name: unit for name, unit in (given | speeds).items() if unit}, "t")
+
+    def cells(self) -> list[list[str]]:
+        """What each actuator must give."""
+        heads = ["actuator", "peak", "RMS", "unit", "speed", "power W", "braking W", "energy J"]
+        rows = [[d.name, f"{d.peak:.5g}", f"{d.rms:.5g}", d.unit, *(f"{x:.4g}" for x in (d.speed, d.power, d.braking)),
+                 f"{d.energy:.5g}"] for d in self.demands]  # fmt: skip
+        return [heads, *rows]
+
+    def remarks(self) -> list[str]:
+        """Forces in joints, and where nothing is determined."""
+        sizes = np.linalg.norm(self.joints[:, :, :3], axis=2)
+        largest = np.nanmax(sizes, axis=0)
+        loads = ", ".join(f"{n} {x:.4g}" for n, x in zip(self.mechanism.joint_names, largest, strict=True))
+        lines = [f"  largest forces in joints (N): {loads}"]
+        if len(self.undetermined):
+            times = ", ".join(f"{t:.6g}" for t in self.undetermined[:5])
+            lines.append(f"  closures lose rank, and nothing is determined, at t = {times} s")
+        return lines
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
@@ -167,13 +197,16 @@ class InverseDynamics:
             "table": {name: column.tolist() for name, column in self.signals().items()},
         }
 
-    def save(self, path: str | Path) -> None:
-        """Write the columns of `signals` as .csv, or all as .json.
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw efforts, power and forces in joints; written where a path is given.
 
         Raises:
-            InputError: for another suffix, or an unwritable path.
+            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
         """
-        save_table(self, path, "inverse dynamics")
+        from .. import figures
+        from .figure import demands
+
+        return figures.given(demands(self), path)
 
     def __str__(self) -> str:
         span = f"{len(self.t)} times from {self.t[0]:g} to {self.t[-1]:g} s"
@@ -189,11 +222,4 @@ class InverseDynamics:
                 f"    power {-d.braking:.4g} to {d.power:.4g} W; energy {d.energy:.5g} J, given {d.given:.5g}, "
                 f"taken back {d.taken:.5g}"
             )
-        sizes = np.linalg.norm(self.joints[:, :, :3], axis=2)
-        largest = np.nanmax(sizes, axis=0)
-        loads = ", ".join(f"{n} {x:.4g}" for n, x in zip(self.mechanism.joint_names, largest, strict=True))
-        lines.append(f"  largest forces in joints (N): {loads}")
-        if len(self.undetermined):
-            times = ", ".join(f"{t:.6g}" for t in self.undetermined[:5])
-            lines.append(f"  closures lose rank, and nothing is determined, at t = {times} s")
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.remarks()])

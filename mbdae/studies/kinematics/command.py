@@ -4,10 +4,9 @@ from typing import Any
 
 import click
 
-from ...cli.options import PAGES, PICTURES, as_json, emit, listed, plot_option, speed_option, writable
+from ...cli.options import PAGES, PICTURES, TABLES, as_json, emit, listed, plot_option, speed_option, writable
 from ...errors import InputError
 from ...mechanism import load
-from ...solution.archive import TABLES
 from .kinematics import kinematics as follow
 from .modes import assembly_modes
 
@@ -71,10 +70,7 @@ def kinematics(
 
         animate(found.run(), html, speed=speed)
     if plot:
-        from .. import figures
-        from .figure import curves
-
-        figures.save(curves(found), plot)
+        found.plot(plot)
     lines = [str(found), *(f"wrote {p}" for p in written)]
     emit({**found.to_dict(), "written": written}, "\n".join(lines), as_json)
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...solution.columns import units
+from ...mechanism.units import coordinate_units
 from ..figures import COLOURS, NAMES, WIDTH, beside, own_style, plain, settled, sheet
 from .result import Kinematics, neighbours
 
@@ -23,7 +23,7 @@ def curves(found: Kinematics) -> "Figure":
     Curves are cut at dead points, where rates grow without bound; dotted lines show these, dashed ones branch points.
     """
     signals = found.signals()
-    unit = {n: u for n, u in units(found.mechanism).items() if n.startswith("q.") and u != "1"}
+    unit = {n: u for n, u in coordinate_units(found.mechanism).items() if n.startswith("q.") and u != "1"}
     moving = [n for n in unit if np.ptp(signals[n]) > 1e-9]
     kinds = list(dict.fromkeys(unit[n] for n in moving))
     rows = [(part, kind) for part in PARTS for kind in kinds]

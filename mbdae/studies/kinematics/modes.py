@@ -16,8 +16,9 @@ from ...mechanism import Mechanism
 from ...mechanism.assembly import gauss_newton, is_closed
 from ...mechanism.frames import find_joints
 from ...mechanism.joints import lengths, turning
-from ...solution.columns import PARTS
+from ...mechanism.units import PARTS
 from ...system import Array
+from ...tabular import Tabular
 from .curve import NEAR, PoseCurve
 from .driven import Hold, check_freedom, driven, input_at, start_pose
 
@@ -48,7 +49,7 @@ class AssemblyMode:
 
 
 @dataclass(frozen=True)
-class AssemblyModes:
+class AssemblyModes(Tabular):
     """All modes that were found.
 
     Attributes:

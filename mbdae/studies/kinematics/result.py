@@ -4,18 +4,22 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.frames import WORLD, frame_names, motions
-from ...solution.archive import save_table
-from ...solution.columns import coordinates, units
+from ...mechanism.units import coordinate_units
+from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array
+from ...tabular import Columns, Tabular
 from .crossing import BranchPoint
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ENDS = {
     "range": "to the end of the range",
@@ -36,7 +40,7 @@ class Stretch(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Kinematics:
+class Kinematics(Tabular):
     """Poses of a mechanism with one freedom along a curve, or several.
 
     Attributes:
@@ -104,7 +108,7 @@ class Kinematics:
     @cached_property
     def velocity_names(self) -> list[str]:
         """Names ``v.<joint>`` of the columns of rates."""
-        return [name for name in units(self.mechanism) if name.startswith("v.")]
+        return [name for name in coordinate_units(self.mechanism) if name.startswith("v.")]
 
     def frames(self, names: list[str] | None = None) -> tuple[Array, Array, Array]:
         """Positions of the origins of frames, their velocities and accelerations at unit speed, (k, n, 3) each.
@@ -174,6 +178,15 @@ class Kinematics:
                 out |= {f"{word}.{name}.{axis}": path[:, k] for k, axis in enumerate("xyz")}
         return out
 
+    def tabulated(self) -> Columns:
+        """The columns of `signals` over the input; rates and accelerations are per unit of it."""
+        columns, known, per = self.signals(), coordinate_units(self.mechanism), self.unit
+        rates = {f"a.{n[2:]}": f"{u}/{per}^2" for n, u in known.items() if n.startswith("q.")}
+        rates |= {f"v.{n[2:]}": f"{u}/{per}" for n, u in known.items() if n.startswith("q.")}
+        heads = {"u": per, "transmission": "rad", "position": "m", "velocity": f"m/{per}", "acceleration": f"m/{per}^2"}
+        found = {name: (known | rates).get(name, heads.get(name.partition(".")[0], "")) for name in columns}
+        return Columns(columns, {name: unit for name, unit in found.items() if unit}, "u")
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {
@@ -189,13 +202,16 @@ class Kinematics:
             "table": {name: column.tolist() for name, column in self.signals().items()},
         }
 
-    def save(self, path: str | Path) -> None:
-        """Write the columns of `signals` as .csv, or all as .json.
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw coordinates, rates and the transmission angle over the input; written where a path is given.
 
         Raises:
-            InputError: for another suffix, or an unwritable path.
+            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
         """
-        save_table(self, path, "kinematics")
+        from .. import figures
+        from .figure import curves
+
+        return figures.given(curves(self), path)
 
     def summary(self) -> dict[str, Any]:
         """`to_dict` without the table."""

@@ -63,10 +63,7 @@ def modes(
     if html:
         found.animate(html)
     if plot:
-        from .. import figures
-        from .figure import roots
-
-        figures.save(roots(found), plot)
+        found.plot(plot)
     emit({**found.to_dict(), "written": written}, str(found), as_json)
     if not found.stable:
         sys.exit(FAILED)

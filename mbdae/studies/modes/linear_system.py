@@ -14,10 +14,13 @@ from ...mechanism.formulations.balance import Statics
 from ...mechanism.formulations.linearization import LinearMotion
 from ...mechanism.frames import WORLD, Pair, anchor, frame_names
 from ...system import Array
+from ...tabular import Columns, Tabular
 from ..statics.equilibrium import labels
 from .operating_point import operating_point
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ...mechanism.mechanism import Coordinates
 
 __all__ = ["linearize"]
@@ -28,7 +31,7 @@ ZERO = 1e-6  # of the largest eigenvalue: one of a motion without force, but for
 
 
 @dataclass(frozen=True)
-class LinearSystem:
+class LinearSystem(Tabular):
     """Result of `linearize`: z' = A z + B u, y = C z + D u, in small changes from the point.
 
     Attributes:
@@ -67,8 +70,8 @@ class LinearSystem:
         size = size[size > ZERO * size.max(initial=0.0)] if size.any() else np.array([2 * np.pi])
         return np.geomspace(size.min() / 10, size.max() * 10, BAND) / (2 * np.pi)
 
-    def plot(self, path: str | Path, hertz: Sequence[float] | Array | None = None) -> None:
-        """Draw gain and phase over frequencies in Hz, `band` when left out, as .png, .svg or .pdf.
+    def plot(self, path: str | Path | None = None, hertz: Sequence[float] | Array | None = None) -> "Figure":
+        """Draw gain and phase over frequencies in Hz, `band` when left out; written where a path is given.
 
         Raises:
             InputError: for another format, or an unwritable path.
@@ -76,8 +79,18 @@ class LinearSystem:
         from .. import figures
         from .figure import frequency_response
 
-        figures.check(path)
-        figures.save(frequency_response(self, self.band() if hertz is None else np.asarray(hertz, float)), path)
+        return figures.given(frequency_response(self, self.band() if hertz is None else np.asarray(hertz, float)), path)
+
+    def tabulated(self) -> Columns:
+        """Gain and phase in rad of each output for each input, over the frequencies of `band`."""
+        hertz = self.band()
+        H = self.response(2 * np.pi * hertz)
+        columns: dict[str, Array] = {"frequency": hertz}
+        for i, output in enumerate(self.outputs):
+            for j, name in enumerate(self.inputs):
+                columns[f"gain {output} / {name}"] = np.abs(H[:, i, j])
+                columns[f"phase {output} / {name}"] = np.unwrap(np.angle(H[:, i, j]))
+        return Columns(columns, {n: "rad" for n in columns if n[0] == "p"} | {"frequency": "Hz"}, "frequency")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""

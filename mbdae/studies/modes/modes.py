@@ -14,11 +14,13 @@ from ...mechanism.formulations.freedom import close
 from ...mechanism.formulations.linearization import LinearMotion, spectrum
 from ...solution.solution import Solution
 from ...system import Array
-from ..comparison.tables import columns
+from ...tabular import Columns, Tabular, aligned
 from ..statics.equilibrium import labels
 from .operating_point import operating_point
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ...mechanism.mechanism import Coordinates
 
 __all__ = ["modes"]
@@ -31,7 +33,7 @@ PARTS = 3  # coordinates of a shape that the text shows
 
 
 @dataclass(frozen=True)
-class Modes:
+class Modes(Tabular):
     """Result of `modes`.
 
     Attributes:
@@ -169,7 +171,25 @@ class Modes:
             ],
         }
 
-    def __str__(self) -> str:
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw the eigenvalues in the plane, and the shapes; written where a path is given.
+
+        Raises:
+            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
+        """
+        from .. import figures
+        from .figure import roots
+
+        return figures.given(roots(self), path)
+
+    def tabulated(self) -> Columns:
+        """Eigenvalue, frequency and damping of each mode."""
+        numbers = {"frequency": self.frequencies, "damping": self.damping}
+        columns = {"re": self.roots.real, "im": self.roots.imag, **numbers}
+        return Columns(columns, {"re": "1/s", "im": "1/s", "frequency": "Hz", "damping": "1"})
+
+    def cells(self) -> list[list[str]]:
+        """Eigenvalues, frequencies, damping ratios, and what moves most."""
         names = labels(self.mechanism, np.arange(self.mechanism.nv))
         heads = ["mode", "eigenvalue in 1/s", "", "Hz", "damping", "moves most"]
         body = []
@@ -183,9 +203,12 @@ class Modes:
             ratio = f"{self.damping[i]:.4g}" if root else "-"
             hertz = f"{self.frequencies[i]:.6g}"
             body.append([str(i + 1), f"{root.real:.10g}", pair, hertz, ratio, moves])
+        return [heads, *body]
+
+    def __str__(self) -> str:
         words = "stable" if self.stable else "unstable"
         title = f"modes of {self.mechanism.title} around its {self.around}: {words}"
-        return "\n".join([title, "", *columns([heads, *body])])
+        return "\n".join([title, "", *aligned(self.cells())])
 
 
 def modes(

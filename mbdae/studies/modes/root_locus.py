@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq, linear_sum_assignment
@@ -11,8 +11,12 @@ from scipy.optimize import brentq, linear_sum_assignment
 from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
 from ...system import Array
+from ...tabular import Columns, Tabular
 from ..sweep.run import Job
 from .modes import ALIKE, modes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["root_locus"]
 
@@ -23,7 +27,7 @@ Model = str | Path | Callable[..., Mechanism]
 
 
 @dataclass(frozen=True)
-class RootLocus:
+class RootLocus(Tabular):
     """Result of `root_locus`.
 
     Attributes:
@@ -42,8 +46,8 @@ class RootLocus:
     messages: dict[int, str]
     changes: tuple[float, ...]
 
-    def plot(self, path: str | Path, *, campbell: bool | None = None) -> None:
-        """Draw real parts and frequencies over the parameter, and the roots in the plane, as .png, .svg or .pdf.
+    def plot(self, path: str | Path | None = None, *, campbell: bool | None = None) -> "Figure":
+        """Draw real parts and frequencies over the parameter, and the roots in the plane; written to a path.
 
         Args:
             path: where.
@@ -55,8 +59,13 @@ class RootLocus:
         from .. import figures
         from .figure import locus
 
-        figures.check(path)
-        figures.save(locus(self, self.name.startswith(SPEED) if campbell is None else campbell), path)
+        return figures.given(locus(self, self.name.startswith(SPEED) if campbell is None else campbell), path)
+
+    def tabulated(self) -> Columns:
+        """Real and imaginary parts over the parameter."""
+        parts = {"re": self.eigenvalues.real, "im": self.eigenvalues.imag}
+        columns = {f"{part}.{k + 1}": x[:, k] for k in range(self.eigenvalues.shape[1]) for part, x in parts.items()}
+        return Columns({self.name: self.values, **columns}, dict.fromkeys(columns, "1/s"), self.name)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; eigenvalues as pairs [re, im]."""

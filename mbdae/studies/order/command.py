@@ -9,6 +9,7 @@ from ...cli.options import (
     FAILED,
     HOLDS,
     PICTURES,
+    TABLES,
     UNJUDGED,
     as_json,
     bar,
@@ -16,6 +17,7 @@ from ...cli.options import (
     listed,
     plot_option,
     show,
+    table_option,
     writable,
 )
 from ...errors import InputError
@@ -35,6 +37,7 @@ from .result import OrderStudy
 @click.option("--steps", type=int, help="Coarsest number of steps, at least ten.")
 @click.option("--gradients", is_flag=True, help="Of derivatives, and those beside difference quotients of runs.")
 @click.option("-p", "--parameter", help="With --gradients: by this number; by a velocity of the start when left out.")
+@table_option
 @plot_option
 @as_json
 def order(
@@ -44,13 +47,17 @@ def order(
     steps: int | None,
     gradients: bool,
     parameter: str | None,
+    output: str | None,
     plot: str | None,
     as_json: bool,
 ) -> None:
-    """Measure the orders of methods on a model: exit 1 when one misses its claim, 3 when one cannot be judged."""
+    """Measure the orders of methods on a model: exit 1 when one misses its claim, 3 when one cannot be judged.
+
+    For up to three methods it shows step sizes, errors, and the rates between them.
+    """
     if parameter is not None and not gradients:
         raise InputError("a parameter belongs to --gradients")
-    writable((plot, PICTURES))
+    written = writable((output, TABLES), (plot, PICTURES))
     if gradients and model in TEXTBOOK:
         raise InputError(f"gradients are those of mechanisms, {model!r} is a textbook problem")
     problem = TEXTBOOK[model]() if model in TEXTBOOK else load(model)
@@ -62,7 +69,9 @@ def order(
             study = check_order(problem, listed(names) or None, **options)
     if plot:
         study.plot(plot)
-    emit(study.to_dict(), str(study), as_json)
+    if output:
+        study.save(output)
+    emit({**study.to_dict(), "written": written}, "\n".join([str(study), *(f"wrote {p}" for p in written)]), as_json)
     sys.exit(FAILED if study.refuted else HOLDS if study.holds else UNJUDGED)
 
 

@@ -2,7 +2,18 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import UnknownNameError
+from ...tabular import Columns, Tabular, aligned, latex
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+FEW = 3  # methods whose errors the text shows
 
 
 @dataclass(frozen=True)
@@ -34,9 +45,16 @@ class Slope:
         """True when a slope could be fitted."""
         return self.observed is not None
 
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """Observed orders from each step to the next one: log of the errors' ratio over log of that of the steps."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rates = -np.diff(np.log(self.errors)) / np.diff(np.log(self.steps))
+        return (float("nan"), *rates.tolist())
+
 
 @dataclass(frozen=True)
-class OrderStudy:
+class OrderStudy(Tabular):
     """Result of `check_order`.
 
     Attributes:
@@ -76,16 +94,61 @@ class OrderStudy:
             "methods": slopes,
         }
 
-    def plot(self, path: str | Path) -> None:
-        """Draw the errors over the step with the fitted and the claimed slopes as .png, .svg or .pdf.
+    def cells(self) -> list[list[str]]:
+        """Observed and claimed orders."""
+        quantities = [s.quantity for s in next(iter(self.slopes.values()), ())]
+        rows = [
+            [name, *((f"{s.observed:.2f}" if s.observed is not None else "-") + f" ({s.claimed})" for s in row)]
+            for name, row in self.slopes.items()
+        ]
+        return [["method", *quantities], *rows]
+
+    def remarks(self) -> list[str]:
+        """What misses its claim, and what cannot be judged."""
+        every = [(name, s) for name, row in self.slopes.items() for s in row]
+        return [f"{name}, {s.quantity}: {s.verdict}" for name, s in every if s.verdict != "holds"]
+
+    def convergence(self, method: str) -> list[list[str]]:
+        """Step sizes of a method, and for each quantity the errors there and the rates between them.
 
         Raises:
-            InputError: for another format or an unwritable path.
+            UnknownNameError: for a method that was not studied.
+        """
+        if method not in self.slopes:
+            raise UnknownNameError("method", method, self.slopes)
+        row = self.slopes[method]
+        heads = [method, *(text for s in row for text in (f"error {s.quantity}", "rate"))]
+        columns = [[f"h = {self.T / n:.4g}" for n in row[0].steps]]
+        for s in row:
+            columns += [[f"{x:.2e}" for x in s.errors], [f"{x:.2f}" if np.isfinite(x) else "-" for x in s.rates]]
+        return [heads, *(list(x) for x in zip(*columns, strict=True))]
+
+    def tabulated(self) -> Columns:
+        """A row for each error, with the step, its floor, the rate, and the claimed and the fitted order."""
+        rows = [
+            (name, s.quantity, n, self.T / n, error, floor, rate, s.claimed, s.observed)
+            for name, row in self.slopes.items()
+            for s in row
+            for n, error, floor, rate in zip(s.steps, s.errors, s.floors, s.rates, strict=True)
+        ]
+        names = ("method", "quantity", "n", "h", "error", "floor", "rate", "claimed", "observed")
+        return Columns(dict(zip(names, map(list, zip(*rows, strict=True)), strict=True)), {"h": "s"})
+
+    def to_latex(self) -> str:
+        """The orders, and a table of convergence for each method."""
+        tables = [latex(self.convergence(name), f"{name} on {self.title}") for name in self.slopes]
+        return "\n".join([super().to_latex(), *tables])
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw the errors over the step with the fitted and the claimed slopes; written where a path is given.
+
+        Raises:
+            InputError: for a format other than .png, .svg or .pdf, or an unwritable path.
         """
         from .. import figures
         from .figure import convergence
 
-        figures.save(convergence(self), path)
+        return figures.given(convergence(self), path)
 
     def __str__(self) -> str:
         because = f" ({self.because})" if self.because else ""
@@ -97,4 +160,6 @@ class OrderStudy:
             ]
             bad = [f"{s.quantity}: {s.verdict}" for s in row if s.verdict != "holds"]
             lines.append(f"{name:8s} " + "  ".join(cells) + ("  " + "; ".join(bad) if bad else ""))
+        for name in self.slopes if len(self.slopes) <= FEW else ():
+            lines += ["", *aligned(self.convergence(name))]
         return "\n".join(lines)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError, several
-from ...solution.columns import LOADS, acceleration_names, load_names, row_names, signals, units
+from ...errors import InputError, several
+from ...solution.signals import ENERGIES, find, signals, units
 from ...system import Array
 from ..figures import NAMES
 
@@ -20,11 +20,8 @@ Plot = str | Sequence[str]
 POINTS = 1500  # more than a curve has pixels
 ROUNDING = 1e-16  # of |g|: below is nothing to see
 MOST = 7  # curves of one pane that can be told apart
-STEPPED = ("kinetic", "potential", "energy", "work", "g", "Gv")  # shown at the steps: between them is interpolation
-COSTLY = ("lam", "a", *LOADS)
-UNITS = {"g": "m, rad", "Gv": "m/s, rad/s", **dict.fromkeys(("kinetic", "potential", "energy", "work"), "J")}
-WORDS = {**NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|", "J": "energies", "N, N m": "multipliers", "N": "forces",
-         "N m": "torques", "rad/s^2": "angular accelerations", "m/s^2": "accelerations"}  # fmt: skip
+STEPPED = tuple(ENERGIES)  # shown at the steps: between them is interpolation
+WORDS = {**NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|"}
 
 
 class Curve(NamedTuple):
@@ -72,12 +69,13 @@ def panes(
     if plots is not None and not plots and not own:
         return []
     mech, entries = sol.mechanism, _entries(plots)
-    lam = any(name.split(".")[0] in COSTLY for entry in entries for name in entry)
-    table = _table(sol, own, lam)
-    groups = _defaults(table, mech) if plots is None else [_group(entry, table, mech) for entry in entries]
+    chosen = [tuple(x for name in entry for x in ([name] if name in own else find(mech, name))) for entry in entries]
+    wanted = [*(x for entry in chosen for x in entry if x not in own), *(n for n in units(mech) if n.startswith("q."))]
+    table = _table(sol, own, wanted)
+    groups = _defaults(table, mech) if plots is None else [_Group(tuple(dict.fromkeys(names))) for names in chosen]
     asked = {name for group in groups for name in group.names}
     groups += [_Group((name,)) for name in own if name not in asked]
-    tables = [table, *(_table(ghost, {k: f for k, f in own.items() if callable(f)}, lam) for ghost in ghosts)]
+    tables = [table, *(_table(g, {k: f for k, f in own.items() if callable(f)}, wanted) for g in ghosts)]
     found = [pane for group in groups for pane in _by_unit(group, tables, mech)]
     return [_as_read(pane) for pane in found] if plots is None else found
 
@@ -94,22 +92,9 @@ def _entries(plots: str | Sequence[Plot] | None) -> list[tuple[str, ...]]:
 
 def _defaults(table: Mapping[str, Curve], mech: "Mechanism") -> list[_Group]:
     """Coordinates by unit but for quaternions, energies, and the largest |g|."""
-    unit = {name: _unit(name, mech) for name in table if name.startswith("q.")}
-    unit = {name: u for name, u in unit.items() if u != "1"}  # parts of quaternions say little
+    unit = {n: u for n, u in units(mech).items() if n.startswith("q.") and u != "1"}  # quaternions say little
     by_unit = [_liveliest(table, [n for n in unit if unit[n] == u]) for u in dict.fromkeys(unit.values())]
     return [*by_unit, _Group(("kinetic", "potential", "energy")), *([_Group(("g",))] if mech.ng else [])]
-
-
-def _group(entry: Sequence[str], table: Mapping[str, Curve], mech: "Mechanism") -> _Group:
-    """The curves that names and beginnings of names stand for."""
-    names = list(dict.fromkeys([*table, *row_names(mech), *acceleration_names(mech), *load_names(mech)]))
-    heads = {n[:i]: None for n in names for i in range(len(n)) if n[i] == "."}
-    found: list[str] = []
-    for name in entry:
-        if name not in names and name not in heads:
-            raise UnknownNameError("signal", name, [*heads, *names])
-        found += [name] if name in names else [n for n in names if n.startswith(f"{name}.")]
-    return _Group(tuple(dict.fromkeys(found)))
 
 
 def _liveliest(table: Mapping[str, Curve], names: list[str]) -> _Group:
@@ -122,7 +107,8 @@ def _liveliest(table: Mapping[str, Curve], names: list[str]) -> _Group:
 
 
 def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechanism") -> list[PlotPanel]:
-    unit = {name: _unit(name, mech) for name in group.names}
+    known = units(mech)
+    unit = {name: known.get(name, name) for name in group.names}  # an own signal has a pane of its own
     out = []
     for kind in dict.fromkeys(unit.values()):
         names = [name for name in group.names if unit[name] == kind]
@@ -162,26 +148,15 @@ def _wrapped(curve: Curve) -> Curve:
     return curve._replace(y=np.where(near < np.ptp(curve.t) / 400, np.nan, y))
 
 
-def _unit(name: str, mech: "Mechanism") -> str:
-    known, (head, *rest) = {**units(mech), **UNITS}, name.split(".")
-    if name in known or not rest:
-        return known.get(name, name)  # an own signal has a pane of its own
-    if head == "a":
-        return f"{known[f'v.{name[2:]}']}^2" if f"v.{name[2:]}" in known else ""
-    return {"lam": "N, N m", "force": "N", "torque": "N m"}.get(head, "")
-
-
-def _table(sol: "Solution", own: Mapping[str, Signal], lam: bool) -> dict[str, Curve]:
-    """Curves of a solution by name, smooth ones at uniform times, the others at its steps; multipliers when needed."""
+def _table(sol: "Solution", own: Mapping[str, Signal], wanted: Sequence[str]) -> dict[str, Curve]:
+    """Curves of a solution by name, smooth ones at uniform times, the others at its steps; those that are wanted."""
     few = np.unique(np.linspace(0, len(sol.t) - 1, min(len(sol.t), POINTS)).astype(int))
     steps = replace(sol, t=sol.t[few], y=sol.y[few], z_own=sol.z_own[few], steps=sol.nodes)
     smooth = resampled(sol, np.linspace(sol.t[0], sol.t[-1], POINTS)) if len(sol.t) > 1 else steps
-    table = {name: Curve(name, smooth.t, values) for name, values in signals(smooth, lam=lam).items() if name != "t"}
-    table |= {
-        name: Curve(name, steps.t, values) for name, values in signals(steps, lam=False).items() if name in STEPPED
-    }
+    table = {name: Curve(name, smooth.t, values) for name, values in signals(smooth, wanted).items()}
+    table |= {name: Curve(name, steps.t, values) for name, values in signals(steps, STEPPED).items()}
     for name, signal in own.items():
-        if name in table:
+        if name in units(sol.mechanism):
             raise InputError(f"an own signal needs a name of its own, {name!r} is a column of the solution")
         table[name] = _own(name, signal, sol, smooth)
     return table

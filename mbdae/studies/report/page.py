@@ -3,11 +3,11 @@
 import base64
 import json
 import re
-from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
+from ...tabular import table
 from .. import figures
 from ..comparison.figure import work_precision
 from ..comparison.tables import comparison_rows
@@ -51,22 +51,8 @@ def document(title: str, summary: str, version: str, sections: dict[str, str]) -
 
 def _model(report: "Report") -> str:
     c = report.card
-    closures = [
-        f"{x['name']}: {x['kind']} {' - '.join(x['joins'])}, {x['rows']} rows"
-        + (f" ({x['dependent']} depend on others)" if x["dependent"] else "")
-        for x in c.closures
-    ]
-    known = {
-        "sizes": f"nq = {c.nq}, nv = {c.nv}, {c.ng} closure rows of rank {c.rank}; degrees of freedom: {c.freedom}",
-        "joints": ", ".join(f"{name} ({kind})" for name, kind in c.joints),
-        "closures": "\n".join(closures) or "none",
-        "forces": ", ".join(c.forces) or "none",
-        "gravity": f"{list(c.gravity)} m/s^2",
-        "start": f"|g| = {c.g:.1e}, |G v| = {c.Gv:.1e}\nq = {_vector(c.q)}\nv = {_vector(c.v)}",
-        "not modelled": ", ".join(c.not_modelled),
-    }
     note = "<p>Reactions of dependent rows are not unique: lam is the one of minimum norm.</p>" if c.ng > c.rank else ""
-    return facts(known) + note
+    return facts(c.facts()) + note
 
 
 def _run(report: "Report") -> str:
@@ -76,7 +62,7 @@ def _run(report: "Report") -> str:
     speed = min(1.0, end / VIEWING)
     slow = f" The replay runs at {speed:.2g} of real time." if speed < 1 else ""
     text = (
-        f"<p>{escape(report.histories[0].label if report.histories else settings['method'])}, "
+        f"<p>{escape(report.drifts[0].label if report.drifts else settings['method'])}, "
         f"{sol.t[0]:g} to {sol.t[-1]:g} s: {escape(sol.message)}. {s['steps']} steps, {s['rejected'] or 0} rejected, "
         f"{s['solves']} linear solves, {s['seconds']:.2g} s ({s['backend']} back end).{slow}</p>"
     )
@@ -90,25 +76,25 @@ def _drift(report: "Report") -> str:
     rows = [
         [h.label, f"{d.g_max:.1e}", f"{d.g_end:.1e}", f"{d.Gv_max:.1e}", f"{d.energy_error:.1e}"]
         + [f"{d.energy_relative:.1e}", f"{d.work_end:.4g}"]
-        for h, d in zip(report.histories, report.drifts, strict=True)
+        for h, d in zip([d.history for d in report.drifts], report.drifts, strict=True)
     ]
-    return table(heads, rows) + image(drifts(report.histories), "drift of the closures and of the energy over time")
+    picture = image(drifts([d.history for d in report.drifts]), "drift of the closures and of the energy over time")
+    return table([heads, *rows]) + picture
 
 
 def _orders(report: "Report") -> str:
     study = report.orders
     if study is None:
         return ""
-    quantities = [s.quantity for s in next(iter(study.slopes.values()))]
-    rows, notes = [], []
-    for name, slopes in study.slopes.items():
-        cells = [(f"{s.observed:.2f}" if s.observed is not None else "-") + f" ({s.claimed})" for s in slopes]
-        marks = ["holds" if s.verdict == "holds" else "fails" if s.verdict == "misses" else "" for s in slopes]
-        rows.append([name, *(f'<span class="{m}">{c}</span>' for c, m in zip(cells, marks, strict=True))])
-        notes += [f"{name}, {s.quantity}: {s.verdict}" for s in slopes if s.verdict != "holds"]
+    marks = {"holds": "holds", "misses": "fails"}
+    heads, *body = study.cells()
+    rows = [
+        [name, *(f'<span class="{marks.get(s.verdict, "")}">{c}</span>' for c, s in zip(cells, slopes, strict=True))]
+        for (name, *cells), slopes in zip(body, study.slopes.values(), strict=True)
+    ]
     text = f"<p>Observed (claimed) orders with fixed steps, T = {study.T:g} s; a slope holds at the claim less 0.2.</p>"
-    excuse = f'<p class="note">{escape("; ".join(notes))}</p>' if notes else ""
-    return text + table(["method", *quantities], rows, safe=True) + excuse + image(convergence(study), "convergence")
+    excuse = f'<p class="note">{escape("; ".join(study.remarks()))}</p>' if study.remarks() else ""
+    return text + table([heads, *rows], safe=True) + excuse + image(convergence(study), "convergence")
 
 
 def _comparison(report: "Report") -> str:
@@ -121,7 +107,7 @@ def _comparison(report: "Report") -> str:
     )
     ranking = "".join(f"<li>{escape(s)}</li>" for s in result.sentences())
     picture = image(work_precision(result), "work-precision diagram")
-    return text + picture + f'<ul class="note">{ranking}</ul>' + table(heads, rows)
+    return text + picture + f'<ul class="note">{ranking}</ul>' + table([heads, *rows])
 
 
 def _repeat(report: "Report") -> str:
@@ -143,18 +129,7 @@ def facts(known: dict[str, str]) -> str:
     return f'<table class="facts">{"".join(rows)}</table>'
 
 
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
-    """A table; cells are HTML where they are safe."""
-    head = "".join(f"<th>{escape(h)}</th>" for h in heads)
-    body = "".join("<tr>" + "".join(f"<td>{c if safe else escape(c)}</td>" for c in row) + "</tr>" for row in rows)
-    return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
-
-
 def image(figure: "Figure", words: str) -> str:
     """A figure inside the page, and what it shows."""
     data = base64.b64encode(figures.svg(figure)).decode()
     return f'<div class="wide"><img alt="{escape(words)}" src="data:image/svg+xml;base64,{data}"></div>'
-
-
-def _vector(values: Sequence[float]) -> str:
-    return f"[{', '.join(f'{x:.6g}' for x in values)}]"

@@ -22,7 +22,7 @@ from ...solution.solution import Solution
 from ..card.card import Card, card
 from ..comparison.compare import compare
 from ..comparison.comparison import Comparison
-from ..drift.drift import Drift, History, drift, history
+from ..drift.drift import Drift, drift
 from ..order.order import check_order
 from ..order.result import OrderStudy
 from ..variant import Variant, variants
@@ -43,7 +43,6 @@ class Report:
         card: what the mechanism is.
         sol: the run that is replayed.
         drifts: drift of every method's run.
-        histories: the same over time.
         orders: observed and claimed orders; None when no method without a formulation was asked for.
         comparison: methods against a reference.
         mechanism: description of the mechanism, enough to make it again.
@@ -53,7 +52,6 @@ class Report:
     card: Card
     sol: Solution
     drifts: tuple[Drift, ...]
-    histories: tuple[History, ...]
     orders: OrderStudy | None
     comparison: Comparison
     mechanism: dict[str, Any]
@@ -155,7 +153,6 @@ def report(
         card=card(mech),
         sol=sols[0],
         drifts=tuple(drift(sol) for sol in done),
-        histories=tuple(history(sol) for sol in done),
         orders=orders,
         comparison=comparison,
         mechanism=describe(mech),

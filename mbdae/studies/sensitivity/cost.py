@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError
+from ...errors import InputError
 from ...mechanism.callbacks import function_name
+from ...solution.signals import signals, units
 from ...solution.solution import Solution
 from ...system import Array
-from ..sweep.outputs import columns
 
 __all__ = ["Squares"]
 
@@ -23,13 +23,11 @@ class Signals(Mapping[str, Array]):
 
     def __getitem__(self, name: str) -> Array:
         if name not in self.found:
-            self.found |= columns(self.sol, {name})
-        if name not in self.found:
-            raise UnknownNameError("signal", name, self)
+            self.found |= signals(self.sol, [name])
         return self.found[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.sol.signals())
+        return iter(units(self.sol.mechanism))
 
     def __len__(self) -> int:
         return len(list(iter(self)))

@@ -9,6 +9,7 @@ import numpy as np
 from ...errors import require
 from ...integrate.trace import Trace
 from ...solution.solution import Solution
+from ...tabular import Columns, Tabular
 from .backwards import Arriving, backwards
 from .cost import Cost, Signals, evaluated
 from .ending import ending
@@ -19,7 +20,7 @@ __all__ = ["gradient"]
 
 
 @dataclass(frozen=True)
-class Gradient:
+class Gradient(Tabular):
     """A cost of a run and its gradient.
 
     Attributes:
@@ -29,6 +30,14 @@ class Gradient:
 
     value: float
     gradient: dict[str, float]
+
+    def tabulated(self) -> Columns:
+        """Names and derivatives."""
+        return Columns({"parameter": list(self.gradient), "derivative": list(self.gradient.values())})
+
+    def cells(self) -> list[list[str]]:
+        """Names and derivatives."""
+        return [["parameter", "derivative"], *([name, f"{x:.6e}"] for name, x in self.gradient.items())]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""

@@ -9,8 +9,10 @@ import numpy as np
 
 from ...errors import require
 from ...integrate.trace import Trace
+from ...mechanism.units import coordinate_units
 from ...solution.solution import Solution
 from ...system import Array
+from ...tabular import Columns, Tabular
 from .ending import ending
 from .numbers import Model, Names, bound
 from .signal_slopes import SignalSlopes
@@ -21,7 +23,7 @@ SAME = 1e-9  # of 1 + |y|: where a run began at its mechanism's own start
 
 
 @dataclass(frozen=True)
-class Sensitivity:
+class Sensitivity(Tabular):
     """Derivatives of a run with respect to k numbers: parameters, and then (q, v, s) of the start where asked for.
 
     Attributes:
@@ -90,6 +92,15 @@ class Sensitivity:
             row = slopes.rows(int(self.places[i]), float(t), y)[0]
             out[i] = row @ np.concatenate([self.dy[i], self.dp, self.dt[i : i + 1]])
         return out
+
+    def tabulated(self) -> Columns:
+        """Derivatives of q in the tangent and of v over time, ``d(q.crank)/d(force.spring.stiffness)``."""
+        names = [n[2:] for n in coordinate_units(self.trace.system.mechanism) if n.startswith("v.")]
+        columns: dict[str, Array] = {"t": self.t}
+        for letter, x in (("q", self.q), ("v", self.v)):
+            pairs = [(i, k) for i in range(len(names)) for k in range(len(self.columns))]
+            columns |= {f"d({letter}.{names[i]})/d({self.columns[k]})": x[:, i, k] for i, k in pairs}
+        return Columns(columns, {"t": "s"}, "t")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""

@@ -13,9 +13,11 @@ from ...mechanism.formulations.balance import Balance, Statics
 from ...mechanism.formulations.linearization import refuse_unsteady
 from ...mechanism.frames import find_joint
 from ...mechanism.reactions import Reaction, reaction
-from ...solution.columns import coordinates, units
+from ...mechanism.units import coordinate_units
+from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array
+from ...tabular import Tabular
 from .search import Search
 from .stability import Verdict, verdict
 
@@ -29,7 +31,7 @@ FIND = ("stable", "any")
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class Equilibrium(Tabular):
     """Result of `equilibrium`.
 
     Attributes:
@@ -103,7 +105,7 @@ class Equilibrium:
         }
 
     def __str__(self) -> str:
-        named = units(self.mechanism)
+        named = coordinate_units(self.mechanism)
         lines = [
             f"equilibrium of {self.mechanism.title}: {self.verdict}",
             f"  {self.iterations} iterations, forces balance to {self.residual:.1e} of the largest met",

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UnknownNameError
-from ...solution.columns import units
+from ...mechanism.units import coordinate_units
 from ..figures import COLOURS, WIDTH, beside, plain, settled, sheet
 from .load_path import LoadPath
 
@@ -42,7 +42,7 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
         near = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
         if at:
             ax.plot(near, [e.factor for e in at], marker, color="black", label=label)
-    ax.set_xlabel(plain(f"{name} ({units(path.mechanism).get(name, '')})"))
+    ax.set_xlabel(plain(f"{name} ({coordinate_units(path.mechanism).get(name, '')})"))
     ax.set_ylabel(plain(f"factor on {path.load}"))
     ax.set_title(plain(path.mechanism.title))
     beside(ax)

@@ -10,21 +10,25 @@ import numpy as np
 from ...errors import InputError, UnknownNameError, require
 from ...mechanism import Mechanism
 from ...mechanism.formulations.balance import Statics
-from ...solution.columns import coordinates, units
+from ...mechanism.units import coordinate_units
+from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array
+from ...tabular import Columns, Tabular
 from .continuation import Continuation, CriticalPoint
 from .equilibrium import balanced, settle_arguments
 from .search import FLAT, symmetric
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ...mechanism.mechanism import Coordinates
 
 __all__ = ["load_path"]
 
 
 @dataclass(frozen=True)
-class LoadPath:
+class LoadPath(Tabular):
     """Result of `load_path`.
 
     Attributes:
@@ -60,8 +64,8 @@ class LoadPath:
         """The coordinate that moves the most."""
         return max(self.coordinates.items(), key=lambda item: float(np.ptp(item[1])))[0]
 
-    def plot(self, path: str | Path, coordinate: str | None = None) -> None:
-        """Draw the load over a coordinate, the one that moves the most when left out, as .png, .svg or .pdf.
+    def plot(self, path: str | Path | None = None, coordinate: str | None = None) -> "Figure":
+        """Draw the load over a coordinate, the one that moves the most when left out; written where a path is given.
 
         Raises:
             UnknownNameError: for a coordinate that does not exist.
@@ -70,8 +74,13 @@ class LoadPath:
         from .. import figures
         from .figure import load_deflection
 
-        figures.check(path)
-        figures.save(load_deflection(self, coordinate), path)
+        return figures.given(load_deflection(self, coordinate), path)
+
+    def tabulated(self) -> Columns:
+        """Factor, coordinates, and numbers of negative eigenvalues along the path."""
+        known, found = coordinate_units(self.mechanism), self.coordinates
+        columns = {"factor": self.factor, **found, "unstable": self.unstable}
+        return Columns(columns, {name: known[name] for name in found if name in known})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -87,7 +96,7 @@ class LoadPath:
 
     def __str__(self) -> str:
         name, values = self.moving, self.coordinates[self.moving]
-        unit = units(self.mechanism).get(name, "")
+        unit = coordinate_units(self.mechanism).get(name, "")
         lines = [
             f"path of {self.mechanism.title} under {self.load}: {len(self.factor)} equilibria, "
             f"factor {self.factor[0]:.6g} to {self.factor[-1]:.6g}, {name} {values[0]:.6g} to {values[-1]:.6g} {unit}"

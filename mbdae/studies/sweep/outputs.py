@@ -3,7 +3,7 @@
 "q.slider"                     a signal, kept at the times of the sweep
 "final q.slider"               its value at the end; max, min, mean over time, and peak, the largest magnitude
 "peak force.wrist pin"         of a joint or closure: force in N and torque in N m, magnitudes or components
-"max effort.motor"             of a coupling or a driver
+"max effort.motor"             of a coupling or a driver; power of a driver or a force
 "min normal.front"             of a rolling body; also longitudinal, lateral and friction, the coefficient that it takes
 a function of the Solution     returns a table of numbers: {"period": 1.2}
 
@@ -16,20 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError, MbdaeError, UnknownNameError
-from ...mechanism import Mechanism, loads
+from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
-from ...solution.columns import (
-    CONTACT,
-    acceleration_names,
-    contact_forces,
-    contact_names,
-    coordinates,
-    load_columns,
-    load_names,
-    row_names,
-    signals,
-)  # fmt: skip
-from ...solution.signal_value import EFFORT, REACTION, signal_values
+from ...solution.signals import signals, units
 from ...solution.solution import Solution
 from ...system import Array
 
@@ -65,9 +54,7 @@ def check(mech: Mechanism, outputs: Sequence[Output], timed: bool) -> None:
         UnknownNameError: for a signal or a reduction that does not exist.
         InputError: for a signal to be kept at times when there are none, or what is neither text nor function.
     """
-    texts = any(isinstance(x, str) for x in outputs)
-    more = [*contact_names(mech), *acceleration_names(mech), *load_names(mech)] if texts else []
-    known = dict.fromkeys([*signal_values(mech), *more]) if texts else {}
+    known = units(mech) if any(isinstance(x, str) for x in outputs) else {}
     for output in outputs:
         if not isinstance(output, str):
             if not callable(output):
@@ -99,7 +86,7 @@ def evaluate(
         InputError: for a function that fails, or returns what is no table of numbers.
     """
     wanted = [parse(x) for x in outputs if isinstance(x, str)]
-    found = columns(sol, {w.signal for w in wanted})
+    found = signals(sol, [w.signal for w in wanted])
     numbers = {w.text: float(REDUCTIONS[w.reduction](sol.t, found[w.signal])) for w in wanted if w.reduction}
     samples = {}
     for w in wanted:
@@ -114,42 +101,6 @@ def evaluate(
                 raise InputError(f"two output functions return {twice[0]!r}")
             more |= result
     return numbers, samples, more
-
-
-def columns(sol: Solution, wanted: set[str]) -> dict[str, Array]:
-    """The signals ``wanted`` (and others), (n,) each; nothing costly is computed that is not among them."""
-    if not wanted:
-        return {}
-    mech = sol.mechanism
-    out = {"t": np.asarray(sol.t), "work": sol.work, **coordinates(sol)}
-    if any(name.startswith("lam.") for name in wanted):
-        out |= {name: sol.lam[:, i] for i, name in enumerate(row_names(mech))}
-    for name in sorted(wanted - out.keys()):
-        kind, _, which = name.partition(".")
-        if kind == "force" and which in mech.row_names:
-            out[name] = np.linalg.norm(sol.lam[:, force_rows(sol, which)], axis=1)
-        elif name in out:
-            continue
-        elif kind in REACTION:
-            out |= load_columns(mech, loads(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
-        elif kind in CONTACT:
-            out |= contact_forces(sol, which)
-        elif kind == "a":
-            out |= {name: sol.vdot[:, i] for i, name in enumerate(acceleration_names(mech))}
-        elif kind == EFFORT:
-            out[name] = sol.effort(which).effort
-        else:
-            out |= signals(sol, lam=False)
-    return out
-
-
-def force_rows(sol: Solution, name: str) -> Array:
-    """The rows of a closure between frames that are forces along directions at right angles, (ng,).
-
-    Those in m; the length of their multipliers is that of the force.
-    """
-    mech = sol.mechanism
-    return (np.array(mech.row_names) == name) & (mech.row_units == "m")
 
 
 def _called(function: Function, sol: Solution) -> dict[str, float]:

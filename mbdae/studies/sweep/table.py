@@ -4,15 +4,18 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import STATUS, InputError, UnknownNameError
-from ..comparison.tables import columns
+from ...tabular import Columns, Tabular, aligned
 from .file import MORE, Row, read, write
 from .plan import Task, names
 from .run import COUNTS, FAILURES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["Sweep"]
 
@@ -22,7 +25,7 @@ SHOWN = 12  # rows as text
 
 
 @dataclass
-class Sweep:
+class Sweep(Tabular):
     """The runs of a sweep, in the order of their numbers.
 
     Attributes:
@@ -100,11 +103,6 @@ class Sweep:
             return np.array([np.nan if x is None else x for x in values], float)
         return np.array(values, object if kind in ("text", "floats") else None)
 
-    @property
-    def table(self) -> dict[str, np.ndarray | list[np.ndarray]]:
-        """All columns by name, for ``pandas.DataFrame(sweep.table)``; of signals an array for each run."""
-        return {name: list(self[name]) if name in self.samples else self[name] for name in self.names}
-
     def to_dict(self) -> dict[str, Any]:
         """Plain data, for JSON."""
         names = self.names
@@ -113,16 +111,28 @@ class Sweep:
         about = {key: self.meta[key] for key in ("manifest", "parameters", "samples")}
         return {"complete": self.complete, **about, "outputs": self.outputs, "rows": rows}
 
+    def tabulated(self) -> Columns:
+        """All columns by name; of signals at times an array for each run, (n, times)."""
+        return Columns({name: self[name] for name in self.names}, {"t": "s"})
+
+    def cells(self) -> list[list[str]]:
+        """Parameters, status and outputs of all runs."""
+        heads = ["run", *self.parameters, "status", *self.outputs]
+        return [heads, *([_brief(row[n] if n in row else row[MORE].get(n)) for n in heads] for row in self.rows)]
+
     def save(self, path: str | Path) -> None:
-        """Write the table as Parquet, whole or not at all; the same table gives the same bytes.
+        """Write the table as Parquet, whole or not at all; the same table gives the same bytes. Or .csv, .json, .tex.
 
         Raises:
-            InputError: without pyarrow, or for an unwritable path.
+            InputError: for .parquet without pyarrow, for another suffix, or an unwritable path.
         """
+        if Path(path).suffix != ".parquet":
+            super().save(path)
+            return
         write(Path(path), self.rows, self.kinds, self.meta)
 
-    def plot(self, path: str | Path, output: str | None = None) -> None:
-        """Draw a result of all runs over each parameter, see `mbdae.studies.sweep.figure.spread`, as .png, .svg, .pdf.
+    def plot(self, path: str | Path | None = None, output: str | None = None) -> "Figure":
+        """Draw a result of all runs over each parameter; written where a path is given.
 
         Raises:
             UnknownNameError: for a column that does not exist.
@@ -131,8 +141,7 @@ class Sweep:
         from .. import figures
         from .figure import spread
 
-        figures.check(path)
-        figures.save(spread(self, output), path)
+        return figures.given(spread(self, output), path)
 
     @classmethod
     def load(cls, path: str | Path) -> "Sweep":
@@ -148,14 +157,13 @@ class Sweep:
         counts = Counter(row["status"] for row in self.rows)
         said = ", ".join(f"{n} {status}" for status, n in counts.most_common())
         left = "" if self.complete else f"; stopped, {self.total - len(self)} are left"
-        heads = ["run", *self.parameters, "status", *self.outputs]
-        body = [[_brief(row[n] if n in row else row[MORE].get(n)) for n in heads] for row in self.rows[:SHOWN]]
+        heads, *body = self.cells()
         lines = [f"sweep of {self.meta['manifest']['model']}: {len(self)} runs, {said or 'none'}{left}", ""]
-        lines += columns([heads, *body])
+        lines += aligned([heads, *body[:SHOWN]])
         if len(self) > SHOWN:
             lines.append(f"... and {len(self) - SHOWN} more")
         if len(self) > 1 and self.outputs:
-            lines += ["", *columns([["", "mean", "std", "min", "max"], *(self._summary(n) for n in self.outputs)])]
+            lines += ["", *aligned([["", "mean", "std", "min", "max"], *(self._summary(n) for n in self.outputs)])]
         for status in dict.fromkeys(row["status"] for row in self.failed):
             row = next(r for r in self.rows if r["status"] == status)
             words = FAILURES.get(status) or STATUS.get(status, "")

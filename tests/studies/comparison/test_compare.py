@@ -204,14 +204,14 @@ def test_files_hold_everything(study, tmp_path, name):
             Comparison.load(path)
     study.save(path)
     whole, (q, v) = path.read_text(), (repr(study.points[0].error_q), repr(study.uncertainty["v"]))
-    edited = [whole.replace('"v":', '"w":'), *(whole.replace(x, y) for x in (q, v) for y in ("NaN", "-1.0"))]
+    edited = [whole.replace('"v"', '"w"'), *(whole.replace(x, y) for x in (q, v) for y in ("NaN", "-1.0"))]
     for bad in ("", "{}", "# {}\na,b\n1,2\n", "# {]", *edited):
         path.write_text(bad)
         with pytest.raises(InputError, match="is damaged"):
             Comparison.load(path)
     with pytest.raises(InputError, match="no such file"):
         Comparison.load(tmp_path / "gone.json")
-    with pytest.raises(InputError, match=r"\.json or \.csv"):
+    with pytest.raises(InputError, match=r"\.csv or \.json"):
         study.save(tmp_path / "study.txt")
 
 

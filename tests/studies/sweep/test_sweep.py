@@ -12,7 +12,7 @@ import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.library import models_directory
 from mbdae.mechanism.formats.template import Template
-from mbdae.studies.sweep.outputs import columns
+from mbdae.solution.signals import signals
 from mbdae.studies.sweep.plan import own_seed, tasks
 
 PENDULUM = """
@@ -103,7 +103,7 @@ def test_forces_of_closures_are_those_of_their_reactions(kind, tmp_path):
     sol = mbdae.solve(mech, (0, 0.1))
     name = mech.closures[0].name
     reaction = sol.reaction(name)
-    forces = columns(sol, {f"force.{name}", f"torque.{name}"})
+    forces = signals(sol, {f"force.{name}", f"torque.{name}"})
     np.testing.assert_allclose(forces[f"force.{name}"], np.linalg.norm(reaction.force, axis=1), rtol=1e-9)
     np.testing.assert_allclose(forces[f"torque.{name}"], np.linalg.norm(reaction.torque, axis=1), rtol=1e-9)
     assert forces[f"force.{name}"].max() > 0.1

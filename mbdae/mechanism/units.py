@@ -1,0 +1,45 @@
+"""Names and units of the coordinates of joints."""
+
+from typing import TYPE_CHECKING
+
+from .frames import find_joint
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # joint: names of the coordinates in q and in v
+    "Translation": (("x", "y", "z"), ("x", "y", "z")),
+    "Spherical": (("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")),
+    "FreeFlyer": (("x", "y", "z", "qx", "qy", "qz", "qw"), ("vx", "vy", "vz", "wx", "wy", "wz")),
+    "Planar": (("x", "y", "cos", "sin"), ("vx", "vy", "wz")),
+    "Universal": (("1", "2"), ("1", "2")),
+}
+PURE = ("qx", "qy", "qz", "qw", "cos", "sin")
+
+
+def parts(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What stands behind the name of a joint for each of its coordinates in q and in v; "" where there is one."""
+    joint, kind = find_joint(mech.model, name), mech.joint_kind(name)
+    if (joint.nq, joint.nv) in ((1, 1), (2, 1)):
+        return ("",), ("",)
+    numbers = [tuple(str(k + 1) for k in range(n)) for n in (joint.nq, joint.nv)]
+    q, v = PARTS.get(kind, numbers)
+    return tuple(f".{x}" for x in q), tuple(f".{x}" for x in v)
+
+
+def coordinate_units(mech: "Mechanism") -> dict[str, str]:
+    """Units of ``q.*`` and then ``v.*``: rad or m, and per s; 1 for parts of quaternions."""
+    out: dict[str, dict[str, str]] = {"q": {}, "v": {}}
+    for name in mech.joint_names:
+        kind = mech.joint_kind(name)
+        slides = kind.startswith("P") and kind != "Planar"
+        for (letter, per), side in zip((("q", ""), ("v", "/s")), parts(mech, name), strict=True):
+            for part in side:
+                length = part.lstrip(".v") in ("x", "y", "z") if part else slides
+                out[letter][f"{letter}.{name}{part}"] = ("m" if length else "1" if part[1:] in PURE else "rad") + per
+    return {**out["q"], **out["v"]}
+
+
+def acceleration_units(mech: "Mechanism") -> dict[str, str]:
+    """Units of ``a.*``, the components of v': rad/s^2 or m/s^2."""
+    return {f"a.{name[2:]}": f"{unit}^2" for name, unit in coordinate_units(mech).items() if name.startswith("v.")}

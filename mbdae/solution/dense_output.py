@@ -1,0 +1,109 @@
+"""A solution between the ends of its steps."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, StepError
+from ..system import Array
+from .sampling import at_once
+
+
+class DenseOutput:
+    """Points, rates and multipliers at any time of a run."""
+
+    t: Array
+    y: Array
+    z_own: Array
+    steps: tuple[Array, Array, Array] | None
+    in_use: list[tuple[int, tuple[int, ...]]]
+    modes: list[tuple[int, tuple[int, ...]]]
+    settings: dict[str, Any]
+    system: Any
+    problem: Any
+
+    def __init__(self) -> None:
+        self.rates: dict[int, Array] = {}
+        self._dense: dict[int, Callable[[float], Array]] = {}
+
+    @property
+    def nodes(self) -> tuple[Array, Array, Array]:
+        """Times, points and own multipliers of all steps."""
+        return self.steps or (self.t, self.y, self.z_own)
+
+    def at(self, i: int) -> Any:
+        """The workspace, with the rows that were solved for at node i: what it computes depends on nothing else."""
+        rows = next((rows for first, rows in reversed(self.in_use) if first <= i), None)
+        if self.modes:
+            self.system.enter(self.mode(i))
+        if rows and (not self.system.held or rows != self.system.in_use):
+            self.system.hold(rows)
+        return self.system
+
+    def mode(self, i: int) -> tuple[int, ...]:
+        """The states of the mechanism's switches at node i."""
+        return next((mode for first, mode in reversed(self.modes) if first <= i), ())
+
+    def before(self, t: Array) -> Array:
+        """The node before each time, (k,): the later one of two at a jump."""
+        ts = np.asarray(self.nodes[0])
+        sign = 1.0 if len(ts) < 2 or ts[-1] > ts[0] else -1.0
+        return np.clip(np.searchsorted(sign * ts, sign * np.asarray(t), side="right") - 1, 0, max(0, len(ts) - 1))
+
+    def point(self, t: float) -> Array:
+        """Return y at any time of the run, interpolated between steps.
+
+        Raises:
+            InputError: for a time outside.
+        """
+        ts, ys, _ = self.nodes
+        low, high = min(ts[0], ts[-1]), max(ts[0], ts[-1])
+        if not low <= t <= high:
+            raise InputError(f"t = {t} is outside the solution, {low} to {high}")
+        if len(ts) == 1:
+            return ys[0]
+        i = min(int(self.before(np.array([t]))[0]), len(ts) - 2)
+        if t in (ts[i], ts[i + 1]):
+            return ys[i] if t == ts[i] else ys[i + 1]
+        return self.dense(i)((t - ts[i]) / (ts[i + 1] - ts[i]))
+
+    def points(self, times: Array) -> Iterator[Array]:
+        """Return y at several times of the run, one after another; all are computed at once where that can be.
+
+        Raises:
+            InputError: for a time outside.
+            StepError: for a point that cannot be found; those before are given first.
+        """
+        found = None
+        with suppress(StepError):
+            found = at_once(self, np.asarray(times, float))
+        yield from (self.point(float(t)) for t in times) if found is None else found
+
+    def dense(self, i: int) -> Callable[[float], Array]:
+        """Return theta -> y on step i, theta in [0, 1], of one order below the method's."""
+        if i not in self._dense:
+            ts, ys, _ = self.nodes
+            rates = self.rate(i), self.rate(i + 1)
+            order = self.settings["dense_order"]
+            curve = self.at(i).interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
+            self._dense[i] = partial(self._on, i, curve)
+        return self._dense[i]
+
+    def _on(self, i: int, curve: Callable[[float], Array], theta: float) -> Array:
+        self.at(i)  # a curve may ask the workspace for more
+        return curve(theta)
+
+    def rate(self, i: int) -> Array:
+        """The tangent rate of y at the end of step i, computed once; 0 is the start."""
+        if i not in self.rates:
+            ts, ys, zs = self.nodes
+            self.rates[i] = self.at(i).derivative(ts[i], ys[i], zs[i])[0]
+        return self.rates[i]
+
+    def multipliers(self, t: float) -> Array:
+        """Return z (nz,) at any time of the run from the hidden constraint; the first ng are lam."""
+        y, i = self.point(t), int(self.before(np.array([t]))[0])
+        return self.at(i).derivative(t, y, self.nodes[2][i])[1]

@@ -1,0 +1,186 @@
+"""A solution as named columns over time, with their units: one list of names for tables, plots, sweeps and events."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ..errors import UnknownNameError, several
+from ..mechanism import Driver
+from ..mechanism.contacts import rolling
+from ..mechanism.efforts import drive_powers, effort_units, efforts
+from ..mechanism.momentum import MOMENTUM, momentum
+from ..mechanism.units import acceleration_units, coordinate_units
+from ..system import Array
+from .columns import (
+    CONTACT,
+    contact_forces,
+    contact_paths,
+    coordinates,
+    frame_columns,
+    frame_units,
+    load_columns,
+    load_units,
+    pulls,
+    residuals,
+    row_names,
+)
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+    from .solution import Solution
+
+Units = dict[str, str]
+
+
+class Family(NamedTuple):
+    """Columns that are computed together.
+
+    Attributes:
+        units: their names and units.
+        values: the columns, each (n,).
+    """
+
+    units: Callable[["Mechanism"], Units]
+    values: Callable[["Solution"], Mapping[str, Array]]
+
+
+def _time(sol: "Solution") -> dict[str, Array]:
+    return {"t": np.asarray(sol.t)}
+
+
+def _states(sol: "Solution") -> dict[str, Array]:
+    return {f"s.{name}": sol.s[:, i] for i, name in enumerate(sol.mechanism.states)}
+
+
+def _contact_units(mech: "Mechanism") -> Units:
+    return {f"contact.{c.name}.{x}": "m" for c in rolling(mech) for x in "xyz"}
+
+
+def _multipliers(mech: "Mechanism") -> Units:
+    return dict(zip(row_names(mech), ["N" if u == "m" else "N m" for u in mech.row_units], strict=True))
+
+
+def _grip_units(mech: "Mechanism") -> Units:
+    return {f"{kind}.{c.name}": "1" if kind == "friction" else "N" for c in rolling(mech) for kind in CONTACT}
+
+
+def _accelerations(sol: "Solution") -> dict[str, Array]:
+    return dict(zip(acceleration_units(sol.mechanism), sol.vdot.T, strict=True))
+
+
+def _pulls(sol: "Solution") -> dict[str, Array]:
+    return {f"force.{name}": np.linalg.norm(sol.lam[:, rows], axis=1) for name, rows in pulls(sol.mechanism).items()}
+
+
+def driven(mech: "Mechanism") -> dict[str, int]:
+    """Couplings and drivers, which have an effort, each with its row."""
+    rows = mech.row_names
+    return {c.name: rows.index(c.name) for c in mech.constraints if isinstance(c, Driver) or not c.frames}
+
+
+def _drive_units(mech: "Mechanism") -> Units:
+    efforts = {f"effort.{name}": "N" if mech.row_units[i] == "m" else "N m" for name, i in driven(mech).items()}
+    return efforts | {f"power.{d.name}": "W" for d in mech.drivers}
+
+
+def _drives(sol: "Solution") -> dict[str, Array]:
+    out = {f"effort.{name}": sol.lam[:, i] for name, i in driven(sol.mechanism).items()}
+    return out | drive_powers(sol.mechanism, sol.t, sol.lam)
+
+
+def _energies(sol: "Solution") -> dict[str, Array]:
+    r = residuals(sol)
+    sums = {"kinetic": r.kinetic, "potential": r.potential, "energy": r.kinetic + r.potential, "work": sol.work}
+    return sums | {name: np.abs(x).max(axis=1, initial=0.0) for name, x in (("g", r.g), ("Gv", r.Gv))}
+
+
+ENERGIES = {**dict.fromkeys(("kinetic", "potential", "energy", "work"), "J"), "g": "m, rad", "Gv": "m/s, rad/s"}
+FAMILIES = (
+    Family(lambda mech: {"t": "s"}, _time),
+    Family(coordinate_units, coordinates),
+    Family(_contact_units, contact_paths),
+    Family(lambda mech: {f"s.{name}": "" for name in mech.states}, _states),
+    Family(_multipliers, lambda sol: dict(zip(row_names(sol.mechanism), sol.lam.T, strict=True))),
+    Family(_grip_units, contact_forces),
+    Family(acceleration_units, _accelerations),
+    Family(load_units, load_columns),
+    Family(lambda mech: {f"force.{name}": "N" for name in pulls(mech)}, _pulls),  # some of those above, and sooner
+    Family(_drive_units, _drives),
+    Family(effort_units, lambda sol: efforts(sol.mechanism, sol.t, sol.q, sol.v, sol.s)),
+    Family(frame_units, frame_columns),
+    Family(lambda mech: MOMENTUM, lambda sol: momentum(sol.mechanism.model, sol.q, sol.v)),
+    Family(lambda mech: ENERGIES, _energies),
+)
+_known: "WeakKeyDictionary[Mechanism, list[Units]]" = WeakKeyDictionary()  # a mechanism never changes
+
+
+def units(mech: "Mechanism") -> Units:
+    """Names of all columns of `signals`, and their units."""
+    return {name: unit for known in _units(mech) for name, unit in known.items()}
+
+
+def _units(mech: "Mechanism") -> list[Units]:
+    if mech not in _known:
+        _known[mech] = [family.units(mech) for family in FAMILIES]
+    return _known[mech]
+
+
+def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, Array]:
+    """Return named columns of equal length, with the units of `units`.
+
+    ``t`` in s; ``q.<joint>``, ``v.<joint>`` and ``a.<joint>`` (rad or m, per s, per s^2), with a part behind the name
+    where a joint has several coordinates (``q.base.x``, ``v.base.wz``); unbounded revolute joints as one angle,
+    unwrapped over the run; ``s.<state>`` of forces that have states of their own.
+
+    ``lam.<closure>.<row>`` with rows counted from 1 (N, N m; from the hidden constraint); ``force.<name>`` and
+    ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, and with ``.x .y .z`` behind it
+    the components along the world's axes, with ``.1 .2 .3`` along its own, see `mbdae.mechanism.joint_wrenches.loads`;
+    ``effort.<name>`` of couplings and drivers (N, N m), ``power.<driver>`` (W); of forces ``torque``, ``force``,
+    ``power`` and ``deflection.<force>``, see `mbdae.mechanism.efforts`; of rolling bodies ``contact.<closure>.x`` in m,
+    ``normal``, ``longitudinal`` and ``lateral.<closure>`` in N, and ``friction.<closure>``, the coefficient that it
+    takes not to slip.
+
+    ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
+    the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of all that moves, ``momentum.x``
+    (kg m/s) and ``angular_momentum.x`` (kg m^2/s) about it; ``kinetic``, ``potential``, ``energy``, and ``work`` of the
+    non-conservative forces and drivers in J; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
+
+    Args:
+        sol: the solution.
+        names: those that are wanted, in this order, see `find`; all when left out. Nothing costly is computed that is
+            not among them.
+
+    Raises:
+        UnknownNameError: for a signal that does not exist.
+        InputError: for a solution of a textbook problem, or one without times.
+    """
+    mech = sol.mechanism
+    wanted = list(units(mech)) if names is None else find(mech, names)
+    out: dict[str, Array] = {}
+    for family, known in zip(reversed(FAMILIES), reversed(_units(mech)), strict=True):
+        if any(name in known and name not in out for name in wanted):
+            out |= family.values(sol)
+    return {name: out[name] for name in wanted}
+
+
+def choices(mech: "Mechanism") -> list[str]:
+    """What `find` knows: beginnings of several names first."""
+    known = units(mech)
+    return list({n[:i]: None for n in known for i in range(len(n)) if n[i] == "."} | dict.fromkeys(known))
+
+
+def find(mech: "Mechanism", names: str | Iterable[str]) -> list[str]:
+    """Names of columns from names and beginnings of several: ``"q"``, ``"force.crank"``, ``"position.tip"``.
+
+    Raises:
+        UnknownNameError: for a name that is neither.
+    """
+    known = units(mech)
+    out: dict[str, None] = {}
+    for name in several(names, "signals are a list of names"):
+        if name not in known and not any(x.startswith(f"{name}.") for x in known):
+            raise UnknownNameError("signal", name, choices(mech))
+        out |= {name: None} if name in known else {x: None for x in known if x.startswith(f"{name}.")}
+    return list(out)

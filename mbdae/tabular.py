@@ -1,0 +1,195 @@
+"""Results show themselves: as text and in notebooks, as columns in files, pandas and xarray, and as tables in LaTeX."""
+
+import csv
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .errors import InputError
+from .files import write_whole
+
+SUFFIXES = (".csv", ".json", ".tex")
+POWER = re.compile(r"(<?)(-?[\d.]+)e([+-]?\d+)")
+SPECIAL = {c: rf"\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"} | {
+    "^": r"\textasciicircum{}", "|": "$|$", "<": "$<$", ">": "$>$"
+}  # fmt: skip
+
+
+class Columns(NamedTuple):
+    """Named columns of equal length.
+
+    Attributes:
+        values: by name, (n,) each, or (n, k) where a row has several numbers.
+        units: of those that have one.
+        over: the column that the others are functions of; "" where rows are counted.
+    """
+
+    values: Mapping[str, Any]
+    units: Mapping[str, str] = {}
+    over: str = ""
+
+
+class Tabular:
+    """What the results of studies share: display in notebooks, tables in files.
+
+    A result says what it is in ``__str__``, of which the first line is its heading. It may have `cells`, a table to be
+    read, and `tabulated`, columns of numbers to go on with.
+    """
+
+    def cells(self) -> list[list[str]]:
+        """The table as text, headings first; empty where the text has none."""
+        return []
+
+    def remarks(self) -> list[str]:
+        """Lines below the table."""
+        return []
+
+    def tabulated(self) -> Columns:
+        """Named columns of equal length.
+
+        Raises:
+            InputError: for a result that has none.
+        """
+        raise InputError(f"{type(self).__name__} has no columns: see its to_dict()")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON: the columns."""
+        return {name: _listed(x) for name, x in self.tabulated().values.items()}
+
+    def to_pandas(self) -> Any:
+        """Return the columns as a ``pandas.DataFrame``, units by column in ``attrs["units"]``.
+
+        Raises:
+            InputError: without pandas, or for a result without columns.
+        """
+        pandas, found = needed("pandas"), self.tabulated()
+        frame = pandas.DataFrame({n: list(x) if np.ndim(x) > 1 else x for n, x in found.values.items()})
+        frame.attrs |= {"title": self._heading(), "units": dict(found.units)}
+        return frame
+
+    def to_xarray(self) -> Any:
+        """Return the columns as an ``xarray.Dataset`` over time, or what they depend on, ``attrs["units"]`` with each.
+
+        Raises:
+            InputError: without xarray, or for a result without columns.
+        """
+        xarray, found = needed("xarray"), self.tabulated()
+        dim = found.over or "row"
+        arrays = {}
+        for name, x in found.values.items():
+            dims = (dim, "sample")[: max(1, np.ndim(x))]
+            arrays[name] = (dims, np.asarray(x), {"units": found.units[name]} if name in found.units else {})
+        coords = {dim: arrays.pop(dim)} if dim in arrays else {}
+        return xarray.Dataset(arrays, coords, {"title": self._heading()})
+
+    def to_latex(self) -> str:
+        r"""Return the table as a LaTeX ``tabular``, for a document with ``\usepackage{booktabs}``.
+
+        Raises:
+            InputError: for a result without a table.
+        """
+        cells = self.cells()
+        if not cells:
+            raise InputError(f"{type(self).__name__} has no table for LaTeX")
+        return latex(cells, self._heading())
+
+    def save(self, path: str | Path) -> None:
+        """Write the columns as .csv, all as .json, or the table as .tex.
+
+        Raises:
+            InputError: for another suffix, a result without columns or table, or an unwritable path.
+        """
+        suffix = Path(path).suffix
+        if suffix not in SUFFIXES:
+            raise InputError(f"{type(self).__name__} is saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
+        if suffix == ".csv":
+            write_csv(self.tabulated().values, path)
+            return
+        text = self.to_latex() if suffix == ".tex" else json.dumps(finite(self.to_dict()), allow_nan=False)
+        with write_whole(path) as temporary:
+            temporary.write_text(text, "utf-8")
+
+    def _heading(self) -> str:
+        return str(self).partition("\n")[0]
+
+    def _repr_html_(self) -> str | None:
+        """How a notebook shows it."""
+        first, _, rest = str(self).partition("\n")
+        cells = self.cells()
+        body = table(cells) if cells else f"<pre>{escape(rest)}</pre>" if rest else ""
+        below = "".join(f"<div>{escape(line)}</div>" for line in self.remarks()) if cells else ""
+        return f"<div><strong>{escape(first)}</strong>{body}{below}</div>"
+
+
+def needed(package: str) -> ModuleType:
+    """Import a package that mbdae does without.
+
+    Raises:
+        InputError: naming it, where it is missing.
+    """
+    try:
+        return import_module(package)
+    except ImportError:
+        raise InputError(f"this needs the package {package!r}, which is not there: pip install {package}") from None
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of aligned columns, the first to the left and the others to the right."""
+    widths = [max(len(row[j]) for row in rows) for j in range(len(rows[0]))]
+    shifted = [[c.rjust(w) for c, w in zip(row, widths, strict=True)] for row in rows]
+    return ["  ".join([row[0].ljust(widths[0]), *cells[1:]]) for row, cells in zip(rows, shifted, strict=True)]
+
+
+def table(cells: Sequence[Sequence[str]], *, safe: bool = False) -> str:
+    """A table in HTML, headings first; ``safe`` cells are HTML already."""
+    heads, *rows = cells
+    head = "".join(f"<th>{escape(h)}</th>" for h in heads)
+    body = "".join("<tr>" + "".join(f"<td>{c if safe else escape(c)}</td>" for c in row) + "</tr>" for row in rows)
+    return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
+
+
+def latex(cells: Sequence[Sequence[str]], heading: str = "") -> str:
+    """A table in LaTeX, headings first, numbers like 1.2e-05 as powers of ten; the heading is a comment."""
+    heads, *rows = ([_cell(c) for c in row] for row in cells)
+    body = [" & ".join(row) + r" \\" for row in (heads, *rows)]
+    above = [f"% {heading}", r"% \usepackage{booktabs}", rf"\begin{{tabular}}{{l{'r' * (len(heads) - 1)}}}"]
+    return "\n".join([*above, r"\toprule", body[0], r"\midrule", *body[1:], r"\bottomrule", r"\end{tabular}", ""])
+
+
+def _cell(text: str) -> str:
+    found = POWER.fullmatch(text)
+    if found:
+        return rf"${found[1]}{found[2]} \times 10^{{{int(found[3])}}}$"
+    return "".join(SPECIAL.get(c, c) for c in text)
+
+
+def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
+    """Write columns of equal length, by name, as comma-separated values; of (n, k) each part for itself, from 0."""
+    flat: dict[str, Any] = {}
+    for name, x in columns.items():
+        flat |= {name: x} if np.ndim(x) < 2 else {f"{name}[{i}]": part for i, part in enumerate(np.asarray(x).T)}
+    with write_whole(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(flat)
+        out.writerows(zip(*(_listed(x) for x in flat.values()), strict=True))
+
+
+def finite(data: Any) -> Any:
+    """Plain data in which numbers that are not finite are None, as JSON has them."""
+    if isinstance(data, dict):
+        return {key: finite(x) for key, x in data.items()}
+    if isinstance(data, list | tuple):
+        return [finite(x) for x in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
+
+
+def _listed(x: Any) -> list[Any]:
+    return x.tolist() if isinstance(x, np.ndarray) else list(x)
