@@ -8,6 +8,7 @@ import click
 from ...cli.options import (
     FAILED,
     PICTURES,
+    TABLES,
     as_json,
     emit,
     finish,
@@ -16,6 +17,7 @@ from ...cli.options import (
     plot_option,
     run_options,
     simulate,
+    table_option,
     writable,
 )
 from ...errors import InputError
@@ -30,6 +32,7 @@ from .drift import drift as measure_drift
 @methods_option
 @run_options
 @click.option("--max", "limit", type=float, help="Exit 1 when |g|, |G v| or the relative energy error exceeds this.")
+@table_option
 @plot_option
 @as_json
 def drift(
@@ -38,6 +41,7 @@ def drift(
     formulation: str,
     project: bool | None,
     limit: float | None,
+    output: str | None,
     plot: str | None,
     as_json: bool,
     **options: Any,
@@ -46,7 +50,9 @@ def drift(
 
     Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m index1:dop853.
     """
-    writable((plot, PICTURES))
+    written = writable((output, TABLES), (plot, PICTURES))
+    if output and len(targets) * max(1, len(listed(names))) > 1:
+        raise InputError("-o takes the drift of one run")
     if limit is not None and not limit > 0:
         raise InputError(f"--max must be positive, got {limit}")
     given = any([names, formulation != "index2", *(value is not None for value in (project, *options.values()))])
@@ -68,7 +74,9 @@ def drift(
         from .figure import drifts
 
         figures.save(drifts([f.history for f in found]), plot)
-    data = [f.to_dict() for f in found]
+    if output:
+        found[0].save(output)
+    data = [{**f.to_dict(), "written": written} for f in found]
     emit(data[0] if len(data) == 1 else data, "\n".join(map(str, found)), as_json)
     if limit is not None and not max(max(f.g_max, f.Gv_max, f.energy_relative) for f in found) <= limit:
         sys.exit(FAILED)

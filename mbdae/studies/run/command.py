@@ -11,14 +11,17 @@ from ...cli.options import (
     backend_option,
     emit,
     finish,
+    listed,
     method_option,
     run_options,
     simulate,
     speed_option,
     writable,
 )
+from ...errors import InputError
 from ...integrate.events import Event
 from ...mechanism import load
+from ...solution.signals import find
 from ...system import Array
 from ..drift.drift import drift as measure_drift
 
@@ -35,6 +38,7 @@ SHOWN = 5  # times of an event
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the solution as .npz, or as a .csv table.")
 @click.option("--html", type=click.Path(dir_okay=False), help="Write a replay as one HTML page.")
 @click.option("--plot", type=click.Path(dir_okay=False), help="Draw the run as .png, .svg or .pdf.")
+@click.option("--signal", "names", multiple=True, help="Plot these, by name or beginning: force.crank, power.motor, q.")
 @speed_option
 @as_json
 def run(
@@ -44,6 +48,7 @@ def run(
     output: str | None,
     html: str | None,
     plot: str | None,
+    names: tuple[str, ...],
     speed: float,
     as_json: bool,
     **options: Any,
@@ -55,7 +60,11 @@ def run(
     """
     written = writable((output, (".npz", ".csv")), (html, PAGES), (plot, PICTURES))
     watched = [*events, *(Event(text, terminal=True) for text in until)]
-    sol = simulate(load(model), events=watched, **options)
+    mech = load(model)
+    names = tuple(find(mech, listed(names)))
+    if names and not plot:
+        raise InputError("--signal says what --plot draws: give both")
+    sol = simulate(mech, events=watched, **options)
     if output:
         sol.save(output)
     if html:
@@ -63,10 +72,7 @@ def run(
 
         animate(sol, html, speed=speed)
     if plot:
-        from .. import figures
-        from .figure import motion
-
-        figures.save(motion(sol), plot)
+        sol.plot(plot, names)
     found = measure_drift(sol)
     data = {
         "status": sol.status,
@@ -77,11 +83,8 @@ def run(
         "events": {text: sol.events[i][0].tolist() for i, text in enumerate([*events, *until])},
         "singular": [x.to_dict() for x in sol.singular],
     }
-    s = sol.stats
-    rejected = "-" if s["rejected"] is None else s["rejected"]
     lines = [
-        f"{sol.status}: {sol.message}, t = {sol.t[-1]:g} s",
-        f"  {s['steps']} steps, {rejected} rejected, {s['solves']} solves, {s['seconds']:.2f} s, {s['backend']}",
+        str(sol),
         str(found),
         *(f"  {text}: {_times(sol.events[i][0])}" for i, text in enumerate([*events, *until])),
         *(f"  singular configuration: {x}" for x in sol.singular),
