@@ -21,7 +21,7 @@ from .mechanism import (
 )
 from .mechanism.forces import NAMES as _FORCES
 from .members import public
-from .methods import METHODS
+from .methods import METHODS, Tableau
 from .solution.solution import Solution
 from .textbook.hessenberg import Hessenberg
 
@@ -59,6 +59,7 @@ __all__ = [
     "MbdaeError",
     "Mechanism",
     "Solution",
+    "Tableau",
     "Stop",
     "load",
     "model_names",

@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..mechanism import Mechanism
 from ..mechanism.assembly import START
 from ..mechanism.formulations.index2 import Index2System
-from ..methods import EXPLICIT, ExplicitMethod, Tableau
+from ..methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
 from ..solution.solution import Problem
 from ..system import Array, System
 from .binding import bind
@@ -40,7 +40,7 @@ def prepare(
     problem: Problem,
     t_span: Sequence[float],
     start: Start,
-    method: str,
+    method: Any,
     formulation: str,
     project: bool | str,
     baumgarte: tuple[float, float] | None,
@@ -68,12 +68,14 @@ def prepare(
     y = _start(problem, start, t0, None if step else control[0])
     run = RunState(problem, tableau, system, stepper, t0, y, ahead, project)
     run.fallback, run.settings = fallback, {
-        "method": method,
+        "method": tableau.name,
         "formulation": formulation,
         "project": project,
         "baumgarte": baumgarte,
         "t_span": [t0, t1],
     }
+    if isinstance(tableau, Tableau) and METHODS.get(tableau.name) is not tableau:
+        run.settings["tableau"] = tableau.to_dict()
     wanted = as_events(events)
     run.events = EventWatch(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
     _set_watches(run, inner, formulation)

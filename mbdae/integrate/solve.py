@@ -21,7 +21,7 @@ def solve(
     v: Array | None = None,
     s: Array | None = None,
     *,
-    method: str = "pherk6",
+    method: Any = "pherk6",
     formulation: str = "index2",
     project: bool | str = "auto",
     baumgarte: tuple[float, float] | None = None,
@@ -50,7 +50,8 @@ def solve(
         q: consistent start configuration (nq,); the model's start when left out.
         v: consistent start velocity (nv,); the model's start when left out.
         s: start values (ns,) of the states of actuators and controllers; their own when left out.
-        method: a name of `mbdae.METHODS`; for ``"index1"`` dop853, or one of scipy's RK45, DOP853, Radau, LSODA.
+        method: a name of `mbdae.METHODS`, a `mbdae.Tableau`, or the file of one, ``"mine.toml"``; for ``"index1"``
+            dop853, or one of scipy's RK45, DOP853, Radau, LSODA.
         formulation: ``"index2"``: closures kept at velocity level, and see ``project``; ``"ggl"``: at position level
             too, by a second multiplier; ``"index1"``: neither, accelerations are stepped as a baseline.
             Mechanisms only.

@@ -16,8 +16,7 @@ from ..errors import InputError, StepError
 from ..mechanism import Mechanism, NotCompiled
 from ..mechanism.formulations.parameters import Parameters
 from ..mechanism.formulations.variations import IndexTwoVariations
-from ..methods import Method, Tableau
-from ..methods import method as find_method
+from ..methods import Method, Tableau, method_of
 from ..methods.collocation_tangent import CollocationSlopes
 from ..methods.radau import RadauIIA
 from ..methods.tangent import StepSlopes
@@ -85,7 +84,7 @@ class Trace:
     def __init__(self, sol: Solution, parameters: Parameters) -> None:
         mech, settings = _checked(sol), sol.settings
         self.sol, self.project = sol, bool(settings.get("project"))
-        self.tableau = cast(Method, find_method(settings["method"]))
+        self.tableau = cast(Method, method_of(settings))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
         self.system = _bound(mech, settings["formulation"])
         self.system.sliding.refuse("a gradient")
@@ -270,7 +269,7 @@ def _checked(sol: Solution) -> Mechanism:
     mech, s = sol.mechanism, sol.settings
     form = str(s.get("formulation"))
     kinds = {"index2": (Tableau, RadauIIA), "ggl": (RadauIIA,)}.get(form, ())
-    if not kinds or not isinstance(find_method(s["method"]), kinds):
+    if not kinds or not isinstance(method_of(s), kinds):
         raise InputError(
             "derivatives of runs are those of half-explicit methods in formulation 'index2', and of Radau IIA in "
             f"'index2' and 'ggl', got {s['method']!r} in {form!r}"

@@ -1,10 +1,13 @@
 """How time advances: half-explicit and Radau IIA Runge-Kutta methods for index-2 DAEs. Knows nothing of mechanisms."""
 
 import re
+from collections.abc import Mapping
+from typing import Any
 
 from .. import errors
 from ..members import members
 from .explicit import ExplicitMethod
+from .own import read_tableau, tableau
 from .radau import Method, RadauIIA
 from .tableau import Tableau
 
@@ -15,18 +18,37 @@ EXPLICIT: dict[str, ExplicitMethod] = {m.name: m for m in members(__name__, Expl
 """Methods for ordinary differential equations, which step accelerations."""
 
 
-def method(name: str) -> Method:
+def method(name: str | Method) -> Method:
     """Look a method up.
 
     Args:
-        name: one of `METHODS`, for instance ``"pherk5"``, or ``"radau7"`` to ``"radau29"`` for more stages.
+        name: one of `METHODS`, for instance ``"pherk5"``, or ``"radau7"`` to ``"radau29"`` for more stages; the file
+            of a tableau, ``"mine.toml"``, or a `Tableau` itself.
 
     Raises:
         UnknownNameError: with the names that exist.
+        InputError: for a tableau with the name of another method, or a file that is none.
     """
+    if isinstance(name, Tableau | RadauIIA):
+        known = METHODS.get(name.name, name)
+        if known != name:
+            raise errors.InputError(f"{name.name!r} is the name of a method of mbdae: give the tableau its own")
+        return name
     text = str(name)
+    if text.endswith(".toml"):
+        return method(read_tableau(text))
     if re.fullmatch(r"radau([1-9]|[12]\d)", text) and int(text[5:]) % 2:
         return METHODS.get(text) or RadauIIA((int(text[5:]) + 1) // 2)
     if text not in METHODS:
         raise errors.UnknownNameError("method", name, METHODS)
     return METHODS[text]
+
+
+def method_of(settings: Mapping[str, Any]) -> Method:
+    """The method of a run, from its settings: one of the user's stands there whole.
+
+    Raises:
+        UnknownNameError, InputError: as `method`.
+    """
+    own = settings.get("tableau")
+    return tableau(own, "the tableau of a run") if own else method(settings["method"])

@@ -1,11 +1,12 @@
 """A half-explicit Runge-Kutta method as data: exact coefficients, claims, and what follows from them."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..system import State, Step, System, Variations
 from .controller import PI
 from .exact import Number, exact
@@ -29,6 +30,10 @@ class Tableau:
     first row of Ahat is zero: Z_1 = z_0 is carried, and an extra stage n = s + 1 with Y_n = y_1 gives z_1 and
     the next step's first stage.
 
+    Entries are text (``"1/2"``, ``"0.25"``, ``"1/6 - sqrt(3)/108"``), fractions or numbers, which stand for the
+    decimals that they are written with; a whole table may be one text, a row per line. Claims that are left out are
+    those that the order conditions prove, up to order 5.
+
     Args:
         name: what a user types, for instance ``"pherk5"``.
         title: one line for a list of methods.
@@ -44,15 +49,18 @@ class Tableau:
         order_embedded: order of the embedded formula, after projection if `project_embedded`.
         project_embedded: the embedded solution leaves 0 = g and is projected before the difference is taken.
         rounded: coefficients are decimals that were rounded; conditions hold to about 1e-24 and not exactly.
+
+    Raises:
+        InputError: for entries that are no exact numbers, or coefficients that are no half-explicit method.
     """
 
     name: str
-    title: str
-    reference: str
-    A: tuple[Text, ...] = field(repr=False)
-    b: Text = field(repr=False)
-    order: int
-    order_own: int
+    title: str = ""
+    reference: str = ""
+    A: tuple[Text, ...] = field(repr=False, kw_only=True)
+    b: Text = field(repr=False, kw_only=True)
+    order: int = 0
+    order_own: int = 0
     Ahat: tuple[Text, ...] = field(default=(), repr=False)
     order_linear: int = 0
     b_embedded: Text = field(default=(), repr=False)
@@ -65,8 +73,23 @@ class Tableau:
     blend = 1.0  # of two error estimates, see `mbdae.methods.controller.error_norm`
 
     def __post_init__(self) -> None:
+        for key in ("A", "Ahat"):
+            object.__setattr__(self, key, _texts(self.name, key, getattr(self, key)))
+        for key in ("b", "b_embedded", "b_companion"):
+            found = _texts(self.name, key, [getattr(self, key)])
+            object.__setattr__(self, key, found[0] if found else ())
+        self._check_shape()
+        if not self.order:
+            from .order.conditions import proven
+
+            for key, value in proven(self).items():
+                object.__setattr__(self, key, value)
         if not self.order_linear:
             object.__setattr__(self, "order_linear", self.order)
+
+    def _check_shape(self) -> None:
+        if any(len(row) > len(self.A) for row in (*self.A, *self.Ahat, self.b, self.b_embedded, self.b_companion)):
+            raise InputError(f"tableau {self.name!r}: a row has more than {len(self.A)} entries, one for each stage")
         A, Ahat, first = self.exact_A, self.exact_Ahat, int(self.explicit_first)
         n = len(A)
         lower = all(not A[i][j] for i in range(n) for j in range(i, n))
@@ -75,7 +98,7 @@ class Tableau:
         closes = any(all(Ahat[i][j] == self.exact_b[j] for j in range(n)) for i in range(first, n))
         if not (lower and pivots and closes and len(Ahat) == n):
             shape = "A strictly lower, Ahat lower with a regular diagonal, b a row of Ahat"
-            raise ValueError(f"tableau {self.name!r}: {shape}")
+            raise InputError(f"tableau {self.name!r}: {shape}")
 
     @cached_property
     def exact_A(self) -> list[Row]:
@@ -152,6 +175,10 @@ class Tableau:
         flags = bool(self.explicit_first), bool(self.project_embedded), doubled, self.noise
         return native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, *flags)
 
+    def to_dict(self) -> dict[str, Any]:
+        """The entries as plain data, from which `mbdae.methods.own.tableau` makes it again."""
+        return {key: value for key, value in asdict(self).items() if value}
+
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; see `mbdae.methods.step.half_explicit_step`."""
         return system.whole_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
@@ -193,6 +220,26 @@ class ButcherArrays:
 def _row(text: Text, n: int) -> Row:
     row: Row = [exact(x) for x in text]
     return row + [exact("0")] * (n - len(row))
+
+
+def _texts(name: str, key: str, table: Any) -> tuple[Text, ...]:
+    """Rows of coefficients as text, from rows of texts, fractions and numbers, or one text.
+
+    Raises:
+        InputError: for what is no exact number.
+    """
+    table = table.strip().splitlines() if isinstance(table, str) else table
+    out: list[Text] = []
+    for row in table:
+        entries = row.split() if isinstance(row, str) else [str(x) for x in row]
+        for entry in entries:
+            try:
+                exact(entry)
+            except (ValueError, SyntaxError, ZeroDivisionError):
+                text = f"tableau {name!r}, {key}: expected exact numbers, 1/2, 0.25 or 1/6 - sqrt(3)/108"
+                raise InputError(f"{text}, got {entry!r:.60}") from None
+        out.append(tuple(entries))
+    return tuple(out)
 
 
 def _float(x: list) -> np.ndarray:

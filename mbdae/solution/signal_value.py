@@ -11,7 +11,7 @@ from ..mechanism.contacts import rolling
 from ..mechanism.frames import find_joint, skew
 from ..mechanism.units import acceleration_units, parts
 from ..system import Array
-from .columns import pulls, row_names
+from .columns import load_units, pulls, row_names
 from .signals import driven, signals, units
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 SUMS = ("kinetic", "potential", "energy")
 RESIDUALS = ("g", "Gv")
+IN_PYTHON = ("column", "load")  # kinds that the core does not have
 
 
 class SignalValue(NamedTuple):
@@ -27,7 +28,8 @@ class SignalValue(NamedTuple):
     Attributes:
         kind: ``"t"``; ``"y"``, a number of y = (q, v, s, w); ``"rate"``, one of y' in the tangent; ``"angle"`` of a
             circle in q; ``"lam"``, ``"force"``, ``"torque"``; one of kinetic, potential, energy, g, Gv; or
-            ``"column"`` of `mbdae.solution.signals.units`, which the core does not have.
+            ``"column"`` of `mbdae.solution.signals.units`, which the core does not have, ``"load"`` of a joint or
+            closure.
         i: the number of y or y'; of an angle that of its cosine in q; of a column its own.
         rate: the number of y' in the tangent that is its rate; -1 where none is.
         rows: of closures.
@@ -41,7 +43,7 @@ class SignalValue(NamedTuple):
     @property
     def compiled(self) -> bool:
         """Whether the core has it."""
-        return self.kind != "column"
+        return self.kind not in IN_PYTHON
 
     def plain(self) -> tuple[str, int, int, list[int]]:
         """What the core takes."""
@@ -92,7 +94,9 @@ def signal_values(mech: Mechanism) -> dict[str, SignalValue]:
             out[f"longitudinal.{c.name}"] = SignalValue("lam", rows=(first + grip,))
             out[f"lateral.{c.name}"] = SignalValue("lam", rows=(first + grip + 1,))
     out |= {f"effort.{name}": SignalValue("lam", rows=(i,)) for name, i in driven(mech).items()}
-    return {name: out.get(name) or SignalValue("column", i) for i, name in enumerate(units(mech))}
+    loaded = load_units(mech)
+    rest = {name: SignalValue("load" if name in loaded else "column", i) for i, name in enumerate(units(mech))}
+    return {name: out.get(name, column) for name, column in rest.items()}
 
 
 def find_signal(mech: Mechanism, name: str) -> SignalValue:
@@ -129,7 +133,7 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
     F, lam = system.derivative(t, y)
     if kind == "rate":
         return float(F[signal.i])
-    if kind == "column":
+    if kind in IN_PYTHON:
         name, now = list(units(system.mechanism))[signal.i], slice(system.nq + system.nv, -1)
         parts: Any = (np.array(x, ndmin=2) for x in (q, v, y[now], F[system.nv : 2 * system.nv], lam))
         moment: Any = Moment(system.mechanism, np.array([t]), *parts)

@@ -14,7 +14,6 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import write_whole
-from .variant import Variant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,10 +75,10 @@ LINES: dict[str, Any] = {"": "-", "project": (0, (6, 1.5)), "ggl": (0, (3, 1.5))
 
 def look(name: str) -> dict[str, Any]:
     """Colour, marker and line style of a method in a formulation, ``"pherk5"`` or ``"ggl:pherk5"``."""
-    variant = Variant.parse(name)
-    colour, marker = LOOKS.get(variant.method, OTHER)
-    face = colour if not variant.prefix else "white"
-    line = LINES[variant.prefix.partition("=")[0]]
+    prefix, _, method = name.rpartition(":")
+    colour, marker = LOOKS.get(method, OTHER)
+    face = colour if not prefix else "white"
+    line = LINES[prefix.partition("=")[0]]
     return {"color": colour, "marker": marker, "markerfacecolor": face, "linestyle": line}
 
 

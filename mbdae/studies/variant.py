@@ -6,13 +6,14 @@ after each step; ``ggl:radau5`` keeps closures at both levels; ``index1:dop853``
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import InputError, UnknownNameError, several
 from ..integrate.steppers.scipy_ivp import SCIPY, find
-from ..methods import EXPLICIT, METHODS
+from ..methods import EXPLICIT, METHODS, Tableau, method_of
 
+NEUTRAL = "pherk6"  # stands for any half-explicit method
 FORMULATIONS = ("index2", "project", "ggl", "index1", "baumgarte=ALPHA,BETA")
 
 
@@ -21,7 +22,7 @@ class Variant:
     """A method in a formulation, see above.
 
     Attributes:
-        method: a name of `mbdae.METHODS`, or of scipy for ``"index1"``.
+        method: a name of `mbdae.METHODS`, or of scipy for ``"index1"``; a tableau of the user's.
         formulation: ``"index2"``, ``"ggl"`` or ``"index1"``, as in `mbdae.solve`.
         project: bring the state back after each step.
         baumgarte: alpha and beta in 1/s.
@@ -31,13 +32,15 @@ class Variant:
         UnknownNameError: for a method that does not exist.
     """
 
-    method: str
+    method: Any
     formulation: str = "index2"
     project: bool = False
     baumgarte: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        find(self.formulation, self.method)
+        found = find(self.formulation, self.method)
+        if isinstance(found, Tableau) and METHODS.get(found.name) is not found:
+            object.__setattr__(self, "method", found)  # a tableau, or what its file holds
 
     @classmethod
     def parse(cls, text: str) -> "Variant":
@@ -65,8 +68,13 @@ class Variant:
             return f"baumgarte={self.baumgarte[0]:g},{self.baumgarte[1]:g}"
         return "project" if self.project else self.formulation.removeprefix("index2")
 
+    @property
+    def name(self) -> str:
+        """Name of the method."""
+        return getattr(self.method, "name", self.method)
+
     def __str__(self) -> str:
-        return f"{self.prefix}:{self.method}" if self.prefix else self.method
+        return f"{self.prefix}:{self.name}" if self.prefix else self.name
 
     def arguments(self) -> dict[str, Any]:
         """The arguments of `mbdae.solve` that it stands for."""
@@ -86,6 +94,8 @@ def variants(methods: str | Iterable[str | Variant], formulations: str | Iterabl
     for m in several(methods, "methods is a list of names"):
         if isinstance(m, Variant):
             out.append(m)
+        elif isinstance(m, Tableau):
+            out += [replace(Variant.parse(f"{f}:{NEUTRAL}"), method=m) for f in before]
         elif not isinstance(m, str):
             raise UnknownNameError("method", m, (*METHODS, *EXPLICIT, *SCIPY))
         else:
@@ -99,7 +109,8 @@ def of(settings: dict[str, Any]) -> Variant:
     """The variant that a solution was computed with, from its settings."""
     pair = settings.get("baumgarte")
     rest = (settings.get("formulation", "index2"), bool(settings.get("project")))
-    return Variant(settings["method"], *rest, tuple(pair) if pair else None)
+    method = method_of(settings) if "tableau" in settings else settings["method"]
+    return Variant(method, *rest, tuple(pair) if pair else None)
 
 
 def _pair(text: str, whole: str) -> tuple[float, float]:

@@ -49,7 +49,7 @@ SCIPY: dict[str, Baseline] = {
 }
 
 
-def find(formulation: str, method: str) -> Any:
+def find(formulation: str, method: Any) -> Any:
     """Look up a method that belongs to a formulation.
 
     Raises:
@@ -57,11 +57,11 @@ def find(formulation: str, method: str) -> Any:
         UnknownNameError: for a method that does not exist.
     """
     if formulation == "index1":
-        if method not in (*EXPLICIT, *SCIPY):
+        if not isinstance(method, str) or method not in (*EXPLICIT, *SCIPY):
             names = f"{', '.join(EXPLICIT)} and scipy's methods {', '.join(SCIPY)}"
             raise InputError(f"formulation 'index1' takes {names}, got {method!r}")
         return EXPLICIT.get(method) or SCIPY[method]
-    if method in (*EXPLICIT, *SCIPY):
+    if isinstance(method, str) and method in (*EXPLICIT, *SCIPY):
         raise InputError(
             f"method {method!r} belongs to formulation 'index1'; formulation {formulation!r} takes {', '.join(METHODS)}"
         )

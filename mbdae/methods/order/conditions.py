@@ -15,6 +15,7 @@ from fractions import Fraction
 from functools import cache
 from math import prod
 
+from ...errors import InputError
 from ..exact import Number, exact
 from ..radau import Method
 from ..tableau import Row
@@ -25,6 +26,8 @@ from .weights import Weights
 
 ROUNDED = 1e-20
 """A residual up to this counts as zero for tableaus whose decimals were rounded."""
+
+PROVEN = 5  # the highest order that is looked for where nothing is claimed
 
 Weight = Callable[[RootedTree], Number]
 Trees = Callable[[int], Iterable[RootedTree]]
@@ -65,6 +68,26 @@ def check_conditions(tableau: Method, max_order: int | None = None) -> Condition
         claims={key: getattr(tableau, key) for key in claims},
         tolerance=tolerance,
     )
+
+
+def proven(tableau: Method) -> dict[str, int]:
+    """The claims that the conditions prove, up to order `PROVEN`, for a tableau without claims.
+
+    Raises:
+        InputError: for one of order 0.
+    """
+    weights, b, tolerance = Weights(tableau), tableau.exact_b, ROUNDED if tableau.rounded else 0.0
+
+    def found(row: Row, trees: Trees) -> int:
+        return _search(lambda t: weights.sum(row, t), trees, PROVEN, tolerance).order
+
+    out = {"order": found(b, iterate_y), "order_linear": found(b, _linear_y)}
+    if not out["order"]:
+        raise InputError(f"tableau {tableau.name!r}: its weights b must add up to 1")
+    out["order_own"] = 1 + _search(weights.last, trees_z, out["order"] - 1, tolerance).order
+    if tableau.b_embedded and not tableau.order_embedded:
+        out["order_embedded"] = found([exact(x) for x in tableau.b_embedded], _linear_y)
+    return out
 
 
 def _search(weight: Weight, trees: Trees, highest: int, tolerance: float) -> Check:

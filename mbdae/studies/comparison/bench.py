@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from ...backend import machine
 from ...errors import InputError
 from ...mechanism import Mechanism, describe
+from ...methods import Tableau
 from ...solution.archive import versions
 from ..variant import Variant
 from ..workers import Stop, pool
@@ -86,9 +87,10 @@ class Bench:
     def key(self) -> str:
         """What two comparisons must share to have points in common: mechanism, start, times, reference, version."""
         c = self.motion
+        own = [t.variant.method.to_dict() for t in self.trials if isinstance(t.variant.method, Tableau)]
         what = (
-            describe(c.mechanism), c.q.tolist(), c.v.tolist(), c.t_span, c.times.tolist(), [str(v) for v in self.pair],
-            self.rtol, c.max_steps, c.backend, versions()["mbdae"],
+            *own, describe(c.mechanism), c.q.tolist(), c.v.tolist(), c.t_span, c.times.tolist(),
+            [str(v) for v in self.pair], self.rtol, c.max_steps, c.backend, versions()["mbdae"],
         )  # fmt: skip
         return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()
 

@@ -19,6 +19,7 @@ from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...methods import METHODS
 from ...methods import method as find_method
+from ...methods.radau import Method
 from ...solution.solution import Solution
 from ...system import Array
 from ..sensitivity.numbers import maker
@@ -109,16 +110,15 @@ def check_gradients(
     """
     require(mech, Mechanism, "check_gradients takes a Mechanism (see mbdae.load)")
     names = several(methods or METHODS, "methods is a list of names")
-    for name in names:
-        find_method(name)
+    chosen = {m.name: m for m in map(find_method, names)}
     _, T = checked_span(T if T is not None else mech.order.T, end=True)
     steps = steps if steps is not None else mech.order.steps
     if steps < LEAST_OUTPUTS:
         raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
-    backend, because = common(mech, [(find_method(name), "index2", None) for name in names], "auto")
+    backend, because = common(mech, [(m, "index2", None) for m in chosen.values()], "auto")
     measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)
-    beside = {name: measure.beside(name) for name in names}
-    slopes = {name: measure.judge(name) for name in names}
+    beside = {name: measure.beside(m) for name, m in chosen.items()}
+    slopes = {name: measure.judge(m) for name, m in chosen.items()}
     differences, uncertainties = ({name: x[i] for name, x in beside.items()} for i in (0, 1))
     return GradientStudy(
         mech.title, T, slopes, backend, because, parameter or "a velocity of the start", differences, uncertainties
@@ -159,41 +159,41 @@ class GradientMeasurement(Measurement):
             return sensitivity(sol, start=True).dy[:, : 2 * nv, nv : 2 * nv] @ self.direction
         return sensitivity(sol, [self.parameter], model=self.model).dy[:, : 2 * nv, 0]
 
-    def run(self, name: str, n: int, moved: float | None = None) -> Solution | None:
+    def run(self, method: Method, n: int, moved: float | None = None) -> Solution | None:
         """Run a method with n steps; None where it does not come to the end."""
-        self.progress(f"{name}, {n} steps")
+        self.progress(f"{method.name}, {n} steps")
         mech, (q, v) = self.mech, self.start
         if self.parameter is None:
             v = self.own[1] + (moved or 0.0) * self.direction
         elif moved is not None:
             mech = maker(mech, self.model).make({self.parameter: moved})
-        sol = solve(mech, (0.0, self.T), q, v, method=name, step=self.T / n, backend=self.backend)
+        sol = solve(mech, (0.0, self.T), q, v, method=method, step=self.T / n, backend=self.backend)
         return sol if sol.ended else None
 
-    def beside(self, name: str) -> tuple[float, float]:
+    def beside(self, method: Method) -> tuple[float, float]:
         """The difference of tangent and quotients, and that of the two best quotients; nan where no run ends."""
         n = self.steps
-        while (sol := self.run(name, n)) is None:
+        while (sol := self.run(method, n)) is None:
             if (n := 2 * n) > FINER * self.steps:
                 return np.nan, np.nan
         if self.parameter is not None:
             self.value = next(iter(sensitivity(sol, [self.parameter], model=self.model).parameters.values()))
         found = self.derivative(sol)
         size = max(1.0, np.abs(found).max())
-        quotients = [x for width in WIDTHS if (x := self._quotient(name, n, width, sol)) is not None]
+        quotients = [x for width in WIDTHS if (x := self._quotient(method, n, width, sol)) is not None]
         errors = sorted((float(np.abs(found - q).max() / size), i) for i, q in enumerate(quotients))
         if len(errors) < 2:
             return np.nan, np.nan
         (least, a), (_, b) = errors[:2]
         return least, float(np.abs(quotients[a] - quotients[b]).max() / size)
 
-    def _quotient(self, name: str, n: int, width: float, sol: Solution) -> Array | None:
+    def _quotient(self, method: Method, n: int, width: float, sol: Solution) -> Array | None:
         """The derivative of order six by runs with other values, (n, 2 nv)."""
         h, nq = width * (abs(self.value) or 1.0), self.mech.nq
         out = np.zeros((len(sol.t), 2 * self.mech.nv))
         for k, w in SIXTH.items():
             for sign in (1, -1):
-                other = self.run(name, n, self.value + sign * k * h)
+                other = self.run(method, n, self.value + sign * k * h)
                 if other is None or other.in_use != sol.in_use or len(other.t) != len(sol.t):
                     return None
                 turns = [self.mech.manifold.difference(a, b) for a, b in zip(sol.q, other.q, strict=True)]

@@ -15,6 +15,7 @@ from ...errors import InputError
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...methods import method as find_method
+from ...methods.radau import Method
 from ...solution.solution import Problem, Solution
 from ...system import Array
 from .result import Slope
@@ -51,10 +52,10 @@ class Measurement:
         self._references: dict[str, tuple[tuple[Array, ...], Array]] = {}
         self.system = problem.system()
 
-    def run(self, name: str, n: int) -> Solution | None:
+    def run(self, method: Method, n: int) -> Solution | None:
         """Run a method with n steps; None where it does not come to the end."""
-        self.progress(f"{name}, {n} steps")
-        sol = solve(self.problem, (0.0, self.T), *self.start, method=name, step=self.T / n, backend=self.backend)
+        self.progress(f"{method.name}, {n} steps")
+        sol = solve(self.problem, (0.0, self.T), *self.start, method=method, step=self.T / n, backend=self.backend)
         return sol if sol.ended else None
 
     def sample(self, sol: Solution) -> tuple[Array, ...]:
@@ -89,8 +90,8 @@ class Measurement:
         first, second = [r for r in ("pherk6", "herk5", "hedop5") if r != name][:2]
         key = f"{first} {second}"
         if key not in self._references:
-            best = self._finest(first)
-            other = self._finest(second)
+            best = self._finest(find_method(first))
+            other = self._finest(find_method(second))
             samples = self.doubled(best)
             self._references[key] = samples, self.difference(samples, self.doubled(other))
         return self._references[key]
@@ -99,11 +100,11 @@ class Measurement:
         """The reference of a finest run: that of the own multipliers is the hidden lam."""
         return *best[:-2], best[-1], best[-1]
 
-    def _finest(self, name: str) -> tuple[Array, ...]:
+    def _finest(self, method: Method) -> tuple[Array, ...]:
         """Refine until the differences of successive runs stop to shrink: the limit that rounding sets."""
         n, last, last_difference = 16 * self.steps, None, np.inf
-        while n * find_method(name).solves <= self.largest // 2:
-            sol = self.run(name, n)
+        while n * method.solves <= self.largest // 2:
+            sol = self.run(method, n)
             if sol is not None:
                 now = self.sample(sol)
                 if last is not None:
@@ -115,14 +116,14 @@ class Measurement:
             n *= 2
         if last is None:
             raise InputError(
-                f"no reference for {self.problem.title!r}: {name} fails at every step size up to T = {self.T}"
+                f"no reference for {self.problem.title!r}: {method.name} fails at every step size up to T = {self.T}"
             )
         return last
 
-    def floors(self, name: str, n: int, reference: tuple[Array, ...], uncertainty: Array) -> Array:
+    def floors(self, tableau: Method, n: int, reference: tuple[Array, ...], uncertainty: Array) -> Array:
         """100 (uncertainty + rounding), one for each quantity."""
         sizes = np.array([float(np.abs(x).max(initial=0.0)) for x in reference])
-        return ABOVE * (uncertainty + self.rounding(find_method(name), self.T / n, sizes))
+        return ABOVE * (uncertainty + self.rounding(tableau, self.T / n, sizes))
 
     def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
         """What rounding makes of each quantity, of these sizes, with steps of h."""
@@ -139,10 +140,9 @@ class Measurement:
         found = [order] * (len(self.names) - 2) + [tableau.order_own, order]
         return found, len(found) if self.system.nz else len(found) - 2
 
-    def judge(self, name: str) -> tuple[Slope, ...]:
+    def judge(self, tableau: Method) -> tuple[Slope, ...]:
         """Halve the steps of a method until its slopes can be judged, or never will."""
-        tableau = find_method(name)
-        reference, uncertainty = self.reference(name)
+        reference, uncertainty = self.reference(tableau.name)
         claims, number = self.claims(tableau)
         judged = self.names[:number]
         ns: list[int] = []
@@ -150,11 +150,11 @@ class Measurement:
         floors: list[Array] = []
         n = self.steps
         while n * tableau.solves <= self.largest:
-            sol = self.run(name, n)
+            sol = self.run(tableau, n)
             if sol is not None:
                 ns.append(n)
                 errors.append(self.difference(self.sample(sol), reference))
-                floors.append(self.floors(name, n, reference, uncertainty))
+                floors.append(self.floors(tableau, n, reference, uncertainty))
                 quantities = list(zip(np.array(errors).T, np.array(floors).T, strict=True))[: len(judged)]
                 if all(done(e, f) for e, f in quantities):
                     break

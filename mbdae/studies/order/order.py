@@ -1,6 +1,6 @@
 """Observed orders against claimed orders, on any mechanism and on textbook problems."""
 
-from collections.abc import Iterable
+from typing import Any
 
 from ...errors import InputError, require, several
 from ...integrate.binding import common
@@ -19,7 +19,7 @@ LEAST_OUTPUTS = 10
 
 def check_order(
     problem: Problem,
-    methods: str | Iterable[str] | None = None,
+    methods: Any = None,
     *,
     T: float | None = None,
     steps: int | None = None,
@@ -33,7 +33,7 @@ def check_order(
 
     Args:
         problem: a mechanism (started from its model file's state) or a textbook problem.
-        methods: a name or several; all of them when left out.
+        methods: a name or several, or tableaus; all of them when left out.
         T: end time in s; from the model file when left out.
         steps: coarsest number of steps, at least ten; from the model file when left out.
         progress: called with the name of each run.
@@ -44,8 +44,7 @@ def check_order(
     """
     require(problem, Problem, "check_order takes a Mechanism (see mbdae.load) or a Hessenberg problem")
     names = several(methods or METHODS, "methods is a list of names")
-    for name in names:
-        find_method(name)
+    chosen = {m.name: m for m in map(find_method, names)}
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None
     _, T = checked_span(T if T is not None else (settings.T if settings else 1.0), end=True)
@@ -53,7 +52,7 @@ def check_order(
     if steps < LEAST_OUTPUTS:
         raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
     start = mech.assemble(mech.order.q, mech.order.v) if mech and (mech.order.q or mech.order.v) else None
-    backend, because = common(problem, [(find_method(name), "index2", None) for name in names], "auto")
+    backend, because = common(problem, [(m, "index2", None) for m in chosen.values()], "auto")
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
-    slopes = {name: measure.judge(name) for name in names}
+    slopes = {name: measure.judge(m) for name, m in chosen.items()}
     return OrderStudy(problem.title, T, slopes, backend, because)

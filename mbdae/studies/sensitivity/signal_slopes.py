@@ -7,7 +7,7 @@ import numpy as np
 from ...errors import InputError
 from ...integrate.trace import Trace
 from ...mechanism import Mechanism
-from ...solution.columns import load_names
+from ...solution.columns import load_units
 from ...solution.signal_value import RESIDUALS, SignalValue, find_signal
 from ...system import Array
 from .load_slopes import load_row, load_slopes
@@ -48,7 +48,7 @@ class SignalSlopes:
         self.trace = trace
         mech = trace.system.mechanism
         self.signals = [differentiable(mech, name) for name in names]
-        listed = load_names(mech) if any(signal.kind in LOADS for signal in self.signals) else []
+        listed = list(load_units(mech)) if any(signal.kind in LOADS for signal in self.signals) else []
         self.loads = [listed.index(name) if name in listed else -1 for name in names]
 
     def rows(self, i: int, t: float, y: Array) -> Array:

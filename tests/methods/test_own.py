@@ -1,0 +1,91 @@
+"""Tableaus of the user's: as numbers, fractions and text, in files, in runs that are saved, and in studies."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae import Tableau
+from mbdae.errors import InputError, UnknownNameError
+from mbdae.methods import METHODS
+from mbdae.methods.own import read_tableau
+
+RALSTON = "name = 'ralston3'\nA = [[], ['1/2'], [0, 0.75]]\nb = ['2/9', '1/3', '4/9']\n"
+
+
+@pytest.fixture
+def ralston():
+    return Tableau("ralston3", A=((), (Fraction(1, 2),), (0, 0.75)), b=("2/9", "1/3", "4/9"))
+
+
+def test_all_ways_to_write_one_agree(ralston, tmp_path):
+    (tmp_path / "mine.toml").write_text(RALSTON)
+    text = Tableau("ralston3", A="0\n1/2\n0 3/4", b="2/9 1/3 4/9")
+    for found in (text, read_tableau(tmp_path / "mine.toml")):
+        for x, y in zip(vars(found.arrays).values(), vars(ralston.arrays).values(), strict=True):
+            np.testing.assert_array_equal(x, y)
+    assert (ralston.order, ralston.order_linear, ralston.order_own) == (2, 2, 1)
+
+
+@pytest.mark.parametrize("name", ["herk3", "herk4", "pherk3", "pherk5", "arnold4", "rk4", "kutta3"])
+def test_claims_that_are_left_out_are_proven(name):
+    known = METHODS[name]
+    found = Tableau("own", A=known.A, Ahat=known.Ahat, b=known.b)
+    assert (found.order, found.order_linear, found.order_own) == (known.order, known.order_linear, known.order_own)
+
+
+@pytest.mark.parametrize("back", ["native", "python"])
+def test_a_run_with_it_is_saved_whole(ralston, back, tmp_path):
+    if back == "native" and mbdae.backend.load() is None:
+        pytest.skip("there is no core")
+    mech = mbdae.load("four_bar")
+    sol = mbdae.solve(mech, (0, 0.2), method=ralston, step=0.01, backend=back)
+    again = mbdae.solve(mech, (0, 0.2), method="herk2", step=0.01, backend=back)
+    assert np.abs(sol.y[-1] - again.y[-1]).max() > 1e-9
+    sol.save(tmp_path / "run.npz")
+    loaded = mbdae.Solution.load(tmp_path / "run.npz")
+    assert "ralston3, h = 0.01 s" in str(mbdae.drift(loaded))
+    assert loaded.settings["tableau"]["A"]
+    assert mbdae.methods.method_of(loaded.settings).arrays.A.tolist() == ralston.arrays.A.tolist()
+
+
+def test_studies_take_it(ralston, tmp_path):
+    (tmp_path / "mine.toml").write_text(RALSTON)
+    mech = mbdae.load("four_bar")
+    study = mbdae.check_order(mech, [ralston])
+    assert study.holds
+    assert list(study.slopes) == ["ralston3"]
+    options = {"steps": [100, 200], "repeats": 0}
+    one = mbdae.compare(mech, (0, 0.2), methods=[ralston, "herk2"], **options)
+    two = mbdae.compare(mech, (0, 0.2), methods=[str(tmp_path / "mine.toml"), "herk2"], workers=2, **options)
+    assert one.methods == ["ralston3", "herk2"]
+    assert [p.error_q for p in one.points] == pytest.approx([p.error_q for p in two.points], rel=1e-9)
+    one.plot(tmp_path / "a.svg")
+
+
+def test_wrong_ones_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"tableau 'a', b: expected exact numbers.*got 'pi'"):
+        Tableau("a", A=((),), b=("pi",))
+    with pytest.raises(InputError, match="tableau 'a': its weights b must add up to 1"):
+        Tableau("a", A=((),), b=("1/2",))
+    with pytest.raises(InputError, match="tableau 'a': A strictly lower"):
+        Tableau("a", A=(("1",),), b=("1",))
+    with pytest.raises(InputError, match="a row has more than 1 entries"):
+        Tableau("a", A=((),), b=("1/2", "1/2"))
+    with pytest.raises(InputError, match="'rk4' is the name of a method of mbdae"):
+        mbdae.solve(mbdae.load("pendulum"), (0, 1), method=Tableau("rk4", A=((),), b=("1",)))
+    for text, words in (
+        ("name = 1\nA = [[]]\nb = [1]", "a name is a text"),
+        ("name = 'x'\nA = [[]]", "needs b"),
+        ("name = 'x'\nA = [[]]\nb = [1]\nc = [0]", "unknown key of .*mine.toml 'c'"),
+        ("name =", "mine.toml: "),
+        ("name = 'x'\nA = 3\nb = [1]", "mine.toml"),
+    ):
+        (tmp_path / "mine.toml").write_text(text)
+        with pytest.raises(InputError, match=words):
+            read_tableau(tmp_path / "mine.toml")
+    with pytest.raises(InputError, match="cannot read"):
+        mbdae.check_order(mbdae.load("pendulum"), ["gone.toml"])
+    with pytest.raises(UnknownNameError, match="unknown method"):
+        mbdae.check_order(mbdae.load("pendulum"), ["gone"])
