@@ -174,7 +174,7 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above, co
     double* to = sums_[i].data();
     if (x.of == Stuff::armature)
       for (int k = 0; k < nv; ++k) to[k] -= above[k] * point.vdot[k];
-    if (x.of == Stuff::gravity)
+    if (x.of == Stuff::gravity && point.loaded)
       for (int k = 0; k < 3; ++k) to[k] += H_[0][k];
     if (x.of == Stuff::inertia) {
       double U[6], V[6], A[6], VU[6];
