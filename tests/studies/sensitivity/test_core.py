@@ -81,9 +81,9 @@ FOUR_BAR = ("joint.crank.mass", "joint.coupler.com.0", "joint.rocker.inertia.1",
             "gravity.2", "start.v.crank")  # fmt: skip
 ANDREWS = ("joint.gamma.mass", "joint.Theta.com.1", "joint.Phi.inertia.2", "joint.beta.xyz.0", "joint.Omega.xyz.1",
            "frame.P4.xyz.1", "frame.D.xyz.0", "frame.C.xyz.1", "force.spring.stiffness", "force.spring.length",
-           "force.spring.damping", "force.drive.torque.value")  # fmt: skip
+           "force.drive.torque.value")  # fmt: skip
 
-CAR_AXIS = ("body.chassis.mass", "body.right.mass", "closure.axle.length", "driver.0.motion.amplitude",
+CAR_AXIS = ("body.chassis.mass", "body.right.mass", "closure.axle.length", "driver.road driver.motion.amplitude",
             "force.left spring.stiffness", "frame.wheel.xyz.0", "gravity.1")  # fmt: skip
 
 
