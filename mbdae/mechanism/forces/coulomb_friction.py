@@ -4,9 +4,10 @@ from typing import Literal
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from .force import Array, Force, ForceElement
+from .joint_friction import VELOCITY
 
 
 class CoulombFriction(Force):
@@ -21,7 +22,11 @@ class CoulombFriction(Force):
         closure: name of the closure.
         coefficient: mu, without unit.
         radius: r of the bearing in m, of a closure that turns.
-        velocity: where the friction has reached three quarters of its value, in rad/s or m/s, as of `JointFriction`.
+        velocity: where regularised friction has reached three quarters of its value, in rad/s or m/s, 0.01 when left
+            out, as of `JointFriction`.
+        static: mu of what grips, at least ``coefficient``, which is taken when left out.
+        exact: a rolling body grips, with all rows of its grip, as long as that takes no more than mu_s N, and slides
+            else; true where ``static`` is given. For closures of kind rolling, whose grip is kept otherwise.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is made,
@@ -33,7 +38,27 @@ class CoulombFriction(Force):
     closure: str
     coefficient: float = Field(ge=0)
     radius: float | None = Field(default=None, gt=0)
-    velocity: float = Field(default=0.01, gt=0)
+    velocity: float | None = Field(default=None, gt=0)
+    static: float | None = Field(default=None, ge=0)
+    exact: bool = False
+
+    @model_validator(mode="after")
+    def _fits(self) -> "CoulombFriction":
+        if self.sticks and self.velocity is not None:
+            raise ValueError("velocity belongs to regularised friction, not to static or exact")
+        if self.static is not None and self.static < self.coefficient:
+            raise ValueError(f"static is at least coefficient, {self.coefficient:g}, got {self.static:g}")
+        return self
+
+    @property
+    def sticks(self) -> bool:
+        """It is exact."""
+        return self.exact or self.static is not None
+
+    @property
+    def width(self) -> float:
+        """Where regularised friction has reached three quarters of its value."""
+        return self.velocity or VELOCITY
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         return CoulombElement(self.name)

@@ -233,7 +233,7 @@ class Index2System(System):
         self._last_q = np.full(self.nq, np.nan)
 
     def order_of(self, tableau: Any) -> int:  # noqa: D102
-        return tableau.order if self.sliding else tableau.order_linear
+        return tableau.order if self.sliding.places else tableau.order_linear
 
     def split(self, y: Array) -> tuple[Array, Array]:
         """Return q (nq,) and v (nv,)."""

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 TURNS, SLIDES, TOUCHES = ("revolute", "point"), ("prismatic", "cylindrical", "in_line"), ("in_plane", "slot", "rolling")
 CARRIED = {"revolute": 3, "point": 3, "prismatic": 2, "cylindrical": 2, "in_line": 2}  # first rows that carry F; else 1
+STILL = 1e-9  # m/s: a slower slip has no direction of its own
+TURNED = 0.7  # cosine: a slip that has turned further within a step does not tell its direction
 ITERATIONS = 50
 CONVERGED = 1e-15  # of the largest T
 NOTHING = 1e-300  # keeps what is zero from being divided by
@@ -46,12 +48,34 @@ class Place(NamedTuple):
         closure: the closure.
         pair: its frames.
         rows: those whose multipliers are F.
+        grip: those of a grip that may slide.
     """
 
     force: CoulombFriction
     closure: Closure
     pair: Pair
     rows: slice
+    grip: slice
+
+    def along_grip(self, v: Array, W: Array, heading: Array) -> tuple[Array, float]:
+        """Return the same where rows of a grip are there, which a mode leaves out; heading (m,) is kept up to date.
+
+        Through a slip of zero its direction goes on as it is: there a mode ends.
+        """
+        w = W[:, self.grip]
+        slip = w.T @ self.pair.relative(v)
+        size = float(np.sqrt(slip @ slip))
+        if size > STILL:
+            along = slip / size
+            ahead = float(along @ heading)
+            if ahead < 0:
+                along = -along
+            if abs(ahead) > TURNED:
+                heading[:] = along
+        else:
+            along = heading
+        e = self.pair.torque(w @ along)
+        return e, float(e @ v)
 
     def slip(self, v: Array, w: Array) -> tuple[Array, float]:
         """Return e (nv,) and e . v where the kinematics stand; w (6, m) are the wrenches of the rows."""
@@ -98,18 +122,25 @@ class Sliding:
                 _refuse(force, closure)
                 pair, start = constraints.frame_parts[closure.name].pair, constraints.spans[closure.name].start
                 rows = slice(start, start + CARRIED.get(closure.kind, 1))
-                self.places.append(Place(force, closure, pair, rows))
+                self.places.append(Place(force, closure, pair, rows, slice(start + 1, start + closure.m)))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
+        self.acts = [not p.force.sticks for p in self.places]  # what grips does not slide
+        self.heading = [np.eye(max(1, p.grip.stop - p.grip.start))[0] for p in self.places]
 
     def __bool__(self) -> bool:
-        return bool(self.places)
+        return any(self.acts)
 
     def slips(self, v: Array) -> tuple[Array, Array, Array]:
         """Return e (k, nv), e . v (k,) and the factors -mu r d (k,) where kinematics and G stand."""
-        W = self.constraints.W
-        found = [p.slip(v, W[:, p.rows]) for p in self.places]
-        e, speed = np.array([x for x, _ in found]), np.array([x for _, x in found])
-        return e, speed, -self.coefficient * np.tanh(speed / [p.force.velocity for p in self.places])
+        W, k = self.constraints.W, len(self.places)
+        e, speed, d = np.zeros((k, len(v))), np.zeros(k), np.zeros(k)
+        for i, p in enumerate(self.places):
+            if p.force.sticks and self.acts[i]:
+                (e[i], speed[i]), d[i] = p.along_grip(v, W, self.heading[i]), 1.0
+            elif self.acts[i]:
+                e[i], speed[i] = p.slip(v, W[:, p.rows])
+                d[i] = np.tanh(speed[i] / p.force.width)
+        return e, speed, -self.coefficient * d
 
     def whole(self, rows: Array) -> Array:
         """Return the matrix (ng, r) of multipliers of all rows by those in use, where kinematics and G stand."""
@@ -207,6 +238,12 @@ def _refuse(force: CoulombFriction, closure: Closure) -> None:
     known = (*TURNS, *SLIDES, *TOUCHES)
     if closure.kind not in known or (closure.kind == "rolling" and closure.contact is False):
         raise InputError(f"coulomb_friction is for closures of kind {', '.join(known)}; {closure.name!r} is another")
+    grips = closure.kind == "rolling" and bool(closure.tangents)
+    if grips and (not force.sticks or closure.unilateral):
+        how = "exact = true, or grip = 'none'" if not force.sticks else "a closure that is not unilateral"
+        raise InputError(f"coulomb_friction {force.name!r}: the grip of {closure.name!r} needs {how}")
+    if force.sticks and not grips:
+        raise InputError(f"coulomb_friction {force.name!r}: static and exact are for rolling closures with a grip")
     if (force.radius is None) == (closure.kind in TURNS):
         belongs = "needs the radius of its bearing" if closure.kind in TURNS else "slides: radius does not belong to it"
         raise InputError(f"coulomb_friction {force.name!r}: closure {closure.name!r} {belongs}")
