@@ -158,3 +158,9 @@ def test_the_cheapest_run_below_an_error_counts(script):
     points = [w.Point(1, 0.1, 1e-2, 1e-3), w.Point(2, 0.2, 1e-5, 1e-8), w.Point(3, 0.4, 1e-6, 1e-10)]
     assert w.cells(points, (1e-1, 1e-4, 1e-9)) == [0.1, 0.2, None]
     assert w.cells(points, (1e-1, 1e-4, 1e-9), 1e-9) == [0.4, 0.4, None]
+
+
+def test_friction_beside_other_programs(script):
+    stops = script("friction").STOPS
+    for name, run in script("friction").main(["--brief"]).items():
+        assert abs(run.end - stops) < (1e-7 if name.startswith("mbdae") else 1e-2), name

@@ -98,3 +98,14 @@ def test_wrong_clutches_are_refused():
         wheels(clutches=[Clutch(joint="whel")])
     with pytest.raises(InputError, match="a joint that turns without end does not say which tooth is next"):
         wheels((), pin.JointModelRUBZ, clutches=[Clutch(joint="wheel", pitch=0.1)])
+
+
+def test_a_ratchet_winch_lifts_a_tooth_in_each_stroke():
+    sol = mbdae.solve(mbdae.load("ratchet"), (0, 6), rtol=1e-8)
+    pitch = np.pi / 12
+    at = [sol.before(np.array([t]))[0] for t in (2.0, 4.0, 6.0)]
+    np.testing.assert_allclose(sol.q[at, 0] / pitch, [1, 2, 3], atol=1e-12)
+    catches = 1 + np.arcsin(-0.5 * pitch / 0.2) / np.pi  # the rocker is back by half a tooth
+    assert [x.t for x in sol.impacts[:2]] == pytest.approx([catches, 1 + catches], abs=1e-11)
+    assert [x.where for x in sol.impacts[:2]] == [("driving pawl",), ("holding pawl",)]
+    assert mbdae.drift(sol).energy_relative < 1e-10

@@ -116,7 +116,9 @@ def _least(A: Array, f: Array, size: float) -> Array:
         raise StepError("impact", "what strikes at one instant cannot all give way")
     out = u > 0
     x = np.linalg.lstsq(An[:, out].T, fn[out], rcond=RANK)[0]  # to rounding, where those are the active ones
-    p, miss = nnls(An, x)
+    tight = An.T @ x <= fn + SHARP * scale  # only those push that do not open faster
+    p = np.zeros(len(f))
+    p[tight], miss = nnls(An[:, tight], x)
     if miss > SHARP * size or (An.T @ x < fn - SHARP * scale).any():
         p = u / rest * scale
     return p / sizes
