@@ -47,18 +47,16 @@ def dropped_chain(rng):
     """A chain of up to four links that falls on a plane, and a state; its tips strike the plane, its joints stops."""
     n, kind, e = int(rng.integers(1, 5)), int(rng.integers(3)), float(rng.choice([0.0, 0.3, 0.5, 0.8, 1.0]))
     upright = pin.SE3(pin.utils.rotate("x", np.pi / 2), np.zeros(3))
-    base, place = ((pin.JointModelPlanar(), upright), (pin.JointModelPZ(), None), (pin.JointModelFreeFlyer(), None))[kind]
-    model, closures, stops, joint = empty(), [], [], 0
+    bases = (pin.JointModelPlanar(), upright), (pin.JointModelPZ(), None), (pin.JointModelFreeFlyer(), None)
+    (base, place), model, closures, stops, joint = bases[kind], empty(), [], [], 0
     for k in range(n):
         hinge = pin.JointModelRX() if kind == 2 and rng.random() < 0.5 else pin.JointModelRY()
         moving = base if not k else pin.JointModelRZ() if kind == 0 else hinge
         length, mass = float(rng.uniform(0.3, 0.8)), float(rng.uniform(0.2, 2))
         moment = mass * length**2 / 12
-        joint = carried(
-            model, joint, moving, f"j{k}", mass, (length / 2, 0, 0), (0.002, moment, moment),
-            place if not k else pin.SE3(np.eye(3), np.array([last, 0, 0])),
-        )  # fmt: skip
-        last = length
+        inertia = (0.002, moment, moment)
+        joint = carried(model, joint, moving, f"j{k}", mass, (length / 2, 0, 0), inertia, place)
+        place = pin.SE3(np.eye(3), np.array([length, 0, 0]))
         frame(model, joint, f"tip{k}", length, 0, 0)
         closures.append(plane(f"tip{k}", e))
         if k and rng.random() < 0.7:

@@ -8,7 +8,7 @@ from ...mechanism.modes.switch import Guard
 from ...mechanism.modes.switches import words
 from ...solution.impact import Impact
 from ...system import Array
-from .guards import At, Followed, first, unresolved
+from .guards import At, FollowedGuard, first, unresolved
 from .transition import Transition
 
 if TYPE_CHECKING:
@@ -48,12 +48,12 @@ class ModeWatch:
         self.system.enter(mode)
         for signal in run.events.signals.values() if run else ():
             signal.system.enter(mode)
-        self.guards: list[Followed] = []
+        self.guards: list[FollowedGuard] = []
 
     def begin(self, t: float, y: Array) -> None:
         """Follow the guards of the mode from a point on."""
         at, mode = self.transition.point(t, y), self.system.mode
-        self.guards = [Followed(g, at) for s in self.switches for g in s.guards(mode[s.at])]
+        self.guards = [FollowedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
 
     def start(self, run: "RunState", y: Array) -> Array:
         """Choose the mode of a start; return the point, behind an impact where something approaches what it touches.

@@ -22,6 +22,8 @@ from .robot_yaml import read_robot_yaml
 from .schema import MechanismFile, Source
 from .urdf import Record, read_urdf
 
+LIMITS = "limits of joints"  # as omissions call them
+
 
 def read_source(source: Source, base: Path) -> Part:
     """Read a source file, relative to ``base``.
@@ -92,7 +94,8 @@ def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, t
         "start": file.start.model_copy(update=tables),
         "motor": {},
     }
-    left_out = tuple(text for p in named for text in p.left_out)
+    stopped = any(s.limits and not s.joint for s in file.stop)
+    left_out = tuple(text for p in named for text in p.left_out if not (stopped and LIMITS in text))
     return file.model_copy(update=update), tuple(motors.values()), left_out
 
 

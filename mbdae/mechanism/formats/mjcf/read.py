@@ -129,6 +129,8 @@ class MjcfModel:
             self.model.armature[ours.start : ours.start + 3] = 0
             origin = pin.Inertia(m.dof_armature[theirs.start], np.zeros(3), np.zeros((3, 3)))
             self.model.appendBodyToJoint(number, origin, pin.SE3.Identity())
+        if m.jnt_limited[j] and new.nq == 1:
+            (self.model.lowerPositionLimit[new.idx_q], self.model.upperPositionLimit[new.idx_q]) = m.jnt_range[j]
         if not disabled(self, "DAMPER"):
             self.model.damping[ours] = m.dof_damping[theirs]
         return number, after
