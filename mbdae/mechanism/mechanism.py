@@ -44,7 +44,7 @@ class Mechanism:
         q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G(q) v + g_t(t)
 
     Args:
-        model: a Pinocchio model; its gravity counts, its joint limits and friction do not.
+        model: a Pinocchio model; its gravity counts, its friction does not, its limits where a stop says so.
         closures: loop closures, see `mbdae.Closure`.
         drivers: joints, couplings or distances that follow functions of time, see `mbdae.Driver`.
         stops: ends of the ways of joints, see `mbdae.Stop`.

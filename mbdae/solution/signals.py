@@ -26,6 +26,7 @@ from .columns import (
     residuals,
     row_names,
 )
+from .mode_columns import mode_columns, mode_units
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -111,6 +112,7 @@ FAMILIES = (
     Family(effort_units, lambda sol: efforts(sol.mechanism, sol.t, sol.q, sol.v, sol.s)),
     Family(frame_units, frame_columns),
     Family(lambda mech: MOMENTUM, lambda sol: momentum(sol.mechanism.model, sol.q, sol.v)),
+    Family(mode_units, mode_columns),
     Family(lambda mech: ENERGIES, _energies),
 )
 _known: "WeakKeyDictionary[Mechanism, list[Units]]" = WeakKeyDictionary()  # a mechanism never changes
@@ -145,7 +147,8 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
     the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of all that moves, ``momentum.x``
     (kg m/s) and ``angular_momentum.x`` (kg m^2/s) about it; ``kinetic``, ``potential``, ``energy``, and ``work`` of the
-    non-conservative forces and drivers in J; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
+    non-conservative forces and drivers in J; of what opens and closes ``gap``, ``mode`` and ``impulse.<name>``, see
+    `mbdae.solution.mode_columns`; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
 
     Args:
         sol: the solution.

@@ -12,12 +12,12 @@ import pinocchio as pin
 from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
 
 from ...errors import StepError
-from ...system import Array, Counts, State, System
+from ...system import Array, Counts, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
 from ..modes.switches import Mode, left_out
 from ..workspace import make_data
-from . import derivatives, interpolation, projection, residuals
+from . import choice_of_rows, derivatives, interpolation, projection, residuals
 from .chart import Index2Chart
 from .inertial import Inertial
 from .sliding import Sliding, with_friction
@@ -128,25 +128,6 @@ class Index2System(System):
         gravity = float(pin.computePotentialEnergy(self.model, self.data, q))
         return kinetic, gravity + self.laws.potential(q)
 
-    def choose_rows(self, t: float, U: Array, G: Array) -> Array:
-        """Independent rows (r,) for a step or a point; the rank is fixed when it is first found.
-
-        They are those in use as long as they serve, and as long as they are held.
-        """
-        if not self.ng:
-            return np.empty(0, int)
-        if self.rows is not None and (self.held or not self.reason.given()):
-            return self.rows
-        B = dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
-        found = _, diagonal = independent_rows.pivots(B)
-        if self.rank is None:
-            self.rank, self.floor = independent_rows.found(B, G, diagonal, t)
-        independent_rows.confirm(diagonal, self.rank, self.floor, t)
-        if self.rank:
-            self.least_pivot_ratio = min(self.least_pivot_ratio, (diagonal[self.rank - 1] / diagonal[0]) ** 2)
-        self.rows = independent_rows.choose(B, self.rows, self.rank, self.place, found)
-        return self.rows
-
     @property
     def in_use(self) -> tuple[int, ...]:
         """See `mbdae.system.System`."""
@@ -155,32 +136,6 @@ class Index2System(System):
     def hold(self, rows: tuple[int, ...]) -> None:  # noqa: D102
         self.rows, self.rank, self.held = np.array(rows, int), len(rows), True
 
-    def settle(self, t: float, state: State) -> State:
-        """See `mbdae.system.System`: choose the rows of the next step, and bring v onto those that are new.
-
-        Rows of loops that stand open by |g| contradict each other by as much: v that met those in use before misses the
-        new ones, which a step would take for an error of its own.
-        """
-        if not self.ng:
-            return state
-        q, v = self.split(state.y)
-        U, G = self.point(t, q)
-        before, self.held = self.rows, False
-        rows = self.choose_rows(t, U, G)
-        self.held = True
-        rate = G @ v + self.g_t(t)
-        if before is not None and not np.array_equal(rows, before):
-            B = dgesv(U.T, G[rows].T)[2]
-            v = v - dgesv(U, B @ dgesv(B.T @ B, rate[rows])[2])[2]
-            state = State(np.concatenate([q, v, state.y[self.nq + self.nv :]]), state.carry, state.compensation)
-            if state.carry is not None:
-                state = state._replace(carry=self.carry(*self.derivative(t, state.y)))
-                G = self.jacobian(q)
-            rate = G @ v + self.g_t(t)
-        self.largest_g = max(self.largest_g, float(np.abs(self.constraints.value(t)[0]).max()))
-        self.largest_rate = max(self.largest_rate, float(np.abs(rate).max()) / (1 + float(np.abs(v).max())))
-        return state
-
     def point(self, t: float, q: Array) -> tuple[Array, Array]:
         """Return U and G at q, with the kinematics there; those of the last stage where it ended here."""
         if self.manifold.same(q, self._last_q):
@@ -188,21 +143,6 @@ class Index2System(System):
             return self._last
         U = self.inertia(t, q)
         return U, self.jacobian()
-
-    def multiplier_gain(self, t: float, y: Array, z: Array) -> float:
-        """Largest eigenvalue of (G M^-1 G^T)^+: the change of lam per unit residual of G v', in kg."""
-        q, _ = self.split(y)
-        U, G = self.inertia(t, q), self.jacobian()
-        rows = self.choose_rows(t, U, G)
-        if not len(rows):
-            return 0.0
-        B = dgesv(U.T, G[rows].T)[2]
-        return float(np.linalg.svd(B, compute_uv=False)[-1] ** -2)
-
-    def pivot_ratio(self, t: float, y: Array) -> float:
-        """Smallest pivot of the independent rows of G M^-1/2 to the largest: 0 in a singular configuration."""
-        diagonal = independent_rows.pivots(dgesv(self.inertia(t, self.split(y)[0]).T, self.jacobian().T)[2])[1]
-        return float(diagonal[(self.rank or 1) - 1] / diagonal[0])
 
     def all_multipliers(self, U: Array, G: Array, rows: Array, lam: Array) -> Array:
         """Multipliers of all rows, (ng,), from those in use: of minimum norm when rows depend on each other."""
@@ -333,6 +273,8 @@ class Index2System(System):
 
     slopes, rate_slopes = derivatives.jacobians, derivatives.rate_slopes
     restore = projection.restore
+    choose_rows, settle = choice_of_rows.choose_rows, choice_of_rows.settle
+    multiplier_gain, pivot_ratio = choice_of_rows.multiplier_gain, choice_of_rows.pivot_ratio
     residuals = residuals.residuals
     interpolant = interpolation.interpolant
 

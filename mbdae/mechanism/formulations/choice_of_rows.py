@@ -1,0 +1,76 @@
+"""Which rows of a mechanism a step solves for."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import dgesv
+
+from ...system import Array, State
+from ..closures import independent_rows
+
+if TYPE_CHECKING:
+    from .index2 import Index2System
+
+
+def choose_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
+    """Independent rows (r,) for a step or a point; the rank is fixed when it is first found.
+
+    They are those in use as long as they serve, and as long as they are held.
+    """
+    if not system.ng:
+        return np.empty(0, int)
+    if system.rows is not None and (system.held or not system.reason.given()):
+        return system.rows
+    B = dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
+    found = _, diagonal = independent_rows.pivots(B)
+    if system.rank is None:
+        system.rank, system.floor = independent_rows.found(B, G, diagonal, t)
+    independent_rows.confirm(diagonal, system.rank, system.floor, t)
+    if system.rank:
+        system.least_pivot_ratio = min(system.least_pivot_ratio, (diagonal[system.rank - 1] / diagonal[0]) ** 2)
+    system.rows = independent_rows.choose(B, system.rows, system.rank, system.place, found)
+    return system.rows
+
+
+def settle(system: "Index2System", t: float, state: State) -> State:
+    """See `mbdae.system.System`: choose the rows of the next step, and bring v onto those that are new.
+
+    Rows of loops that stand open by |g| contradict each other by as much: v that met those in use before misses the
+    new ones, which a step would take for an error of its own.
+    """
+    if not system.ng:
+        return state
+    q, v = system.split(state.y)
+    U, G = system.point(t, q)
+    before, system.held = system.rows, False
+    rows = system.choose_rows(t, U, G)
+    system.held = True
+    rate = G @ v + system.g_t(t)
+    if before is not None and not np.array_equal(rows, before):
+        B = dgesv(U.T, G[rows].T)[2]
+        v = v - dgesv(U, B @ dgesv(B.T @ B, rate[rows])[2])[2]
+        state = State(np.concatenate([q, v, state.y[system.nq + system.nv :]]), state.carry, state.compensation)
+        if state.carry is not None:
+            state = state._replace(carry=system.carry(*system.derivative(t, state.y)))
+            G = system.jacobian(q)
+        rate = G @ v + system.g_t(t)
+    system.largest_g = max(system.largest_g, float(np.abs(system.constraints.value(t)[0]).max()))
+    system.largest_rate = max(system.largest_rate, float(np.abs(rate).max()) / (1 + float(np.abs(v).max())))
+    return state
+
+
+def multiplier_gain(system: "Index2System", t: float, y: Array, z: Array) -> float:
+    """Largest eigenvalue of (G M^-1 G^T)^+: the change of lam per unit residual of G v', in kg."""
+    q, _ = system.split(y)
+    U, G = system.inertia(t, q), system.jacobian()
+    rows = system.choose_rows(t, U, G)
+    if not len(rows):
+        return 0.0
+    B = dgesv(U.T, G[rows].T)[2]
+    return float(np.linalg.svd(B, compute_uv=False)[-1] ** -2)
+
+
+def pivot_ratio(system: "Index2System", t: float, y: Array) -> float:
+    """Smallest pivot of the independent rows of G M^-1/2 to the largest: 0 in a singular configuration."""
+    diagonal = independent_rows.pivots(dgesv(system.inertia(t, system.split(y)[0]).T, system.jacobian().T)[2])[1]
+    return float(diagonal[(system.rank or 1) - 1] / diagonal[0])
