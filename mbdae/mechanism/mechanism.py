@@ -94,9 +94,9 @@ class Mechanism:
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
         self.clutches, brakes = tuple(clutches), brakes_of(model, self.forces)
         self.constraints: tuple[Spec, ...] = (*self.closures, *self.drivers, *self.stops, *self.clutches, *brakes)
-        names = [c.name for c in self.constraints]
-        if len(set(names)) < len(names):
-            raise InputError(f"closures, drivers and stops need names of their own, got {', '.join(names)}")
+        if len({c.name for c in self.constraints}) < len(self.constraints):
+            names = ", ".join(c.name for c in self.constraints)
+            raise InputError(f"closures, drivers and stops need names of their own, got {names}")
         if any(isinstance(j, pin.JointModelMimic) for j in model.joints):
             raise InputError("mimic joints are not supported: close them by a coupling or lock them")
         if not is_depth_first(model):
