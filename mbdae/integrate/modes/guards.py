@@ -29,7 +29,7 @@ NEWTON = 12  # iterations, of which three or four are needed
 At = Callable[[float], "ModePoint"]
 
 
-class Followed:
+class FollowedGuard:
     """A guard that is followed from step to step.
 
     Attributes:
@@ -63,7 +63,7 @@ class Followed:
         return BAND * (1 + self.size)
 
 
-def first(guards: Sequence[Followed], step: "StepMap", at: At) -> tuple[float, list[Guard]]:
+def first(guards: Sequence[FollowedGuard], step: "StepMap", at: At) -> tuple[float, list[Guard]]:
     """Return the share of a step at which the first guards pass zero, and these; 2 and none where none does.
 
     Args:
@@ -94,7 +94,7 @@ def _sharp(step: "StepMap") -> float:
     return SHARP * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
 
 
-def _below(followed: Followed, step: "StepMap", at: At) -> float | None:
+def _below(followed: FollowedGuard, step: "StepMap", at: At) -> float | None:
     """A share of the step at which a guard is negative; None where it is not."""
     f1, band, guard = followed.value(at(1.0)), followed.band, followed.guard
     if f1 < -band:
@@ -131,7 +131,7 @@ def _peaks(guard: Guard, at: At) -> list[float]:
     return []
 
 
-def unresolved(guards: Sequence[Followed], at: At) -> float:
+def unresolved(guards: Sequence[FollowedGuard], at: At) -> float:
     """Return how far loads of what sticks go beyond cubics through their samples in a step; above 1 it is too long.
 
     What sticks has no error, and steps would grow until a load comes and goes between two samples.
@@ -152,7 +152,7 @@ def _least(f0: float, f1: float, m0: float, m1: float) -> float:
     return float(values.min())
 
 
-def _locate(followed: Followed, step: "StepMap", at: At, high: float) -> float:
+def _locate(followed: FollowedGuard, step: "StepMap", at: At, high: float) -> float:
     """The zero of a guard before a share of the step at which it is negative.
 
     Where the rate is known Newton's iteration begins at the zero of the cubic through values and rates; else, and where
