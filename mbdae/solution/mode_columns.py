@@ -32,7 +32,8 @@ def mode_columns(sol: "Solution") -> dict[str, Array]:
     mech = sol.mechanism
     opening = _opening(mech)
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
-    modes = np.array([sol.mode(int(i)) for i in nodes]).reshape(len(nodes), -1)
+    idle = (0,) * len(mech.switches)
+    modes = np.array([sol.mode(int(i)) or idle for i in nodes], int).reshape(len(nodes), -1)
     system, rows = sol.system, AllRows(sol.system)
     points = [ModePoint(system, rows, float(t), y) for t, y in zip(sol.t, sol.y, strict=True)]
     out = {f"gap.{s.name}": np.array([s.gap(p) for p in points]) for s in opening}
