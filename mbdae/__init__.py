@@ -40,6 +40,7 @@ Solution.drawer = lambda sol, path, names: _study("figures", "given")(  # type: 
     _study("run.figure", "motion")(sol, names), path
 )
 Mechanism.viewer = lambda mech: _study("card.card", "card")(mech)._repr_html_()  # type: ignore[assignment]
+Mechanism.view = lambda mech, q=None: _study("view.view", "view")(mech, q)  # type: ignore[attr-defined]
 
 
 def __getattr__(name: str) -> Any:

@@ -43,7 +43,7 @@ backend_option = click.option(
     "--backend", type=click.Choice(BACKENDS), default="auto", show_default=True, help="The compiled core, or Python."
 )
 SPEEDS = click.FloatRange(min=0, min_open=True)
-speed_option = click.option("--speed", type=SPEEDS, default=1.0, show_default=True, help="Replay at this speed.")
+speed_option = click.option("--speed", type=SPEEDS, help="Replay at this speed.  [default: 1, slower if short]")
 time_option = click.option("-t", "--time", "end", type=float, help="End time in s; the model's own when left out.")
 methods_option = click.option("-m", "--method", "names", multiple=True, help="A method; several times for several.")
 plot_option = click.option("--plot", type=click.Path(dir_okay=False), help="Draw a figure as .png, .svg or .pdf.")

@@ -28,12 +28,16 @@ class Surface(NamedTuple):
     rgba: Colour | None
 
 
-def surfaces(mesh: Mesh) -> list[Surface] | None:
-    """The triangles of a mesh, one entry for each colour; None for what only a viewer can show: pictures on it.
+def surfaces(mesh: Mesh, *, pictures: bool = False) -> list[Surface] | None:
+    """The triangles of a mesh, one entry for each colour; None for what is damaged, or has pictures on it.
 
     Points that coincide are one, triangles without an area are left out.
+
+    Args:
+        mesh: the mesh.
+        pictures: whether a mesh with pictures is taken too, without them.
     """
-    if any(not name.lower().endswith(".mtl") and data for name, data in mesh.companions.items()):
+    if not pictures and any(not name.lower().endswith(".mtl") and data for name, data in mesh.companions.items()):
         return None
     try:
         found = list(_read(mesh))
@@ -49,7 +53,7 @@ def surfaces(mesh: Mesh) -> list[Surface] | None:
 def welded(corners: np.ndarray, rgba: Colour | None) -> Surface:
     """Triangles given by their corners (m, 3, 3), with each point once, in the order of use."""
     points, first, index = np.unique(
-        corners.reshape(-1, 3).astype("float32"), axis=0, return_index=True, return_inverse=True
+        corners.reshape(-1, 3).astype("float32") + 0.0, axis=0, return_index=True, return_inverse=True
     )
     order = np.argsort(first)
     place = np.empty(len(order), int)

@@ -43,7 +43,7 @@ def kinematics(
     path: str | None,
     html: str | None,
     plot: str | None,
-    speed: float,
+    speed: float | None,
     as_json: bool,
 ) -> None:
     """Follow the poses of a mechanism with one freedom over an input: rates, dead points, branches, assembly modes."""

@@ -27,7 +27,7 @@ def poses(scene: "Scene", placements: Array) -> Iterator[dict[str, Any]]:
     """Yields where each shape is: x, y, z and a quaternion for each frame, or once for what rests."""
     for shape, track in zip(scene.shapes, placements.swapaxes(0, 1), strict=True):
         moves = np.ptp(track, axis=0).any()  # NaN does, too
-        values = np.hstack([track[:, :3], _continuous(track[:, 3:])]) if moves else track[:1]
+        values = np.hstack([track[:, :3], continuous(track[:, 3:])]) if moves else track[:1]
         yield {"path": node(shape), "values": typed(values, "float32"), "box": shape.bounds.tolist()}
 
 
@@ -165,7 +165,7 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
     return {"largest": float(np.nanmax(lengths, initial=0.0)), "forces": forces}
 
 
-def _continuous(quaternions: Array) -> Array:
+def continuous(quaternions: Array) -> Array:
     """Unit quaternions (m, 4) with signs such that neighbours are near each other."""
     dots = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1])
     signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0, -1.0, 1.0)]))

@@ -16,6 +16,7 @@ from ...cli.options import (
 from ...errors import InputError
 from ...solution.solution import Solution
 
+CAMERAS = ("front", "top", "side", "3d")
 
 @click.command()
 @click.argument("solutions", nargs=-1, required=True, metavar="RUN.npz [OTHER.npz...]")
@@ -26,6 +27,10 @@ from ...solution.solution import Solution
 @click.option("--trace", "traces", multiple=True, help="A frame whose path is drawn.")
 @click.option("--arrow", "arrow", multiple=True, help="A closure whose force is drawn.")
 @click.option("--arrows", "every", is_flag=True, help="Draw the forces of all closures.")
+@click.option("--camera", type=click.Choice(CAMERAS), help="Where it is seen from.  [default: as the motion wants]")
+@click.option("--follow", help="A joint whose body the camera follows.")
+@click.option("--closures", is_flag=True, help="Mark the closures, also those that are closed.")
+@click.option("--glb", type=click.Path(dir_okay=False), help="The animated scene to write, for slides and Blender.")
 @as_json
 def animate(
     solutions: tuple[str, ...],
@@ -34,6 +39,7 @@ def animate(
     plots: tuple[str, ...],
     arrow: tuple[str, ...],
     every: bool,
+    glb: str | None,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -41,9 +47,9 @@ def animate(
     from .replay import VIDEO
     from .replay import animate as write
 
-    written = writable((output, PAGES), (video, tuple(VIDEO)))
+    written = writable((output, PAGES), (video, tuple(VIDEO)), (glb, (".glb",)))
     if not written:
-        raise InputError("animate writes a page, -o run.html, a video, --video run.mp4, or both")
+        raise InputError("animate writes a page, -o run.html, a video, --video run.mp4, or a scene, --glb run.glb")
     sol, *others = map(Solution.load, solutions)
     stems = [Path(name).stem for name in solutions[1:]]
     names = stems if len(set(stems)) == len(stems) else solutions[1:]

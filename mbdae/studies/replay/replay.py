@@ -1,38 +1,23 @@
-"""The replay: one HTML file that shows a solution moving beside its signals, offline and without a server.
+"""The replay: one HTML file that shows a solution moving beside its signals, offline and without a server."""
 
-The page is ``replay.htm`` with ``replay.css`` and the scripts ``replay*.js``, and two gzipped blocks that the browser
-unpacks: meshcat's viewer, and the scene, the motion and the signals as numbers.
-"""
-
-import base64
-import gzip
 import html
-import re
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache
-from importlib.resources import files
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import umsgpack
 
 from ...errors import InputError, UnknownNameError, require
 from ...files import write_whole
 from ..figures import COLOURS
 from . import animation_tracks as tracks
+from .document import document, drawn, frame
 from .plot_panels import Plot, PlotPanel, Signal, panes
-from .threejs import mesh_data, node, scene_object, typed
+from .threejs import typed
 
 __all__ = ["animate"]
 
-with warnings.catch_warnings():  # meshcat imports its server, unused here, and that a deprecated module
-    warnings.simplefilter("ignore", DeprecationWarning)
-    import meshcat
-
 if TYPE_CHECKING:
-    from ...mechanism.scene.scene import Scene, Shape
     from ...solution.solution import Solution
 
 MIN_FRAMES = 101  # what is short is often looked at slowly
@@ -40,7 +25,6 @@ MAX_FRAMES = 6001  # unless asked for: 100 s of viewing; between frames the page
 VIEWING = 4.0  # s: a motion of less than half of it is shown in slow motion, for about so long
 CAMERAS = ("front", "top", "side", "3d")
 VIDEO = {".mp4": 30.0, ".gif": 20.0}  # frames per second
-SCRIPTS = ("replay_scene.js", "replay_springs.js", "replay_camera.js", "replay_plots.js", "replay.js")
 NOTEBOOK = 20e6  # characters: more makes a notebook slow to open and to save
 
 
@@ -61,16 +45,17 @@ def animate(
     closures: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
-    """Writes a solution as a self-contained HTML page that plays in any browser, or as a video.
+    """Writes a solution as a self-contained HTML page that plays in any browser, as a video, or as an animated scene.
 
     The page starts playing, and repeats; space, arrows, Home, End, L, < and > are its keys. Its script offers
     ``window.mbdae`` with ``seek(t)``, ``play()``, ``pause()``, ``t``, ``start``, ``duration``, ``speed``, ``loop`` and
-    ``viewer``; ``page.html#t=1.5`` opens it at that time, standing still.
+    ``viewer``. The address says how it opens: ``run.html#t=1.5&speed=0.1&camera=front&plots=0``, also ``follow=BODY``,
+    ``closures=1``, ``autoplay=0``, ``loop=0`` and ``shadows=0``; with a time it stands still.
 
     Args:
         sol: the solution; shown from its first to its last time.
-        path: where it goes; ``.html``, or ``.mp4`` or ``.gif`` for a video, which takes Chromium. An existing file is
-            replaced, whole or not at all.
+        path: where it goes; ``.html``, ``.mp4`` or ``.gif`` for a video, which takes Chromium, or ``.glb``: bodies and
+            springs as a glTF file for slides and Blender. An existing file is replaced, whole or not at all.
         fps: frames stored per second of viewing; 60, fewer beyond 100 s, in videos 30 (.mp4) and 20 (.gif), when
             left out.
         speed: seconds of motion per second of viewing; below 1 is slow motion. When left out 1, slower where the
@@ -101,6 +86,14 @@ def animate(
             another mechanism, the file cannot be written, or what makes a video is missing.
     """
     suffix = Path(path).suffix
+    if suffix == ".glb":
+        from .glb import glb
+
+        _checked(sol, fps, speed)
+        times, q = _frames(sol, 30.0 if fps is None else fps, MAX_FRAMES)
+        with write_whole(path) as draft:
+            draft.write_bytes(glb(sol.mechanism.scene.travelled(q), times, q, sol.mechanism.title, speed or pace(sol)))
+        return Path(path)
     shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
     shown |= {"choices": choices, "camera": camera, "follow": follow, "closures": closures}
     if suffix in VIDEO:
@@ -111,7 +104,7 @@ def animate(
         film(page(sol, fps=rate, speed=speed, **shown), Path(path), rate, abs(sol.t[-1] - sol.t[0]) / speed, progress)
         return Path(path)
     if suffix != ".html":
-        raise InputError(f"a replay is written as .html, .mp4 or .gif, got {str(path)!r}")
+        raise InputError(f"a replay is written as .html, .mp4, .gif or .glb, got {str(path)!r}")
     text = page(sol, fps=fps, speed=speed, **shown)
     with write_whole(path) as draft:
         draft.write_text(text, "utf-8")
@@ -138,11 +131,7 @@ def page(
     Raises:
         InputError: as `animate`.
     """
-    if not hasattr(sol, "mechanism"):
-        raise InputError(f"animate takes a Solution (see mbdae.solve), got {sol!r:.60}")
-    for name, value in (("fps", fps), ("speed", speed)):
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name} must be a positive number, not {value!r}")
+    _checked(sol, fps, speed)
     require(ghosts or {}, Mapping, "ghosts are solutions by name")
     for name, ghost in (ghosts or {}).items():
         if not hasattr(ghost, "mechanism"):
@@ -154,25 +143,18 @@ def page(
     times, q = _frames(sol, 60.0 / speed if fps is None else fps / speed, MAX_FRAMES if fps is None else None)
     scene = mechanism.scene.travelled(q)
     placements = scene.placements(q)
-    meshes = list(dict.fromkeys(shape.mesh for shape in scene.shapes if shape.mesh is not None))
     bodies = tracks.bodies(scene, mechanism.model)
     if follow and follow not in (known := [body["name"] for body in bodies]):
         raise UnknownNameError("body", follow, known)
     payload = {
-        "meshes": [mesh_data(mesh) for mesh in meshes],
-        "objects": [
-            {"type": "set_object", "path": node(shape), "object": scene_object(shape, meshes, layer)}
-            for shape, layer in _layers(scene)
-        ],
+        **drawn(scene, bodies),
         "poses": list(tracks.poses(scene, placements)),
         "frames": len(times),
         "start": float(times[0]),
         "end": float(times[-1]),
         "speed": float(speed),
-        "width": scene.width,
         "springs": tracks.springs(scene, q),
         "gaps": tracks.gaps(scene, q),
-        "bodies": bodies,
         "camera": camera,
         "follow": follow,
         "marked": closures,
@@ -182,16 +164,15 @@ def page(
         "arrows": tracks.arrows(sol, arrows, times),
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],
     }
-    filling = {
-        "title": html.escape(mechanism.title),
-        "style": _asset("replay.css"),
-        "plotstyle": _asset("vendor/uPlot.min.css"),
-        "script": "\n".join(map(_asset, SCRIPTS)),
-        "viewer": _viewer(),
-        "plots": _compressed(_asset("vendor/uPlot.iife.min.js").encode()),
-        "scene": _compressed(umsgpack.packb(payload)),
-    }
-    return re.sub(r"{{(\w+)}}", lambda key: filling[key[1]], _asset("replay.htm"))
+    return document(mechanism.title, payload)
+
+
+def _checked(sol: Any, fps: float | None, speed: float | None) -> None:
+    if not hasattr(sol, "mechanism"):
+        raise InputError(f"animate takes a Solution (see mbdae.solve), got {sol!r:.60}")
+    for name, value in (("fps", fps), ("speed", speed)):
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name} must be a positive number, not {value!r}")
 
 
 def pace(sol: "Solution") -> float:
@@ -201,12 +182,6 @@ def pace(sol: "Solution") -> float:
         return 1.0
     decade = 10.0 ** np.floor(np.log10(span / VIEWING))
     return float(f"{max(k * decade for k in (1, 2, 5) if k * decade <= 1.001 * span / VIEWING):.1g}")
-
-
-def frame(text: str, height: int = 520) -> str:
-    """Returns a page as an inline frame for a notebook or for another page."""
-    style = f"width: 100%; height: {height}px; border: 0"
-    return f'<iframe srcdoc="{html.escape(text)}" title="replay" style="{style}"></iframe>'
 
 
 def notebook(sol: "Solution") -> str:
@@ -235,12 +210,6 @@ def _frames(sol: "Solution", rate: float, most: int | None) -> tuple[np.ndarray,
     return times, q
 
 
-def _layers(scene: "Scene") -> Iterator[tuple["Shape", int]]:
-    """Shapes, and which of those that are seen through everything else cover which."""
-    for k, shape in enumerate(scene.shapes):
-        yield shape, len(scene.shapes) - k if shape.role == "closure" else 0
-
-
 def _pane(pane: PlotPanel) -> dict[str, Any]:
     curves = [
         {
@@ -253,16 +222,3 @@ def _pane(pane: PlotPanel) -> dict[str, Any]:
     ]
     shared = {"title": pane.title, "logarithmic": pane.logarithmic, "cut": pane.cut}
     return {**shared, "colours": COLOURS, "curves": curves}
-
-
-@cache
-def _viewer() -> str:
-    return _compressed(Path(meshcat.viewer_assets_path(), "dist", "main.min.js").read_bytes())
-
-
-def _compressed(data: bytes) -> str:
-    return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
-
-
-def _asset(name: str) -> str:
-    return files(__package__).joinpath(name).read_text("utf-8")

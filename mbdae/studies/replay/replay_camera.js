@@ -8,8 +8,7 @@ const FRAMES_SEEN = 60;
 // what rests as far as it lies near them. A body followed, what rests does not count.
 function sight(scene, path) {
   const {Box3, Quaternion, Vector3} = MeshCat.THREE, turn = new Quaternion();
-  const frames = scene.frames, seen = Math.min(frames, FRAMES_SEEN), points = [], times = [];
-  for (let k = 0; k < seen; k++) times.push(seen > 1 ? Math.round(k * (frames - 1) / (seen - 1)) : 0);
+  const points = [];
   const leader = path && scene.poses.find(pose => pose.path === path);
   const origin = at => leader ? new Vector3().fromArray(leader.values, leader.values.length > 7 ? 7 * at : 0) : new Vector3();
   const corners = ({values, box: [low, high]}, at, out) => {
@@ -23,12 +22,13 @@ function sight(scene, path) {
   };
   const counted = scene.poses.filter(pose => !/^\/mechanism\/(rail|closure)\//.test(pose.path));
   const moving = [...counted, ...scene.choices.flatMap(({poses}) => poses)].filter(pose => pose.values.length > 7 && pose.box);
-  for (const at of times) {
-    const own = [], here = origin(at);
-    for (const pose of moving) corners(pose, at, own);
+  for (let k = 0; k < FRAMES_SEEN; k++) {
+    const own = [], share = k / (FRAMES_SEEN - 1), frame = (values, width) => Math.round(share * (values.length / width - 1));
+    for (const pose of moving) corners(pose, frame(pose.values, 7), own);
     for (const {ends} of scene.springs) {
-      if (ends.length > 6) own.push(mixed(ends, 6, 0, at), mixed(ends, 6, 3, at));
+      if (ends.length > 6) own.push(mixed(ends, 6, 0, frame(ends, 6)), mixed(ends, 6, 3, frame(ends, 6)));
     }
+    const here = leader ? origin(frame(leader.values, 7)) : origin(0);
     for (const p of own) points.push(p.sub(here));
   }
   const near = new Box3().setFromPoints(points), all = [];

@@ -214,8 +214,12 @@ function stage(viewer, scene, extent) {
     moves.push(made.follow);
   };
   for (const pose of scene.poses) moves.push(follower(nodeOf(viewer, pose.path), pose));
-  for (const data of scene.springs) put(spring(data, scene.width));
-  const choices = scene.choices.map(({poses}) => poses.map(pose => follower(nodeOf(viewer, pose.path), pose)));
+  const wound = scene.springs.map(data => spring(data, scene.width));
+  wound.forEach(put);
+  const choices = scene.choices.map(({poses, springs = []}) => [
+    ...poses.map(pose => follower(nodeOf(viewer, pose.path), pose)),
+    ...springs.map(({ends}, k) => at => wound[k].follow(at, ends)),
+  ]);
   for (const {poses, springs, colour} of scene.ghosts) {
     for (const pose of poses) {
       const copy = ghostly(nodeOf(viewer, pose.path), colour);

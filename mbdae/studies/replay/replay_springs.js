@@ -43,7 +43,7 @@ function coil(radius, wire, length) {
 }
 
 // A spring, a damper or both; ends (x, y, z of both, for each frame).
-function spring({coil: wound, tube, length, ends}, width, look) {
+function spring({coil: wound, tube, length, ends: own}, width, look) {
   const {CylinderGeometry, Group, Mesh, Vector3} = MeshCat.THREE, group = new Group(), z = new Vector3(0, 0, 1);
   const radius = Math.min(2.4 * width, 0.1 * length), parts = [];
   const add = (geometry, colour) => {
@@ -71,7 +71,7 @@ function spring({coil: wound, tube, length, ends}, width, look) {
     });
   }
   let known = NaN;
-  const follow = at => {
+  const follow = (at, ends = own) => {
     const a = mixed(ends, 6, 0, at), d = mixed(ends, 6, 3, at).sub(a), to = d.length();
     group.visible = !Number.isNaN(to);
     if (!group.visible) return;

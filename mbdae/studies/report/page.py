@@ -13,7 +13,7 @@ from ..comparison.figure import work_precision
 from ..comparison.tables import comparison_rows
 from ..drift.figure import drifts
 from ..order.figure import convergence
-from ..replay.replay import frame
+from ..replay.document import frame
 from ..replay.replay import page as replay_page
 from ..run.figure import motion
 

@@ -49,7 +49,7 @@ def run(
     html: str | None,
     plot: str | None,
     names: tuple[str, ...],
-    speed: float,
+    speed: float | None,
     as_json: bool,
     **options: Any,
 ) -> None:

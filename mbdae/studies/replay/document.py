@@ -1,0 +1,81 @@
+"""The page that shows a scene: ``replay.htm`` with ``replay.css`` and the scripts ``replay*.js``.
+
+Three gzipped blocks are unpacked by the browser: meshcat's viewer, uPlot, and the scene with all that moves as numbers.
+"""
+
+import base64
+import gzip
+import html
+import re
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import umsgpack
+
+from .threejs import mesh_data, node, scene_object
+
+with warnings.catch_warnings():  # meshcat imports its server, unused here, and that a deprecated module
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import meshcat
+
+if TYPE_CHECKING:
+    from ...mechanism.scene.scene import Scene, Shape
+
+SCRIPTS = ("scene", "springs", "camera", "plots", "controls", "sliders")
+
+
+def drawn(scene: "Scene", bodies: Sequence[Mapping[str, str]]) -> dict[str, Any]:
+    """What the page draws of a scene, each mesh once, and the bodies that its camera can follow."""
+    meshes = list(dict.fromkeys(shape.mesh for shape in scene.shapes if shape.mesh is not None))
+    return {
+        "meshes": [mesh_data(mesh) for mesh in meshes],
+        "objects": [
+            {"type": "set_object", "path": node(shape), "object": scene_object(shape, meshes, layer)}
+            for shape, layer in _layers(scene)
+        ],
+        "width": scene.width,
+        "bodies": list(bodies),
+    }
+
+
+def document(title: str, payload: Mapping[str, Any]) -> str:
+    """The page with a title and with what it shows."""
+    filling = {
+        "title": html.escape(title),
+        "style": _asset("replay.css"),
+        "plotstyle": _asset("vendor/uPlot.min.css"),
+        "script": "\n".join([*(_asset(f"replay_{name}.js") for name in SCRIPTS), _asset("replay.js")]),
+        "viewer": _viewer(),
+        "plots": _compressed(_asset("vendor/uPlot.iife.min.js").encode()),
+        "scene": _compressed(umsgpack.packb(payload)),
+    }
+    return re.sub(r"{{(\w+)}}", lambda key: filling[key[1]], _asset("replay.htm"))
+
+
+def frame(text: str, height: int = 520) -> str:
+    """A page as an inline frame for a notebook or for another page."""
+    style = f"width: 100%; height: {height}px; border: 0"
+    return f'<iframe srcdoc="{html.escape(text)}" title="replay" style="{style}"></iframe>'
+
+
+def _layers(scene: "Scene") -> Iterator[tuple["Shape", int]]:
+    """Shapes, and which of those that are seen through everything else cover which."""
+    for k, shape in enumerate(scene.shapes):
+        yield shape, len(scene.shapes) - k if shape.role == "closure" else 0
+
+
+@cache
+def _viewer() -> str:
+    return _compressed(Path(meshcat.viewer_assets_path(), "dist", "main.min.js").read_bytes())
+
+
+def _compressed(data: bytes) -> str:
+    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
+
+
+def _asset(name: str) -> str:
+    return files(__package__).joinpath(name).read_text("utf-8")

@@ -1,0 +1,188 @@
+"""A replay as one binary glTF 2.0 file (.glb): meshes once, a node for each shape, its motion as an animation.
+
+The format is Khronos' "glTF 2.0 Specification" (2021): y is up, lengths are metres, turns are unit quaternions.
+"""
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...mechanism.scene.surfaces import Surface, surfaces
+from ...system import Array
+from .animation_tracks import continuous
+from .solids import coil, solid
+
+if TYPE_CHECKING:
+    from ...mechanism.scene.scene import Scene, Shape
+
+GREY = (0.7, 0.7, 0.7, 1.0)
+SPRING = (0.8, 0.22, 0.2, 1.0)
+UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # turns z up into y up
+FLOAT, UINT = 5126, 5125  # component types
+EDGE = np.cos(0.6)  # rad: triangles that are turned more meet at an edge
+VERTICES, INDICES = 34962, 34963  # what a view of the buffer is for
+
+
+class _File:
+    """The parts of a glTF file, each a list, and the bytes they refer to."""
+
+    def __init__(self, title: str) -> None:
+        self.data = bytearray()
+        self.parts: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": "mbdae"},
+            "scene": 0,
+            "scenes": [{"name": title or "mechanism", "nodes": [0]}],
+            **{name: [] for name in ("nodes", "meshes", "materials", "accessors", "bufferViews")},
+        }
+        self.known: dict[Any, int] = {}
+
+    def add(self, kind: str, what: dict[str, Any]) -> int:
+        self.parts[kind].append(what)
+        return len(self.parts[kind]) - 1
+
+    def once(self, key: Any, kind: str, what: dict[str, Any]) -> int:
+        if key not in self.known:
+            self.known[key] = self.add(kind, what)
+        return self.known[key]
+
+    def numbers(self, values: Array, target: int | None = None, bounded: bool = False) -> int:
+        """An accessor of rows of floats, or of indices."""
+        dtype, component = ("<u4", UINT) if target == INDICES else ("<f4", FLOAT)
+        array = np.ascontiguousarray(values, dtype)
+        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": array.nbytes}
+        self.data += array.tobytes()
+        number = self.add("bufferViews", view | ({"target": target} if target else {}))
+        wide = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[array.shape[1] if array.ndim > 1 else 1]
+        out: dict[str, Any] = {
+            "bufferView": number, "componentType": component, "count": len(array), "type": wide,
+        }  # fmt: skip
+        if bounded:
+            out |= {f: np.atleast_1d(getattr(array, f)(axis=0)).astype(float).tolist() for f in ("min", "max")}
+        return self.add("accessors", out)
+
+    def mesh(self, key: Any, parts: Sequence[Surface], rgba: tuple[float, ...] | None) -> int:
+        if (key, rgba) not in self.known:
+            drawn = [self.primitive(p, rgba or p.rgba) for p in parts]
+            self.known[key, rgba] = self.add("meshes", {"primitives": drawn})
+        return self.known[key, rgba]
+
+    def primitive(self, surface: Surface, rgba: tuple[float, ...] | None) -> dict[str, Any]:
+        """Triangles with normals; where an edge is sharp, its points stand twice."""
+        corners = np.hstack([surface.points[surface.faces.ravel()], np.round(normals(surface), 3)])
+        rows, index = np.unique(corners.astype("<f4"), axis=0, return_inverse=True)
+        directions = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1)[:, None]
+        colour = [float(x) for x in rgba or GREY]
+        look: dict[str, Any] = {
+            "pbrMetallicRoughness": {"baseColorFactor": colour, "metallicFactor": 0.1, "roughnessFactor": 0.6},
+            "doubleSided": True,
+        }
+        look |= {"alphaMode": "BLEND"} if colour[3] < 1 else {}
+        return {
+            "attributes": {
+                "POSITION": self.numbers(rows[:, :3], VERTICES, bounded=True),
+                "NORMAL": self.numbers(directions, VERTICES),
+            },
+            "indices": self.numbers(index.ravel(), INDICES),
+            "material": self.once(("look", tuple(colour)), "materials", look),
+        }
+
+    def bytes(self) -> bytes:
+        """The file: its head, the parts as JSON, and the numbers."""
+        parts = {k: v for k, v in self.parts.items() if v != []} | {"buffers": [{"byteLength": len(self.data)}]}
+        text = json.dumps(parts, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        data = bytes(self.data) + b"\0" * (-len(self.data) % 4)
+        chunks = [(len(text), b"JSON", text), (len(data), b"BIN\0", data)]
+        body = b"".join(n.to_bytes(4, "little") + kind + chunk for n, kind, chunk in chunks)
+        return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
+
+
+def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float) -> bytes:
+    """The file of a motion.
+
+    Args:
+        scene: what is drawn, but for marks of closures.
+        times: (m,) in s.
+        q: (m, nq) configurations.
+        title: of the scene.
+        speed: seconds of motion per second of the animation.
+    """
+    file = _File(title)
+    file.add("nodes", {"name": title or "mechanism", "rotation": UP, "children": []})
+    seconds = np.abs(times - times[0]) / speed
+    clock = file.numbers(seconds, bounded=True) if len(times) > 1 else None
+    animation: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
+
+    def place(name: str, mesh: int, tracks: dict[str, Array]) -> None:
+        node = file.add("nodes", {"name": name, "mesh": mesh, **{k: v[0].tolist() for k, v in tracks.items()}})
+        file.parts["nodes"][0]["children"].append(node)
+        for path, track in tracks.items():
+            if clock is not None and np.ptp(track, axis=0).any():
+                sampler = {"input": clock, "interpolation": "LINEAR", "output": file.numbers(track)}
+                animation["samplers"].append(sampler)
+                target = {"node": node, "path": path}
+                animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})
+
+    for shape, track in zip(scene.shapes, scene.placements(q).swapaxes(0, 1), strict=True):
+        if shape.role != "closure" and (found := _parts(shape)):
+            mesh = file.mesh(shape.mesh or (shape.kind, shape.size), found, shape.rgba)
+            scale = {} if shape.scale == (1.0, 1.0, 1.0) else {"scale": np.array([shape.scale])}
+            place(shape.name, mesh, {"translation": track[:, :3], "rotation": _unit(continuous(track[:, 3:])), **scale})
+    for spring, ends in zip(scene.springs, scene.ends(scene.springs, q).swapaxes(0, 1), strict=True):
+        ways = ends[:, 1] - ends[:, 0]
+        lengths = np.linalg.norm(ways, axis=1)
+        length = spring.length or float(np.median(lengths))
+        if length > 0:
+            looks = [("coil", coil(2.4 * scene.width, 0.5 * scene.width, length))] if spring.coil else []
+            looks += [("tube", solid("cylinder", (scene.width, 1.0)))] if spring.tube else []
+            for look, surface in looks:
+                begin = ends[:, 0] if look == "coil" else ends.mean(axis=1)
+                tracks = {"translation": begin, "rotation": _towards(ways)}
+                mesh = file.mesh((look, length), [surface], SPRING if look == "coil" else None)
+                stretched = lengths / (length if look == "coil" else 1.0)
+                place(f"{spring.name} {look}", mesh, {**tracks, "scale": _along(np.maximum(stretched, 1e-6))})
+    if animation["channels"]:
+        file.parts["animations"] = [animation]
+    return file.bytes()
+
+
+def normals(surface: Surface) -> Array:
+    """Unit normals (3 m, 3) at the corners of triangles: means over those around a point that meet at no edge."""
+    a, b, c = surface.points[surface.faces].astype(float).swapaxes(0, 1)
+    area = np.cross(b - a, c - a)
+    sizes = np.linalg.norm(area, axis=1)
+    unit = np.where(sizes[:, None] > 0, area / np.maximum(sizes, 1e-300)[:, None], [0.0, 0.0, 1.0])
+    point = surface.faces.ravel()
+    order, count = np.argsort(point, kind="stable"), np.bincount(point)
+    first = np.cumsum(count) - count
+    corner = np.repeat(np.arange(len(point)), count[point])  # with each of the corners at its point
+    within = np.arange(len(corner)) - np.repeat(np.cumsum(count[point]) - count[point], count[point])
+    mine, other = corner // 3, order[first[point[corner]] + within] // 3
+    near = np.einsum("ij,ij->i", unit[mine], unit[other]) > EDGE
+    sums = np.column_stack([np.bincount(corner[near], area[other[near], k], len(point)) for k in range(3)])
+    sizes = np.linalg.norm(sums, axis=1)
+    return np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1e-300)[:, None], unit[np.arange(len(point)) // 3])
+
+
+def _parts(shape: "Shape") -> list[Surface]:
+    if shape.mesh is None:
+        return [solid(shape.kind, shape.size)]
+    return surfaces(shape.mesh, pictures=True) or []
+
+
+def _unit(quaternions: Array) -> Array:
+    return quaternions / np.linalg.norm(quaternions, axis=1)[:, None]
+
+
+def _along(z: Array) -> Array:
+    return np.column_stack([np.ones_like(z), np.ones_like(z), z])
+
+
+def _towards(ways: Array) -> Array:
+    """Quaternions (m, 4) that turn z into directions (m, 3)."""
+    d = ways / np.maximum(np.linalg.norm(ways, axis=1), 1e-300)[:, None]
+    out = np.column_stack([-d[:, 1], d[:, 0], np.zeros(len(d)), 1 + d[:, 2]])
+    out[1 + d[:, 2] < 1e-9] = 1, 0, 0, 0
+    return continuous(_unit(out))

@@ -1,0 +1,108 @@
+
+// The bar below the scene, keys, the legend, and what the address says.
+
+const byId = id => document.getElementById(id);
+const PACES = [0.1, 0.25, 0.5, 1, 2, 4, 10];
+
+// A choice of the bar: its options, what one of them does, and how it is set from elsewhere.
+function menu(id, options, chosen, act) {
+  const select = byId(id);
+  for (const [value, text] of options) select.append(new Option(text, value, value === chosen, value === chosen));
+  select.hidden = options.length < 2;
+  select.onchange = () => act(select.value);
+  return value => {
+    if (![...select.options].some(option => option.value === String(value))) select.append(new Option(value, value));
+    select.value = value;
+  };
+}
+
+function controls(page, scene) {
+  const speeds = byId("speed"), text = speed => `${+speed.toPrecision(3)}×`;
+  const paces = PACES.map(factor => +(factor * scene.speed).toPrecision(12));
+  menu("speed", paces.map(speed => [speed, text(speed)]), scene.speed, value => { page.speed = Number(value); });
+  const pace = by => {
+    const near = paces.findIndex(speed => speed >= page.speed * (1 - 1e-9));
+    page.setSpeed(paces[Math.min(PACES.length - 1, Math.max(0, (near < 0 ? PACES.length : near) + by))]);
+  };
+  page.setSpeed = speed => {
+    page.speed = speed;
+    if (![...speeds.options].some(option => Number(option.value) === speed)) speeds.append(new Option(text(speed), speed));
+    speeds.value = speed;
+    page.show();
+  };
+  const repeat = () => {
+    page.loop = !page.loop;
+    byId("loop").setAttribute("aria-pressed", page.loop);
+  };
+  const {view} = page, fit = () => {
+    view.fit();
+    page.viewer.set_dirty();
+  };
+  menu("choice", scene.choices.map(({name}, i) => [i, name]), 0, value => page.choose(Number(value)));
+  const camera = menu("camera", Object.keys(VIEWS).map(name => [name, name]), view.state.view, view.look);
+  byId("pane").addEventListener("looked", () => camera(view.state.view));
+  const follow = menu("follow", [["", "stand still"], ...scene.bodies.map(({name}) => [name, `follow ${name}`])], "", view.follow);
+  const {show} = marks(page.viewer, scene, view.state.extent);
+  page.mark = all => {
+    page.marked = all;
+    legend(scene, show(all));
+    view.arrange();
+  };
+  page.follow = name => {
+    view.follow(name);
+    follow(view.state.followed);
+  };
+  byId("play").onclick = page.toggle;
+  byId("time").oninput = event => page.seek(page.start + event.target.value * (scene.end - scene.start));
+  byId("loop").onclick = repeat;
+  byId("fit").onclick = fit;
+  byId("more").onclick = () => document.querySelector("main").classList.toggle("more");
+  const keys = {
+    " ": page.toggle, k: page.toggle, l: repeat, f: fit, "<": () => pace(-1), ">": () => pace(1),
+    c: () => page.mark(!page.marked), 1: () => view.look("front"), 2: () => view.look("top"), 3: () => view.look("3d"),
+    4: () => view.look("side"),
+    ArrowLeft: event => page.step(event.shiftKey ? -10 : -1), ArrowRight: event => page.step(event.shiftKey ? 10 : 1),
+    Home: () => page.seek(scene.start), End: () => page.seek(scene.end),
+  };
+  document.addEventListener("keydown", event => {
+    const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (!act || event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
+    event.preventDefault();
+    act(event);
+  });
+  document.addEventListener("keyup", event => { if (event.key === " ") event.preventDefault(); });  // no second click
+}
+
+function legend(scene, closures) {
+  byId("legend").replaceChildren();
+  const entry = (colour, text) => {
+    const [item, line, name] = ["li", "i", "span"].map(tag => document.createElement(tag));
+    line.style.background = colour;
+    name.append(text);
+    item.append(line, name);
+    byId("legend").append(item);
+  };
+  for (const ghost of scene.ghosts) entry(ghost.colour, ghost.name);
+  for (const trace of scene.traces) entry(trace.colour, `path of ${trace.name}`);
+  scene.arrows.forces.forEach(({colour, name}, i) => {
+    entry(colour, `force of ${name}${i ? "" : `, longest ${scene.arrows.largest.toPrecision(3)} N`}`);
+  });
+  const many = closures.length > 4 ? [`${closures.length} closures: the balls meet where a loop is closed`] : closures;
+  for (const name of many) entry("linear-gradient(90deg, #f28e2b 50%, #e0263c 50%)", name);
+}
+
+// What the address says: #t=1.5&speed=0.1&camera=front&follow=BODY&plots=0&closures=1&autoplay=0&loop=0&shadows=0
+function obey(page, scene) {
+  const said = new URLSearchParams(location.hash.slice(1)), given = key => said.has(key);
+  const off = key => ["0", "false", "no"].includes(said.get(key)), count = key => Number(said.get(key));
+  if (given("plots")) page.plots.show(!off("plots"));
+  if (given("speed") && count("speed") > 0) page.setSpeed(count("speed"));
+  if (said.get("camera") in VIEWS) page.view.look(said.get("camera"));
+  if (given("follow")) page.follow(said.get("follow"));
+  if (given("closures")) page.mark(!off("closures"));
+  if (given("loop")) [page.loop, byId("loop").ariaPressed] = [!off("loop"), String(!off("loop"))];
+  if (given("shadows")) nodeOf(page.viewer, "mechanism").sun.castShadow = !off("shadows");
+  const timed = !scene.sliders && given("t") && Number.isFinite(count("t"));
+  if (timed) page.stand(count("t"));
+  return given("autoplay") ? !off("autoplay") : !timed;
+}

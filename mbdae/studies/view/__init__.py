@@ -1,0 +1,1 @@
+"""Look before you run: all poses of a mechanism with sliders, as one page."""

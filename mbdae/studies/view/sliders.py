@@ -1,0 +1,166 @@
+"""Free coordinates of a mechanism: one by one, along all poses in which its loops stay closed, the others at rest."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import MbdaeError
+from ...mechanism import Mechanism
+from ...mechanism.assembly import close_position
+from ...mechanism.frames import find_joint
+from ...solution.columns import units
+from ...system import Array
+from ..kinematics.kinematics import kinematics
+
+if TYPE_CHECKING:
+    from ...mechanism.formulations.index2 import Index2System
+
+POSES = 121  # of a slider
+MOST = 16  # sliders of a page
+INDEPENDENT = 1e-6  # of the size of a free motion: below, a coordinate follows from those chosen before
+SLACK = 1e-6  # rad or m beyond a limit that do not count
+CLOSED = 1e-8  # of |g|: a joint outside of all loops leaves them closed
+
+
+@dataclass(frozen=True, eq=False)
+class Slider:
+    """Poses over one coordinate, the other free ones where they start.
+
+    Attributes:
+        joint: that it moves.
+        unit: ``"rad"`` or ``"m"``.
+        u: the coordinate, (n,), along the curve of poses: at a dead point it turns back.
+        q: configurations, (n, nq).
+        start: which of them is nearest to the start.
+        dead_points: values at which it turns back.
+        ended: what ends the poses: ``"closed"`` (they come round), ``"limits"`` of the joint, ``"range"``, or
+            ``"open"``: beyond, the loops cannot be closed.
+        beyond: for each pose the joint that is beyond its limits there, ``""`` for none, (n,).
+    """
+
+    joint: str
+    unit: str
+    u: Array
+    q: Array
+    start: int
+    dead_points: tuple[float, ...]
+    ended: str
+    beyond: tuple[str, ...]
+
+
+def sliders(mech: Mechanism, q: Array) -> list[Slider]:
+    """The coordinates that can be chosen at a closed configuration q (nq,), at most `MOST`.
+
+    Of the joints with one coordinate those that a driver moves or that the start gives come first, then the others in
+    their order, each as far as it does not follow from those before.
+    """
+    free = Mechanism(mech.model, mech.closures, mech.forces, start=mech.start_values, title=mech.title)
+    names = independent(mech, free.system(), q)[:MOST]
+    return [_slider(free, name, [n for n in names if n != name], q) for name in names]
+
+
+def independent(mech: Mechanism, system: "Index2System", q: Array) -> list[str]:
+    """Joints of one coordinate that can be chosen one by one at q, as many as there are freedoms, or fewer."""
+    G = system.jacobian(q)
+    _, sizes, right = np.linalg.svd(G) if len(G) else (0, np.zeros(0), np.eye(mech.nv))
+    rank = int(np.count_nonzero(sizes > 1e-9 * sizes.max(initial=0.0)))
+    motions = right[rank:].T.copy()
+    wanted = [d.joint for d in mech.drivers if d.joint] + list(mech.start_values.q)
+    joints = [n for n in dict.fromkeys([*wanted, *mech.joint_names]) if find_joint(mech.model, n).nv == 1]
+    out = []
+    for name in joints:
+        row = motions[find_joint(mech.model, name).idx_v]
+        size = np.linalg.norm(row)
+        if size > INDEPENDENT:
+            out.append(name)
+            motions -= np.outer(motions @ row, row) / size**2
+    return out
+
+
+def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
+    joint = find_joint(mech.model, name)
+    unit = units(mech)[f"v.{name}"].removesuffix("/s")
+    dead: tuple[float, ...] = ()
+    system = mech.system()
+    u, poses = _alone(mech, name, q)
+    if max(_gap(system, pose) for pose in (poses[0], poses[len(poses) // 3], poses[-1])) < CLOSED:
+        ended = "limits" if _limits(mech, name) is not None else "closed" if unit == "rad" else "range"
+    else:
+        try:
+            found = kinematics(mech, name, hold=others, q=q, points=POSES)
+            u, poses, ended = found.u, found.q, found.stretches[0].ended
+            ended = "closed" if unit == "rad" and abs(abs(u[-1] - u[0]) - 2 * np.pi) < SLACK else ended
+            dead = tuple(sorted({round(float(x), 12) for x, _ in found.dead_points}))
+        except MbdaeError:  # a freedom that no joint of one coordinate has, an endless way, a pose that is singular
+            u, poses, ended = _marched(mech, name, others, q)
+    here = u[np.abs(u - _value(q, joint)).argmin()]
+    near = np.flatnonzero(u == here)
+    start = near[np.argmin([round(np.linalg.norm(mech.manifold.difference(q, poses[k])), 6) for k in near])]
+    return Slider(name, unit, u, poses, int(start), dead, ended, tuple(_beyond(mech, poses)))
+
+
+def _alone(mech: Mechanism, name: str, q: Array) -> tuple[Array, Array]:
+    """Poses in which one joint moves by itself, over its limits, or half a turn or metre to both sides."""
+    joint = find_joint(mech.model, name)
+    here, limits = _value(q, joint), _limits(mech, name)
+    around = here + np.array([-1, 1]) * (np.pi if _turns(mech, name) else 0.5)
+    low, high = around if limits is None else limits
+    u = np.linspace(low, high, POSES)
+    steps = np.zeros((POSES, mech.nv))
+    steps[:, joint.idx_v] = u - here
+    return u, np.array([mech.manifold.integrate(q, step) for step in steps])
+
+
+def _marched(mech: Mechanism, name: str, others: list[str], q: Array) -> tuple[Array, Array, str]:
+    """Poses found one after the other from q to both sides, up to where the loops cannot be closed any more."""
+    joint, system = find_joint(mech.model, name), mech.system()
+    held = np.array([find_joint(mech.model, n).idx_v for n in (name, *others)])
+    targets, found, ended = _alone(mech, name, q)[0], {_value(q, joint): q}, "range"
+    for way in (targets[targets > _value(q, joint)], targets[targets < _value(q, joint)][::-1]):
+        pose = q
+        for u in way:
+            step = np.zeros(mech.nv)
+            step[joint.idx_v] = u - _value(pose, joint)
+            try:
+                new = close_position(system, mech.manifold.integrate(pose, step), held, 0.0)
+            except MbdaeError:
+                ended = "open"
+                break
+            if np.linalg.norm(mech.manifold.difference(pose, new)) > 20 * abs(step[joint.idx_v]) + 0.3:
+                ended = "open"  # the nearest pose that closes belongs to another branch
+                break
+            found[float(u)] = pose = new
+    order = sorted(found)
+    return np.array(order), np.array([found[u] for u in order]), ended
+
+
+def _beyond(mech: Mechanism, poses: Array) -> Iterator[str]:
+    low, high = mech.model.lowerPositionLimit, mech.model.upperPositionLimit
+    single = {find_joint(mech.model, n).idx_q: n for n in mech.joint_names if _limits(mech, n) is not None}
+    for pose in poses:
+        yield next((n for i, n in single.items() if not low[i] - SLACK <= pose[i] <= high[i] + SLACK), "")
+
+
+def _limits(mech: Mechanism, name: str) -> Array | None:
+    """Limits of a joint; None for one without."""
+    joint = find_joint(mech.model, name)
+    if joint.nq != 1:
+        return None
+    found = np.array([mech.model.lowerPositionLimit[joint.idx_q], mech.model.upperPositionLimit[joint.idx_q]])
+    return found if np.abs(found).max() < 1e3 and found[0] < found[1] else None
+
+
+def _turns(mech: Mechanism, name: str) -> bool:
+    return units(mech)[f"v.{name}"].startswith("rad")
+
+
+def _value(q: Array, joint: object) -> float:
+    at, nq = joint.idx_q, joint.nq  # type: ignore[attr-defined]
+    return float(q[at]) if nq == 1 else float(np.arctan2(q[at + 1], q[at]))
+
+
+def _gap(system: "Index2System", q: Array) -> float:
+    g = system.closures(q, 0.0)[0]
+    return float(np.abs(g).max(initial=0.0))

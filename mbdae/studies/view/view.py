@@ -1,0 +1,156 @@
+"""All poses of a mechanism as one page with sliders: what one looks at before a run."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, require
+from ...files import write_whole
+from ...mechanism import Mechanism
+from ...mechanism.frames import find_joint
+from ...system import Array
+from ..replay import animation_tracks as tracks
+from ..replay.document import document, drawn, frame
+from .sliders import MOST, Slider, sliders
+
+__all__ = ["view"]
+
+ENDS = {
+    "closed": "comes round to where it began",
+    "range": "",
+    "limits": "as far as the limits of the joint",
+    "open": "at its ends the loops cannot be closed any further",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Result of `view`: shows itself in a notebook, and is saved as one page.
+
+    Attributes:
+        mechanism: the mechanism.
+        q: the pose at the start, (nq,).
+        sliders: the coordinates that can be chosen, each with its poses.
+    """
+
+    mechanism: Mechanism
+    q: Array
+    sliders: tuple[Slider, ...]
+
+    def __str__(self) -> str:
+        head = f"{self.mechanism.title}, free coordinates: {len(self.sliders)}"
+        rows = [f"  {s.joint}: {s.u.min():.6g} to {s.u.max():.6g} {s.unit}{_says(s)}" for s in self.sliders]
+        return "\n".join([head, *rows])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ranges and dead points, without the poses."""
+        return {
+            "title": self.mechanism.title,
+            "sliders": [
+                {
+                    "joint": s.joint,
+                    "unit": s.unit,
+                    "low": float(s.u.min()),
+                    "high": float(s.u.max()),
+                    "ended": s.ended,
+                    "dead_points": list(s.dead_points),
+                    "beyond": sorted({name for name in s.beyond if name}),
+                }
+                for s in self.sliders
+            ],
+        }
+
+    def page(self) -> str:
+        """The page as text."""
+        scene = self.mechanism.scene
+        start = self.q[None]
+        springs = tracks.springs(scene, start)
+        payload = {
+            **drawn(scene, tracks.bodies(scene, self.mechanism.model)),
+            "poses": list(tracks.poses(scene, scene.placements(start))),
+            "frames": 1,
+            **{"start": 0.0, "end": 1.0, "speed": 1.0},
+            "springs": springs,
+            "gaps": tracks.gaps(scene, np.concatenate([start, *(s.q for s in self.sliders)])),
+            **{"camera": None, "follow": "", "marked": False, "ghosts": [], "traces": [], "panes": []},
+            "arrows": {"largest": 0.0, "forces": []},
+            "choices": [self._choice(s) for s in self.sliders],
+            "sliders": [_plain(s) for s in self.sliders],
+            "note": self._note(),
+        }
+        return document(self.mechanism.title, payload)
+
+    def _choice(self, slider: Slider) -> dict[str, Any]:
+        scene = self.mechanism.scene
+        placements = scene.placements(slider.q)
+        moving = [p for p in tracks.poses(scene, placements) if len(p["values"].data) > 28]
+        known = {s["name"] for s in tracks.springs(scene, self.q[None])}
+        springs = [s for s in tracks.springs(scene, slider.q) if s["name"] in known]
+        return {"name": slider.joint, "poses": moving, "springs": springs, "frames": len(slider.u)}
+
+    def _note(self) -> str:
+        mech = self.mechanism
+        several = [n for n in mech.joint_names if find_joint(mech.model, n).nv > 1]
+        parts = ["One coordinate moves at a time, the others stand where the model starts."] if self.sliders else []
+        parts += [f"Shown are {MOST} coordinates."] if len(self.sliders) == MOST else []
+        parts += [f"Not moved, joints of several coordinates: {', '.join(several)}."] if several else []
+        parts += ["Nothing can be moved."] if not self.sliders else []
+        return " ".join(parts)
+
+    def save(self, path: str | Path) -> None:
+        """Write the page.
+
+        Raises:
+            InputError: for another suffix or an unwritable path.
+        """
+        if Path(path).suffix != ".html":
+            raise InputError(f"a view is saved as .html, got {str(path)!r}")
+        with write_whole(path) as draft:
+            draft.write_text(self.page(), "utf-8")
+
+    def _repr_html_(self) -> str:
+        return frame(self.page())
+
+
+def view(mech: Mechanism, q: Array | None = None) -> View:
+    """Find the poses of a mechanism over each of its free coordinates.
+
+    Poses are computed here, the page shows them: over the whole way along which the loops stay closed, through dead
+    points of the coordinate, or over the limits of a joint outside of all loops.
+
+    Args:
+        mech: the mechanism; its drivers are let go.
+        q: where it stands, (nq,); the model's start when left out.
+
+    Raises:
+        AssemblyError: if the start of the model cannot be closed.
+        InputError: for a q of another length.
+
+    Example:
+        >>> mbdae.view(mbdae.load("four_bar")).save("four_bar.html")   # doctest: +SKIP
+    """
+    require(mech, Mechanism, "view takes a Mechanism (see mbdae.load)")
+    here = mech.start[0] if q is None else mech.vector("q", q, mech.nq)
+    return View(mech, here, tuple(sliders(mech, here)))
+
+
+def _plain(slider: Slider) -> dict[str, Any]:
+    n = len(slider.u)
+    dead = [float(np.abs(slider.u - d).argmin()) / (n - 1) for d in slider.dead_points]
+    return {
+        "joint": slider.joint,
+        "unit": slider.unit,
+        "u": slider.u.tolist(),
+        "share": slider.start / (n - 1),
+        "dead": dead,
+        "says": f"{slider.u.min():.4g} to {slider.u.max():.4g} {slider.unit}{_says(slider)}",
+        "beyond": list(slider.beyond),
+    }
+
+
+def _says(slider: Slider) -> str:
+    dead = ", ".join(f"{d:.4g}" for d in slider.dead_points)
+    words = [f"dead points at {dead} {slider.unit}" if dead else "", ENDS.get(slider.ended, "")]
+    return "".join(f"; {w}" for w in words if w)
