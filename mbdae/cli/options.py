@@ -17,6 +17,7 @@ from rich.text import Text
 
 from ..backend import BACKENDS
 from ..errors import InputError, printable
+from ..integrate.defaults import DEFAULTS, with_tolerance
 from ..integrate.solve import solve
 from ..integrate.span import checked_span
 from ..mechanism import Mechanism
@@ -26,14 +27,12 @@ from ..tabular import SUFFIXES, finite
 RTOL = 1e-8  # of a run on the command line
 HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
 as_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-method_option = click.option("-m", "--method", default="pherk6", show_default=True, help="A name of `mbdae methods`.")
-rtol_option = click.option("--rtol", type=float, help="Relative tolerance.  [default: 1e-8]")
+method_option = click.option("-m", "--method", help="A name of `mbdae methods`; the model's own, or pherk6.")
+rtol_option = click.option("--rtol", type=float, help="Relative tolerance; the model's own, or 1e-8.")
 atol_option = click.option("--atol", type=float, help="Absolute tolerance; 0.01 rtol when left out.")
 step_option = click.option("--step", type=float, help="Fixed step in s, instead of tolerances.")
 formulation_option = click.option(
     "--formulation",
-    default="index2",
-    show_default=True,
     help="index2; ggl: positions of closures kept too; index1: accelerations, -m dop853, or scipy's RK45, ...",
 )
 project_option = click.option(
@@ -50,7 +49,7 @@ plot_option = click.option("--plot", type=click.Path(dir_okay=False), help="Draw
 table_option = click.option(
     "-o", "--output", type=click.Path(dir_okay=False), help="Save as a table .csv, all as .json, or in LaTeX as .tex."
 )
-PICTURES, PAGES, TABLES = (".png", ".svg", ".pdf"), (".html",), SUFFIXES
+PICTURES, PAGES, TABLES, VIDEOS = (".png", ".svg", ".pdf"), (".html",), SUFFIXES, (".mp4", ".gif")
 
 
 def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -58,6 +57,26 @@ def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in (project_option, formulation_option, step_option, atol_option, rtol_option, time_option):
         command = option(command)
     return command
+
+
+def replay_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """How a replay shows the motion: traces, arrows, the camera, the speed."""
+    for option in (
+        click.option("--closures", is_flag=True, help="Mark the closures, also those that are closed."),
+        click.option("--follow", help="A joint whose body the camera follows."),
+        click.option("--camera", help="front, top, side or 3d.  [default: as the motion wants]"),
+        click.option("--arrows", "every", is_flag=True, help="Draw the forces of all closures."),
+        click.option("--arrow", "arrow", multiple=True, help="A closure whose force is drawn."),
+        click.option("--trace", "traces", multiple=True, help="A frame whose path is drawn."),
+        speed_option,
+    ):
+        command = option(command)
+    return command
+
+
+def panels(plots: tuple[str, ...]) -> list[tuple[str, ...]] | None:
+    """Plots of a replay: signals, those with commas on common axes."""
+    return [tuple(entry.split(",")) for entry in plots] or None
 
 
 def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
@@ -88,19 +107,18 @@ def span(mech: Mechanism, end: float | None) -> tuple[float, float]:
 
 
 def simulate(
-    mech: Mechanism, *, method: str, end: float | None, rtol: float | None, step: float | None, **options: Any
+    mech: Mechanism, *, method: str | None, end: float | None, rtol: float | None, step: float | None, **options: Any
 ) -> Solution:
-    """Run a model from its start with a progress bar.
+    """Run a model from its start with a progress bar; settings that are None are those of its file, or the defaults.
 
     Raises:
         InputError: for tolerances beside a fixed step, and as `mbdae.solve`.
     """
     if step is not None and (rtol is not None or options.get("atol") is not None):
         raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
-    with bar(method, 1.0) as tell:
-        rtol = RTOL if rtol is None else rtol
-        options["project"] = "auto" if options.get("project") is None else options["project"]
-        return solve(mech, span(mech, end), method=method, progress=tell, rtol=rtol, step=step, **options)
+    given = with_tolerance(mech, {"method": method, "rtol": rtol, "step": step, **options}, RTOL)
+    with bar(given.get("method") or mech.settings.method or DEFAULTS["method"], 1.0) as tell:
+        return solve(mech, span(mech, end), progress=tell, **given)
 
 
 def finish(sol: Solution) -> None:

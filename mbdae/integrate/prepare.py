@@ -135,13 +135,13 @@ def _set_watches(run: RunState, stepper: PythonStepper, formulation: str) -> Non
 
 
 def positive(**values: Any) -> None:
-    """Refuse what is no positive number; None says that something is left out, but for the largest step.
+    """Refuse what is no positive number; None says that something is left out.
 
     Raises:
         InputError: naming the argument.
     """
     for name, value in values.items():
-        if value is None and name != "max_step":
+        if value is None:
             continue
         if isinstance(value, bool) or not isinstance(value, Real) or not float(value) > 0:
             raise InputError(f"{name} must be a positive number, got {value!r}")

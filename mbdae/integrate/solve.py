@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
 from ..errors import require
 from ..solution.solution import Problem, Solution
 from ..system import Array
+from .defaults import completed
 from .ending import report
 from .loop import Progress, carry_out
 from .prepare import positive, prepare, within
@@ -21,15 +20,15 @@ def solve(
     v: Array | None = None,
     s: Array | None = None,
     *,
-    method: Any = "pherk6",
-    formulation: str = "index2",
-    project: bool | str = "auto",
+    method: Any = None,
+    formulation: str | None = None,
+    project: bool | str | None = None,
     baumgarte: tuple[float, float] | None = None,
     step: float | None = None,
-    rtol: float = 1e-6,
+    rtol: float | None = None,
     atol: float | Array | None = None,
     first_step: float | None = None,
-    max_step: float = np.inf,
+    max_step: float | None = None,
     max_steps: int | None = None,
     jumps: Sequence[float] = (),
     t_eval: Array | None = None,
@@ -44,14 +43,16 @@ def solve(
     Half-explicit methods meet the constraint at every stage (Brasey, Hairer, SIAM J. Numer. Anal. 30 (1993); Murua,
     Appl. Numer. Math. 24 (1997); Arnold, BIT 38 (1998)), Radau IIA methods by collocation (Hairer, Wanner II, VII.4).
 
+    What is left out, a mechanism file's ``[solve]`` table says (`mbdae.mechanism.start.SolveSettings`).
+
     Args:
         problem: a mechanism, or a `mbdae.Hessenberg` problem (which brings its own start).
         t_span: start and end in s; the end may lie before the start.
         q: consistent start configuration (nq,); the model's start when left out.
         v: consistent start velocity (nv,); the model's start when left out.
         s: start values (ns,) of the states of actuators and controllers; their own when left out.
-        method: a name of `mbdae.METHODS`, a `mbdae.Tableau`, or the file of one, ``"mine.toml"``; for ``"index1"``
-            dop853, or one of scipy's RK45, DOP853, Radau, LSODA.
+        method: a name of `mbdae.METHODS`, a `mbdae.Tableau`, or the file of one, ``"mine.toml"``; pherk6 when left out;
+            for ``"index1"`` dop853, or one of scipy's RK45, DOP853, Radau, LSODA.
         formulation: ``"index2"``: closures kept at velocity level, and see ``project``; ``"ggl"``: at position level
             too, by a second multiplier; ``"index1"``: neither, accelerations are stepped as a baseline.
             Mechanisms only.
@@ -62,7 +63,7 @@ def solve(
         baumgarte: alpha and beta in 1/s, for ``"index1"``: 0 = G v' + gamma + 2 alpha G v + beta^2 g.
         step: fixed step in s; the step size is controlled when left out, and singular configurations are then leapt
             over. Where a fixed one would end in one, three shorter steps take the place of two.
-        rtol: relative tolerance per step of q and v.
+        rtol: relative tolerance per step of q and v; 1e-6 when left out.
         atol: absolute tolerance, a number or one for each component of (q, v) in the tangent; 0.01 rtol when left out.
         first_step: first step in s; guessed when left out.
         max_step: largest step in s.
@@ -87,11 +88,14 @@ def solve(
     """
     require(problem, Problem, "solve takes a Mechanism (see mbdae.load) or a Hessenberg problem")
     positive(step=step, first_step=first_step, max_step=max_step, max_steps=max_steps)
+    sizes = {"step": step, "rtol": rtol, "atol": atol, "first_step": first_step, "max_step": max_step}
+    kinds = {"method": method, "formulation": formulation, "project": project, "baumgarte": baumgarte}
+    c = completed(problem, {**sizes, **kinds, "max_steps": max_steps})
     run = prepare(
-        problem, t_span, (q, v, s), method, formulation, project, baumgarte, step,
-        (rtol, atol, first_step, max_step), jumps, events, backend,
+        problem, t_span, (q, v, s), c["method"], c["formulation"], c["project"], c["baumgarte"], c["step"],
+        (c["rtol"], c["atol"], c["first_step"], c["max_step"]), jumps, events, backend,
     )  # fmt: skip
     times = None if t_eval is None else within(t_eval, run.t, run.t1)
     started = perf_counter()
-    status, message = carry_out(run, max_steps, progress)
+    status, message = carry_out(run, c["max_steps"], progress)
     return report(run, status, message, perf_counter() - started, times)

@@ -30,15 +30,16 @@ from .frames import find_joint, joint_names
 from .joints import is_depth_first
 from .manifold import Manifold
 from .modes.switches import switches_of
+from .quantities import Quantities
 from .scene.scene import Scene
-from .start import Motor, OrderSettings, Start, coordinates, vector
+from .start import Motor, OrderSettings, SolveSettings, Start, coordinates, vector
 from .workspace import make_data
 
 Coordinates = Mapping[str, float | Sequence[float]]
 SYSTEMS: dict[str, Callable[..., Index2System]] = {s.formulation: s for s in (Index2System, GGLSystem, Index1System)}
 
 
-class Mechanism:
+class Mechanism(Quantities):
     """A constrained mechanism in index-2 descriptor form.
 
         q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G(q) v + g_t(t)
@@ -55,6 +56,7 @@ class Mechanism:
         title: one line.
         duration: default end time of a run in s.
         order: settings of the order study.
+        settings: of runs, where `mbdae.solve` is given no others.
         source: what the mechanism was read from, kept in saved solutions.
         motors: named inputs, to which `mbdae.load` gives controls.
         left_out: what the files say and the mechanism does not have.
@@ -83,13 +85,14 @@ class Mechanism:
         title: str = "",
         duration: float = 10.0,
         order: OrderSettings | None = None,
+        settings: SolveSettings | None = None,
         source: dict[str, Any] | None = None,
         motors: Sequence[Motor] = (),
         left_out: Sequence[str] = (),
     ) -> None:
         self.model, self.visuals, self.source = model, visuals, source
         self.title, self.duration, self.order = title or model.name, duration, order or OrderSettings()
-        self.motors, self.left_out = tuple(motors), tuple(left_out)
+        self.motors, self.left_out, self.settings = tuple(motors), tuple(left_out), settings or SolveSettings()
         self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), ends(model, stops)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
         self.clutches, brakes = tuple(clutches), brakes_of(model, self.forces)
@@ -164,19 +167,11 @@ class Mechanism:
         """Shapes and their placements for the replay."""
         return appearance(self)
 
-    # -- forces and energy ---------------------------------------------------------------------------------------
+    # -- forces ---------------------------------------------------------------------------------------
 
     def bind_forces(self, data: pin.Data) -> ForceElements:
         """Bind every force to a workspace."""
         return bind_forces(self.forces, self.model, data)
-
-    def energy(self, q: Array, v: Array) -> tuple[float, float]:
-        """Kinetic energy v^T M v / 2 (armature included) and potential energy of gravity and springs, in J."""
-        return self.system().energy(np.asarray(q, float), np.asarray(v, float))
-
-    def residual(self, q: Array, v: Array, t: float = 0.0) -> tuple[Array, Array]:
-        """Return g(t, q) and G(q) v + g_t(t) over all rows, (ng,) each."""
-        return self.system().residual(t, np.asarray(q, float), np.asarray(v, float))
 
     # -- states --------------------------------------------------------------------------------------------------
 

@@ -1,11 +1,11 @@
 """What a mechanism is given beside its model: start values, settings of the order study, motors."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ..errors import InputError
 from ..system import Array
@@ -52,6 +52,50 @@ class OrderSettings(Table):
     steps: int = Field(default=20, ge=10)
     q: dict[str, Value] = Field(default_factory=dict)
     v: dict[str, Value] = Field(default_factory=dict)
+
+
+class SolveSettings(Table):
+    """Settings of runs of the model, as of `mbdae.solve`, which has them where it is given no others.
+
+    A method that is given to a run stands without formulation, project and baumgarte of the file, a step without its
+    tolerances, tolerances without its step.
+
+    Attributes:
+        method: a name of `mbdae methods`.
+        formulation: ``"index2"``, ``"ggl"`` or ``"index1"``.
+        project: bring the state back to the closures after each step.
+        baumgarte: alpha and beta in 1/s, for index1.
+        step: fixed step in s, instead of tolerances.
+        rtol: relative tolerance.
+        atol: absolute tolerance.
+        first_step: first step in s.
+        max_step: largest step in s.
+        max_steps: largest number of steps.
+    """
+
+    method: str | None = None
+    formulation: Literal["index2", "ggl", "index1"] | None = None
+    project: bool | None = None
+    baumgarte: tuple[float, float] | None = None
+    step: float | None = Field(default=None, gt=0)
+    rtol: float | None = Field(default=None, gt=0)
+    atol: float | None = Field(default=None, gt=0)
+    first_step: float | None = Field(default=None, gt=0)
+    max_step: float | None = Field(default=None, gt=0)
+    max_steps: int | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _fit(self) -> "SolveSettings":
+        if self.step is not None and (self.rtol, self.atol) != (None, None):
+            raise ValueError("step is for steps of one size, rtol and atol for steps under control: not both")
+        if self.baumgarte is not None and self.formulation != "index1":
+            raise ValueError("baumgarte belongs to formulation 'index1'")
+        return self
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The settings that are said."""
+        return {key: x for key in type(self).model_fields if (x := getattr(self, key)) is not None}
 
 
 class Motor(NamedTuple):

@@ -28,7 +28,7 @@ class _OneLine(ModelMetaclass):
         try:
             return super().__call__(**kwargs)
         except ValidationError as e:
-            raise InputError(f"{cls.__name__}: {one_line(e, lambda path: known)}") from None
+            raise InputError(f"{cls.__name__}: {one_line(e, lambda path: known, kwargs)}") from None
 
 
 class Table(BaseModel, metaclass=_OneLine):
@@ -41,13 +41,44 @@ class Table(BaseModel, metaclass=_OneLine):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def one_line(error: ValidationError, known: KnownKeys) -> str:
-    """Say the first validation error in one line; an unknown key is answered with the known ones at its place."""
-    first = error.errors()[0]
-    where = ".".join(str(p) for p in first["loc"])
-    if first["type"] == "extra_forbidden":
-        return f"unknown key {where}; known: {', '.join(known(first['loc'][:-1]))}"
-    if first["type"] == "missing":
+def one_line(error: ValidationError, known: KnownKeys, content: Any = None) -> str:
+    """Say all faults of a table in one line; an unknown key is answered with the known ones at its place.
+
+    Args:
+        error: what was found.
+        known: the keys at a place.
+        content: the table, by which entries of lists are called by their names, and each fault is said once where a
+            value was tried as several kinds.
+    """
+    said: dict[str, str] = {}
+    for e in error.errors():
+        where = ".".join(_place(e["loc"], e["type"], content))
+        if where not in said:
+            said[where] = _fault(e, where, known)
+    return "; ".join(said.values())
+
+
+def _place(loc: Sequence[Any], kind: str, content: Any) -> list[str]:
+    """Keys and names on the way to a fault, without the kinds that were tried."""
+    if content is None:
+        return [str(p) for p in loc]
+    out, at = [], content
+    for i, p in enumerate(loc):
+        if isinstance(at, dict) and p in at:
+            out, at = [*out, str(p)], at[p]
+        elif isinstance(at, list | tuple) and isinstance(p, int) and p < len(at):
+            at = at[p]
+            name = at.get("name") if isinstance(at, dict) else None
+            out.append(name if isinstance(name, str) and name else str(p))
+        elif kind == "missing" and i == len(loc) - 1:
+            out.append(str(p))
+    return out
+
+
+def _fault(e: Any, where: str, known: KnownKeys) -> str:
+    if e["type"] == "extra_forbidden":
+        return f"unknown key {where}; known: {', '.join(known(e['loc'][:-1]))}"
+    if e["type"] == "missing":
         return f"missing key {where}"
-    message = first["msg"].removeprefix("Value error, ")
-    return f"{where}: {message}, got {str(first['input'])[:80]!r}" if where else message
+    message = e["msg"].removeprefix("Value error, ")
+    return f"{where}: {message}, got {str(e['input'])[:80]!r}" if where else message

@@ -186,18 +186,9 @@ def _source(recipe: Recipe) -> dict[str, Any]:
 def _of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title: str, **rest: Any) -> Mechanism:
     """The mechanism over a model, with what the tables of a file say besides."""
     return Mechanism(
-        model,
-        file.closure,
-        forces,
-        drivers=file.driver,
-        stops=file.stop,
-        clutches=file.clutch,
-        start=file.start,
-        title=title,
-        duration=file.duration,
-        order=file.order,
-        **rest,
-    )
+        model, file.closure, forces, drivers=file.driver, stops=file.stop, clutches=file.clutch, start=file.start,
+        title=title, duration=file.duration, order=file.order, settings=file.solve, **rest,
+    )  # fmt: skip
 
 
 def describe(mech: Mechanism) -> dict[str, Any]:
@@ -214,6 +205,7 @@ def describe(mech: Mechanism) -> dict[str, Any]:
         force=tuple(f for f in mech.forces if isinstance(f, FORCES)),
         start=mech.start_values,
         order=mech.order,
+        solve=mech.settings,
         duration=mech.duration,
     )
     return {"name": mech.title, "file": _plain(file), "model": written(mech.model), "functions": functions}

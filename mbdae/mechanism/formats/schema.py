@@ -15,7 +15,7 @@ from ..closures.one_sided import Stop
 from ..closures.user_rows import UserRows
 from ..forces import FORCES, AnyForce
 from ..signals import SIGNALS, Signal
-from ..start import OrderSettings, Start, Value
+from ..start import OrderSettings, SolveSettings, Start, Value
 from ..tables import HUGE, Table, one_line
 
 Vector = tuple[float, float, float]
@@ -115,6 +115,7 @@ class MechanismFile(Table):
         force: springs, dampers, motors, controllers.
         start: the start state.
         order: the order study.
+        solve: settings of runs.
     """
 
     title: str = ""
@@ -134,6 +135,7 @@ class MechanismFile(Table):
     force: tuple[AnyForce, ...] = ()
     start: Start = Start()
     order: OrderSettings = OrderSettings()
+    solve: SolveSettings = SolveSettings()
 
     @field_validator("closure", mode="before")
     @classmethod
@@ -175,7 +177,7 @@ def checked(content: Mapping[str, Any], name: str) -> MechanismFile:
     try:
         return MechanismFile.model_validate(content)
     except ValidationError as e:
-        raise InputError(f"{name}: {one_line(e, _known_keys)}") from None
+        raise InputError(f"{name}: {one_line(e, _known_keys, content)}") from None
 
 
 def _wild(value: Any, where: str = "") -> Iterator[str]:
@@ -203,6 +205,7 @@ def _known_keys(path: Sequence[Any]) -> list[str]:
         "clutch": Clutch,
         "start": Start,
         "order": OrderSettings,
+        "solve": SolveSettings,
     }
     kinds = {f.model_fields["kind"].default: f for f in (*FORCES, *SIGNALS)}
     found = next((kinds[p] for p in reversed(path) if p in kinds), None) or (tables.get(path[0]) if path else None)

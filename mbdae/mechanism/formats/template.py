@@ -138,6 +138,8 @@ def with_start(mech: Mechanism, values: Mapping[str, Any]) -> Mechanism:
         start = replaced(start, name.removeprefix(START), value, name)
     other = copy(mech)
     other.start_values, other._starts = start, {}
+    if mech.source:
+        other.source = {**mech.source, "file": {**mech.source["file"], "start": start.model_dump(mode="json")}}
     return other
 
 

@@ -1,6 +1,6 @@
 """The model card: what a mechanism consists of, its degrees of freedom, and what is not modelled."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,7 @@ class Card(Tabular):
         open: which closure the file's own start values leave open, and by how much, in words.
         motors: names of the inputs that take controls.
         parameters: name and value of each parameter of the model, and which values it takes, in words.
+        solve: settings of runs that the file says.
         not_modelled: what the motion ignores.
     """
 
@@ -67,6 +68,7 @@ class Card(Tabular):
     open: str = ""
     motors: tuple[str, ...] = ()
     parameters: tuple[dict[str, Any], ...] = ()
+    solve: dict[str, Any] = field(default_factory=dict)
     not_modelled: tuple[str, ...] = NOT_MODELLED
 
     def facts(self) -> dict[str, str]:
@@ -114,6 +116,8 @@ class Card(Tabular):
         lines += [f"  forces    {', '.join(self.forces) or 'none'}; gravity {list(self.gravity)} m/s^2"]
         for p in self.parameters:
             lines.append(f"  parameter {p['name']} = {p['value']}: {p['takes']}")
+        if self.solve:
+            lines.append(f"  solve     {', '.join(f'{name} = {x}' for name, x in self.solve.items())}")
         if self.motors:
             lines.append(f"  motors    {', '.join(self.motors)}")
         lines.append(f"  start     |g| {self.g:.1e} ({self.g_loaded:.1e} as loaded{self.open}), |G v| {self.Gv:.1e}")
@@ -170,5 +174,6 @@ def card(mech: Mechanism) -> Card:
         open=f", {gap.name!r} open by {gap.text}" if gap and gap.size > 1e-10 else "",
         motors=tuple(m.name for m in mech.motors),
         parameters=tuple((mech.source or {}).get("parameters", ())),
+        solve=mech.settings.given,
         not_modelled=(*NOT_MODELLED, *mech.left_out),
     )

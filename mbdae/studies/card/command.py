@@ -4,6 +4,7 @@
 import click
 
 from ... import backend
+from ...cli.model import chosen_model, set_option, start_option
 from ...cli.options import as_json, emit, show
 from ...mechanism import load, model_names
 from ...solution.archive import versions
@@ -12,14 +13,16 @@ from .card import card
 
 @click.command()
 @click.argument("model", required=False)
+@start_option
+@set_option
 @as_json
-def info(model: str | None, as_json: bool) -> None:
+def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], as_json: bool) -> None:
     """Show versions and the back end, or a model's card.
 
     The card has sizes, joints, closures, degrees of freedom, start, and what is not modelled.
     """
     if model:
-        result = card(load(model))
+        result = card(chosen_model(model, started, chosen).load())
         data, lines = result.to_dict(), [str(result)]
     else:
         data = {"versions": versions()}

@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from ...cli.model import ChosenModel, model_argument
 from ...cli.options import (
     FAILED,
     PICTURES,
@@ -22,11 +23,10 @@ from ...cli.options import (
     writable,
 )
 from ...errors import InputError
-from ...mechanism import load
 
 
 @click.command()
-@click.argument("model")
+@model_argument
 @methods_option
 @click.option("--formulation", "formulations", multiple=True, help="For methods without one: index2, project, ggl.")
 @time_option
@@ -44,7 +44,7 @@ from ...mechanism import load
 @plot_option
 @as_json
 def compare(
-    model: str,
+    model: ChosenModel,
     names: tuple[str, ...],
     formulations: tuple[str, ...],
     end: float | None,
@@ -70,7 +70,7 @@ def compare(
     output = kept[0] if kept else None
     if len(kept) > 1:
         raise InputError(f"the runs are kept in one file, got {' and '.join(kept)}")
-    mech = load(model)
+    mech = model.load()
     with bar("compare", 1.0) as tell:
         result = study(
             mech,

@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from ...cli.model import chosen_model, set_option, start_option
 from ...cli.options import (
     FAILED,
     PICTURES,
@@ -21,7 +22,6 @@ from ...cli.options import (
     writable,
 )
 from ...errors import InputError
-from ...mechanism import load
 from ...solution.solution import Solution
 from ..variant import variants
 from .drift import drift as measure_drift
@@ -29,6 +29,8 @@ from .drift import drift as measure_drift
 
 @click.command()
 @click.argument("targets", nargs=-1, required=True, metavar="MODEL|RUN.npz...")
+@start_option
+@set_option
 @methods_option
 @run_options
 @click.option("--max", "limit", type=float, help="Exit 1 when |g|, |G v| or the relative energy error exceeds this.")
@@ -37,8 +39,10 @@ from .drift import drift as measure_drift
 @as_json
 def drift(
     targets: tuple[str, ...],
+    started: tuple[str, ...],
+    chosen: tuple[str, ...],
     names: tuple[str, ...],
-    formulation: str,
+    formulation: str | None,
     project: bool | None,
     limit: float | None,
     output: str | None,
@@ -55,19 +59,21 @@ def drift(
         raise InputError("-o takes the drift of one run")
     if limit is not None and not limit > 0:
         raise InputError(f"--max must be positive, got {limit}")
-    given = any([names, formulation != "index2", *(value is not None for value in (project, *options.values()))])
+    given = any([started, chosen, names, *(value is not None for value in (formulation, project, *options.values()))])
     if given and all(target.endswith(".npz") for target in targets):
         raise InputError("a saved run has its method, time and tolerances: options of a run go with a model")
-    if project and formulation != "index2":
+    if project and formulation not in (None, "index2"):
         raise InputError(f"give --project or --formulation {formulation}, not both")
     sols = []
-    chosen = variants(listed(names) or ["pherk6"], ["project" if project else formulation])
+    said = bool(names or formulation or project)
+    tried = variants(listed(names) or ["pherk6"], ["project" if project else formulation or "index2"]) if said else ()
     for target in targets:
         if target.endswith(".npz"):
             sols.append(Solution.load(target))
         else:
-            mech = load(target)
-            sols += [simulate(mech, **v.arguments(), **options) for v in chosen]
+            mech = chosen_model(target, started, chosen).load()
+            runs = [v.arguments() for v in tried] or [{"method": None, "project": project}]
+            sols += [simulate(mech, **run, **options) for run in runs]
     found = [measure_drift(sol) for sol in sols]
     if plot:
         from .. import figures

@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from ...cli.model import ChosenModel, model_argument
 from ...cli.options import (
     FAILED,
     PAGES,
@@ -25,7 +26,7 @@ from ...errors import InputError
 
 
 @click.command()
-@click.argument("model")
+@model_argument
 @click.argument("data", nargs=-1, required=True, metavar="DATA.csv|.parquet...")
 @click.option("-p", "--parameter", "given", multiple=True, required=True, metavar="NAME=LOW:HIGH",
               help="A parameter and its bounds; or NAME=START:LOW:HIGH. Several times for several.")  # fmt: skip
@@ -41,12 +42,12 @@ from ...errors import InputError
 @plot_option
 @as_json
 def fit(
-    model: str,
+    model: ChosenModel,
     data: tuple[str, ...],
     given: tuple[str, ...],
     signals: tuple[str, ...],
     sigma: tuple[str, ...],
-    method: str,
+    method: str | None,
     rtol: float | None,
     step: float | None,
     starts: int,
@@ -65,10 +66,10 @@ def fit(
     if step is not None and rtol is not None:
         raise InputError("give --step for steps of one size, or --rtol for steps under control, not both")
     written = writable((output, TABLES), (html, PAGES), (plot, PICTURES))
-    settings: dict[str, Any] = {"method": method}
-    settings |= {"step": step} if step is not None else {} if rtol is None else {"rtol": rtol}
+    said = {"method": method, "step": step, "rtol": rtol}
+    settings: dict[str, Any] = {name: x for name, x in said.items() if x is not None}
     with bar("fit", None) as tell:
-        found = study(model, dict(map(_bounds, given)), list(data), signals=signals, sigma=_levels(sigma),
+        found = study(model.source, dict(map(_bounds, given)), list(data), signals=signals, sigma=_levels(sigma),
                       starts=starts, seed=seed, progress=tell, **settings)  # fmt: skip
     for path in (output, html):
         if path:

@@ -24,7 +24,7 @@ from ...system import Array
 from ..sensitivity.numbers import Makes, maker
 from .data import records
 from .misfit import Misfit
-from .result import TIED, Fit, Search
+from .result import TIED, Fit, Attempt
 
 __all__ = ["fit"]
 
@@ -110,7 +110,7 @@ def fit(
         except MbdaeError as e:
             if not i:
                 raise
-            found_all.append(Search(dict(zip(unknown, x.tolist(), strict=True)), {}, np.inf, False, str(e)))
+            found_all.append(Attempt(dict(zip(unknown, x.tolist(), strict=True)), {}, np.inf, False, str(e)))
     return _result(problem, found_all, low, high, scale)
 
 
@@ -128,8 +128,8 @@ def _places(first: Array, low: Array, high: Array, n: int, seed: int) -> Iterato
 def _search(
     problem: Misfit, start: Array, low: Array, high: Array, scale: Array, shares: Sequence[float],
     progress: Callable[[str], None] | None,
-) -> Search:  # fmt: skip
-    """Search from a start over growing shares of the samples.
+) -> Attempt:  # fmt: skip
+    """Attempt from a start over growing shares of the samples.
 
     Raises:
         MbdaeError: of a run that fails where a search begins.
@@ -146,7 +146,7 @@ def _search(
         )  # fmt: skip
         x, message, converged, r = result.x, result.message, result.status > 0, result.fun
     begun, ended = (dict(zip(problem.names, y.tolist(), strict=True)) for y in (start, x))
-    return Search(begun, ended, float(r @ r), converged, message)
+    return Attempt(begun, ended, float(r @ r), converged, message)
 
 
 def _unknown(make: Makes, name: str, given: Any) -> Unknown:
@@ -178,7 +178,7 @@ def _unknown(make: Makes, name: str, given: Any) -> Unknown:
     return Unknown(start[0], low, high)
 
 
-def _result(problem: Misfit, searches: list[Search], low: Array, high: Array, scale: Array) -> Fit:
+def _result(problem: Misfit, searches: list[Attempt], low: Array, high: Array, scale: Array) -> Fit:
     best = min(searches, key=lambda s: s.chi2)
     x, problem.share = np.array(list(best.values.values())), 1.0
     r, J, names = problem.residuals(x), problem.jacobian(x) * scale, problem.names

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, MbdaeError
+from ...integrate.defaults import with_tolerance
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...solution.signals import signals as computed_signals
@@ -34,7 +35,7 @@ class Misfit:
     ) -> None:
         self.make, self.names, self.found, self.known = make, names, found, known
         self.given, self.share, self.runs, self.gradients = sigma is not None, 1.0, 0, 0
-        self.settings = {**({} if "step" in settings else {"rtol": RTOL}), **settings}
+        self.settings = settings
         start = 0.0 if t_span is None else float(t_span[0])
         end = max(r.t[-1] for r in found) if t_span is None else float(t_span[1])
         self.start = start
@@ -69,7 +70,8 @@ class Misfit:
                 span = (self.start, float(times[-1]))
                 for name in record.columns:
                     differentiable(mech, name)
-                sol = solve(mech, span, t_eval=times, **self.settings) if times[-1] > self.start else None
+                settings = with_tolerance(mech, self.settings, RTOL)
+                sol = solve(mech, span, t_eval=times, **settings) if times[-1] > self.start else None
                 if sol is None or not sol.ended:
                     raise InputError(f"{record.name}: {sol.message if sol else 'no time passes'}")
                 self.runs += 1

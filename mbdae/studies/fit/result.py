@@ -22,7 +22,7 @@ TIED = 0.999  # correlation: two parameters of which the data tell a combination
 SAME = 1e-3  # of chi-squared: searches that end in the same minimum
 
 
-class Search(NamedTuple):
+class Attempt(NamedTuple):
     """A search of a fit: where it started, where it ended (nothing where it failed), and how."""
 
     start: dict[str, float]
@@ -78,7 +78,7 @@ class Fit(Tabular):
     gradients: int = 0
     converged: bool = True
     message: str = ""
-    searches: list[Search] = field(default_factory=list, repr=False)
+    searches: list[Attempt] = field(default_factory=list, repr=False)
 
     @property
     def agreeing(self) -> int:

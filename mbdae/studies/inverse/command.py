@@ -4,16 +4,16 @@ from typing import Any
 
 import click
 
+from ...cli.model import ChosenModel, model_argument
 from ...cli.options import PICTURES, TABLES, as_json, emit, listed, plot_option, table_option, writable
 from ...errors import InputError
-from ...mechanism import load
 from ..kinematics.command import held
 from ..kinematics.kinematics import kinematics
 from .inverse import inverse_dynamics
 
 
 @click.command()
-@click.argument("model")
+@model_argument
 @click.argument("motion", required=False, metavar="[RUN.npz|TABLE.csv]")
 @click.option("--drive", help="Instead of a motion: a joint that turns at constant speed, through one turn.")
 @click.option("--speed", type=float, help="Its speed in rad/s or m/s.")
@@ -29,7 +29,7 @@ from .inverse import inverse_dynamics
 @plot_option
 @as_json
 def inverse(
-    model: str,
+    model: ChosenModel,
     motion: str | None,
     drive: str | None,
     speed: float | None,
@@ -49,7 +49,7 @@ def inverse(
         raise InputError("give a motion (RUN.npz or TABLE.csv), or --drive and --speed")
     if (first is None) != (last is None) or (motion and (speed is not None or first is not None or hold)):
         raise InputError("--speed, --from, --to and --hold go with --drive; give both --from and --to, or none")
-    mech = load(model)
+    mech = model.load()
     prescribed: Any = motion
     if drive is not None:
         if speed is None:

@@ -4,15 +4,15 @@ from typing import Any
 
 import click
 
+from ...cli.model import ChosenModel, model_argument
 from ...cli.options import PAGES, PICTURES, TABLES, as_json, emit, listed, plot_option, speed_option, writable
 from ...errors import InputError
-from ...mechanism import load
 from .kinematics import kinematics as follow
 from .modes import assembly_modes
 
 
 @click.command()
-@click.argument("model")
+@model_argument
 @click.option("--drive", required=True, help="The input: a joint of one coordinate, or a driver of the model.")
 @click.option("--from", "first", type=float, help="Where the input begins, in rad or m; the start when left out.")
 @click.option("--to", "last", type=float, help="Where it ends; with --from.")
@@ -29,7 +29,7 @@ from .modes import assembly_modes
 @speed_option
 @as_json
 def kinematics(
-    model: str,
+    model: ChosenModel,
     drive: str,
     first: float | None,
     last: float | None,
@@ -52,7 +52,7 @@ def kinematics(
         raise InputError("give --from and --to, or --turns")
     if modes and written:
         raise InputError("--modes lists poses at one value of the input: there is no curve to write")
-    mech = load(model)
+    mech = model.load()
     if modes:
         listing = assembly_modes(mech, drive, first, hold=held(hold), apart=listed(apart))
         emit(listing.to_dict(), str(listing), as_json)

@@ -6,16 +6,16 @@ from typing import Any
 import click
 import numpy as np
 
+from ...cli.model import ChosenModel, model_argument
 from ...cli.options import FAILED, PAGES, PICTURES, as_json, emit, listed, plot_option, values_by_name, writable
 from ...errors import InputError
-from ...mechanism import load
 from .linear_system import LinearSystem, linearize
 from .modes import modes as find_modes
 from .root_locus import read_range, root_locus
 
 
 @click.command()
-@click.argument("model")
+@model_argument
 @click.option("--at", "at", multiple=True, help="Search the equilibrium from joint=value, in rad or m.")
 @click.option("--speed", "speed", multiple=True, help="A constant speed, joint=value, in rad/s or m/s.")
 @click.option("--hold", "hold", multiple=True, help="A joint that stands still.")
@@ -28,7 +28,7 @@ from .root_locus import read_range, root_locus
 @plot_option
 @as_json
 def modes(
-    model: str,
+    model: ChosenModel,
     at: tuple[str, ...],
     speed: tuple[str, ...],
     hold: tuple[str, ...],
@@ -51,15 +51,15 @@ def modes(
     if ((over or response) and html) or (over and response):
         raise InputError("a root locus or a frequency response, one of them, has a figure, --plot, and no page")
     if response:
-        _respond(linearize(load(model), inputs=_once(response, 0), outputs=_once(response, 1), **given), plot, as_json)
+        _respond(linearize(model.load(), inputs=_once(response, 0), outputs=_once(response, 1), **given), plot, as_json)
         return
     if over:
-        locus = root_locus(model, *read_range(over), **given)
+        locus = root_locus(model.name, *read_range(over), **given)
         if plot:
             locus.plot(plot)
         emit({**locus.to_dict(), "written": written}, str(locus), as_json)
         return
-    found = find_modes(load(model), **given)
+    found = find_modes(model.load(), **given)
     if html:
         found.animate(html)
     if plot:

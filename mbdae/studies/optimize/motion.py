@@ -9,12 +9,14 @@ import numpy as np
 
 from ... import backend
 from ...errors import InputError
+from ...integrate.defaults import with_tolerance
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
 from ...mechanism.formulations.parameters import Parameters
 from ...solution.solution import Solution
 from ...system import Array
+from ..fit.misfit import RTOL
 from ..kinematics.driven import driven
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
@@ -129,7 +131,7 @@ def runs(make: Makes, t_span: tuple[float, float] | None, settings: Mapping[str,
 
     def run(values: dict[str, float]) -> RunMotion:
         mech = make.make(values)
-        sol = solve(mech, (0.0, mech.duration) if t_span is None else t_span, **settings)
+        sol = solve(mech, (0.0, mech.duration) if t_span is None else t_span, **with_tolerance(mech, settings, RTOL))
         if sol.status == "interrupted":
             raise KeyboardInterrupt
         if not sol.ended:

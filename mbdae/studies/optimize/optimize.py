@@ -18,7 +18,6 @@ from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import number
 from ...mechanism.formats.template import Template
 from ...system import Array
-from ..fit.misfit import RTOL
 from ..sensitivity.cost import Cost
 from ..sensitivity.numbers import Names, maker
 from .motion import Measured, Motion, Moves, curves, runs
@@ -93,7 +92,7 @@ def optimize(
     moves = (
         curves(make, drive, make.make(start), settings)
         if drive is not None
-        else runs(make, t_span, {**({} if "step" in settings else {"rtol": RTOL}), **settings})
+        else runs(make, t_span, settings)
     )
     functions = {name: x[0] for name, x in (constraints or {}).items()}
     problem = Problem(moves, cost, functions, start, limits, progress)

@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from ...cli.model import ChosenModel, model_argument
 from ...cli.options import (
     FAILED,
     HOLDS,
@@ -21,7 +22,6 @@ from ...cli.options import (
     writable,
 )
 from ...errors import InputError
-from ...mechanism import load
 from ...methods import METHODS, method
 from ...methods.order.conditions import check_conditions
 from ...textbook.problems import TEXTBOOK
@@ -31,7 +31,7 @@ from .result import OrderStudy
 
 
 @click.command()
-@click.argument("model")
+@model_argument
 @click.option("-m", "--method", "names", multiple=True, help="A method; several times for several; all when left out.")
 @click.option("-t", "--time", "T", type=float, help="End time in s; the model's own when left out.")
 @click.option("--steps", type=int, help="Coarsest number of steps, at least ten.")
@@ -41,7 +41,7 @@ from .result import OrderStudy
 @plot_option
 @as_json
 def order(
-    model: str,
+    model: ChosenModel,
     names: tuple[str, ...],
     T: float | None,
     steps: int | None,
@@ -58,13 +58,13 @@ def order(
     if parameter is not None and not gradients:
         raise InputError("a parameter belongs to --gradients")
     written = writable((output, TABLES), (plot, PICTURES))
-    if gradients and model in TEXTBOOK:
-        raise InputError(f"gradients are those of mechanisms, {model!r} is a textbook problem")
-    problem = TEXTBOOK[model]() if model in TEXTBOOK else load(model)
+    if gradients and model.name in TEXTBOOK:
+        raise InputError(f"gradients are those of mechanisms, {model.name!r} is a textbook problem")
+    problem = TEXTBOOK[model.name]() if model.name in TEXTBOOK else model.load()
     with bar("order", None) as tell:
         options: dict[str, Any] = {"T": T, "steps": steps, "progress": tell}
         if gradients:
-            study: OrderStudy = check_gradients(load(model), listed(names) or None, parameter=parameter, **options)
+            study: OrderStudy = check_gradients(model.load(), listed(names) or None, parameter=parameter, **options)
         else:
             study = check_order(problem, listed(names) or None, **options)
     if plot:

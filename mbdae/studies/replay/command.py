@@ -10,27 +10,21 @@ from ...cli.options import (
     as_json,
     bar,
     emit,
-    speed_option,
+    panels,
+    replay_options,
     writable,
 )
 from ...errors import InputError
 from ...solution.solution import Solution
 
-CAMERAS = ("front", "top", "side", "3d")
 
 @click.command()
 @click.argument("solutions", nargs=-1, required=True, metavar="RUN.npz [OTHER.npz...]")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="The HTML page to write.")
 @click.option("--video", type=click.Path(dir_okay=False), help="The video to write, .mp4 or .gif; takes Chromium.")
-@speed_option
 @click.option("--plot", "plots", multiple=True, help="A signal, q.crank, or several on common axes: q.crank,q.rod.")
-@click.option("--trace", "traces", multiple=True, help="A frame whose path is drawn.")
-@click.option("--arrow", "arrow", multiple=True, help="A closure whose force is drawn.")
-@click.option("--arrows", "every", is_flag=True, help="Draw the forces of all closures.")
-@click.option("--camera", type=click.Choice(CAMERAS), help="Where it is seen from.  [default: as the motion wants]")
-@click.option("--follow", help="A joint whose body the camera follows.")
-@click.option("--closures", is_flag=True, help="Mark the closures, also those that are closed.")
 @click.option("--glb", type=click.Path(dir_okay=False), help="The animated scene to write, for slides and Blender.")
+@replay_options
 @as_json
 def animate(
     solutions: tuple[str, ...],
@@ -53,9 +47,8 @@ def animate(
     sol, *others = map(Solution.load, solutions)
     stems = [Path(name).stem for name in solutions[1:]]
     names = stems if len(set(stems)) == len(stems) else solutions[1:]
-    chosen = [tuple(entry.split(",")) for entry in plots] or None
     with bar("animate", 1.0) as tell:
         for path in written:
             ghosts = dict(zip(names, others, strict=True))
-            write(sol, path, plots=chosen, ghosts=ghosts, arrows=every or arrow, progress=tell, **options)
+            write(sol, path, plots=panels(plots), ghosts=ghosts, arrows=every or arrow, progress=tell, **options)
     emit({"written": written}, "\n".join(f"wrote {path}" for path in written), as_json)

@@ -4,6 +4,7 @@ from typing import Any
 
 import click
 
+from ...cli.model import ChosenModel, model_argument
 from ...cli.options import (
     PAGES,
     RTOL,
@@ -17,11 +18,10 @@ from ...cli.options import (
     time_option,
     writable,
 )
-from ...mechanism import load
 
 
 @click.command()
-@click.argument("model")
+@model_argument
 @click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The HTML page to write.")
 @methods_option
 @time_option
@@ -29,12 +29,14 @@ from ...mechanism import load
 @click.option("--repeats", type=int, default=3, show_default=True, help="Runs for the median of the wall time.")
 @click.option("--workers", type=int, default=1, show_default=True, help="Processes of the comparison.")
 @as_json
-def report(model: str, output: str, names: tuple[str, ...], end: float | None, as_json: bool, **options: Any) -> None:
+def report(
+    model: ChosenModel, output: str, names: tuple[str, ...], end: float | None, as_json: bool, **options: Any
+) -> None:
     """Write one page on a model: card, run with replay, drift, orders and comparison, with all that repeats it."""
     from .report import report as study
 
     written = writable((output, PAGES))
-    mech = load(model)
+    mech = model.load()
     with bar("report", 1.0) as tell:
         options["rtol"] = RTOL if options["rtol"] is None else options["rtol"]
         result = study(mech, span(mech, end)[1], methods=listed(names) or None, progress=tell, **options)

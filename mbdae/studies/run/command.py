@@ -4,23 +4,25 @@ from typing import Any
 
 import click
 
+from ...cli.model import ChosenModel, model_argument
 from ...cli.options import (
     PAGES,
     PICTURES,
+    VIDEOS,
     as_json,
     backend_option,
     emit,
     finish,
     listed,
     method_option,
+    panels,
+    replay_options,
     run_options,
     simulate,
-    speed_option,
     writable,
 )
 from ...errors import InputError
 from ...integrate.events import Event
-from ...mechanism import load
 from ...solution.signals import find
 from ...system import Array
 from ..drift.drift import drift as measure_drift
@@ -29,7 +31,7 @@ SHOWN = 5  # times of an event
 
 
 @click.command()
-@click.argument("model")
+@model_argument
 @method_option
 @run_options
 @backend_option
@@ -37,19 +39,29 @@ SHOWN = 5  # times of an event
 @click.option("--until", multiple=True, help="The same, and end the run there: 'force.wrist pin > 100'.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the solution as .npz, or as a .csv table.")
 @click.option("--html", type=click.Path(dir_okay=False), help="Write a replay as one HTML page.")
+@click.option("--video", type=click.Path(dir_okay=False), help="Write it as .mp4 or .gif; takes Chromium.")
+@click.option("--plots", multiple=True, help="A signal in the replay, or several on common axes: q.crank,q.rod.")
+@replay_options
 @click.option("--plot", type=click.Path(dir_okay=False), help="Draw the run as .png, .svg or .pdf.")
 @click.option("--signal", "names", multiple=True, help="Plot these, by name or beginning: force.crank, power.motor, q.")
-@speed_option
 @as_json
 def run(
-    model: str,
+    model: ChosenModel,
     events: tuple[str, ...],
     until: tuple[str, ...],
     output: str | None,
     html: str | None,
+    video: str | None,
+    plots: tuple[str, ...],
     plot: str | None,
     names: tuple[str, ...],
     speed: float | None,
+    traces: tuple[str, ...],
+    arrow: tuple[str, ...],
+    every: bool,
+    camera: str | None,
+    follow: str | None,
+    closures: bool,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -58,19 +70,22 @@ def run(
     Events are signals of `mbdae run MODEL -o run.csv`, or force, torque and effort of closures and drivers by name,
     with = for both directions, > for rising above, < for falling below a number; a signal alone means its zeros.
     """
-    written = writable((output, (".npz", ".csv")), (html, PAGES), (plot, PICTURES))
+    written = writable((output, (".npz", ".csv")), (html, PAGES), (video, VIDEOS), (plot, PICTURES))
+    if not (html or video) and (plots or traces or arrow or every):
+        raise InputError("--plots, --trace and --arrows belong to a replay: --html run.html, or --video run.mp4")
     watched = [*events, *(Event(text, terminal=True) for text in until)]
-    mech = load(model)
+    mech = model.load()
     names = tuple(find(mech, listed(names)))
     if names and not plot:
         raise InputError("--signal says what --plot draws: give both")
     sol = simulate(mech, events=watched, **options)
     if output:
         sol.save(output)
-    if html:
+    for path in filter(None, (html, video)):
         from ..replay.replay import animate
 
-        animate(sol, html, speed=speed)
+        animate(sol, path, speed=speed, plots=panels(plots), traces=traces, arrows=every or arrow,
+                camera=camera, follow=follow, closures=closures)  # fmt: skip
     if plot:
         sol.plot(plot, names)
     found = measure_drift(sol)

@@ -5,9 +5,9 @@ from typing import Any
 
 import click
 
+from ...cli.model import ChosenModel, model_argument
 from ...cli.options import FAILED, PICTURES, UNJUDGED, as_json, emit, listed, plot_option, values_by_name, writable
 from ...errors import InputError
-from ...mechanism import load
 from .equilibria import equilibria
 from .equilibrium import FIND, equilibrium
 from .load_path import load_path
@@ -16,7 +16,7 @@ CODES = {"stable": 0, "rigid": 0, "unstable": FAILED, "neutral": UNJUDGED, "sing
 
 
 @click.command()
-@click.argument("model")
+@model_argument
 @click.option("--at", "at", multiple=True, help="Start from joint=value, in rad or m; the model's start when left out.")
 @click.option("--hold", "hold", multiple=True, help="A joint to be held where it starts; its torque is told.")
 @click.option("--speed", "speed", multiple=True, help="A constant speed, joint=value, in rad/s or m/s.")
@@ -29,7 +29,7 @@ CODES = {"stable": 0, "rigid": 0, "unstable": FAILED, "neutral": UNJUDGED, "sing
 @plot_option
 @as_json
 def statics(
-    model: str,
+    model: ChosenModel,
     at: tuple[str, ...],
     hold: tuple[str, ...],
     speed: tuple[str, ...],
@@ -49,7 +49,7 @@ def statics(
     writable((plot, PICTURES))
     if drive is None and ((load_name is None) != (end is None) or (plot and end is None)):
         raise InputError("a path of equilibria takes --load and --to; --plot draws it")
-    mech = load(model)
+    mech = model.load()
     start, speeds = values_by_name(at, "--at"), values_by_name(speed, "--speed")
     given: dict[str, Any] = {"q": start or None, "v": speeds or None, "hold": listed(hold), **options}
     if drive is not None:

@@ -1,7 +1,6 @@
 """Thousands of runs: one model, many values of its parameters, one table."""
 
 import hashlib
-import inspect
 import json
 import warnings
 from collections.abc import Callable, Sequence
@@ -14,7 +13,7 @@ import numpy as np
 
 from ...backend import choose, known
 from ...errors import InputError, MbdaeError, UnknownNameError
-from ...integrate.solve import solve
+from ...integrate.defaults import DEFAULTS
 from ...integrate.span import checked_span
 from ...integrate.steppers.scipy_ivp import find
 from ...mechanism import Mechanism, describe
@@ -35,7 +34,6 @@ __all__ = ["sweep"]
 
 Model = str | Path | Callable[..., Mechanism]
 Progress = Callable[[float, str], None]
-METHOD = inspect.signature(solve).parameters["method"].default
 TRIED = 50  # of the first runs, and as many of the others, until one can be made
 MOST = 1_000_000  # times of a run
 
@@ -221,7 +219,7 @@ def _made(maker: Maker, values: dict[str, Any]) -> Mechanism:
 def _method(job: Job, task: Task) -> tuple[str, str]:
     """Formulation and method of a run."""
     given = {**job.settings, **{n.removeprefix(SOLVE): x for n, x in task.values.items() if n.startswith(SOLVE)}}
-    return given.get("formulation", "index2"), given.get("method", METHOD)
+    return tuple(given.get(key) or DEFAULTS[key] for key in ("formulation", "method"))  # type: ignore[return-value]
 
 
 def _manifest(job: Job, plan: Sequence[Task], mech: Mechanism) -> dict[str, Any]:

@@ -1,0 +1,72 @@
+"""The model that a command works on: its name or file, values of its parameters, and where it starts."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
+from typing import Any
+
+import click
+
+from ..errors import InputError
+from ..mechanism import Mechanism, load
+from ..mechanism.formats.template import START, with_start
+from .options import values_by_name
+
+start_option = click.option(
+    "--start", "started", multiple=True, metavar="q.JOINT=X", help="A start value: q, v, guess or guess_v of a joint."
+)
+set_option = click.option("--set", "chosen", multiple=True, metavar="NAME=X", help="A parameter of the model.")
+
+
+@dataclass(frozen=True)
+class ChosenModel:
+    """What was said of a model on the command line.
+
+    Attributes:
+        name: what `mbdae.load` takes, parameters behind the name included.
+        start: start values by name, ``start.q.crank``.
+    """
+
+    name: str
+    start: dict[str, Any]
+
+    def load(self) -> Mechanism:
+        """Load it.
+
+        Raises:
+            UnknownNameError, InputError: as `mbdae.load`; for a start value of a joint that it has not.
+        """
+        return with_start(load(self.name), self.start)
+
+    @property
+    def source(self) -> str | Mechanism:
+        """The name, or the mechanism where it starts elsewhere."""
+        return self.load() if self.start else self.name
+
+
+def chosen_model(name: str, started: tuple[str, ...], chosen: tuple[str, ...]) -> ChosenModel:
+    """Read what was said of a model.
+
+    Raises:
+        InputError: for what is not written name=value.
+    """
+    for text in chosen:
+        key, equals, value = text.partition("=")
+        if not (key and equals and value):
+            raise InputError(f"--set takes name=value, got {text!r}")
+        name += f"{'&' if '?' in name else '?'}{text}"
+    start = values_by_name(started, "--start")
+    return ChosenModel(name, {START + key: x for key, x in start.items()})
+
+
+def model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
+    """An argument MODEL with ``--start`` and ``--set``, handed on as a `ChosenModel`."""
+
+    @click.argument("model")
+    @start_option
+    @set_option
+    @wraps(command)
+    def inner(model: str, started: tuple[str, ...], chosen: tuple[str, ...], **options: Any) -> Any:
+        return command(model=chosen_model(model, started, chosen), **options)
+
+    return inner

@@ -1,0 +1,40 @@
+"""Settings of a run: those given, then those of the mechanism's file, then the defaults."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..solution.solution import Problem
+
+DEFAULTS: dict[str, Any] = {
+    "method": "pherk6",
+    "formulation": "index2",
+    "project": "auto",
+    "baumgarte": None,
+    "step": None,
+    "rtol": 1e-6,
+    "atol": None,
+    "first_step": None,
+    "max_step": np.inf,
+    "max_steps": None,
+}
+OF_METHOD, OF_CONTROL = ("formulation", "project", "baumgarte"), ("rtol", "atol")
+
+
+def completed(problem: Problem, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a run, of which those that are None are not given."""
+    said = {name: x for name, x in given.items() if x is not None}
+    own = problem.settings.given if isinstance(problem, Mechanism) else {}
+    left = set(OF_METHOD if "method" in said or "formulation" in said else ())
+    left |= set(OF_CONTROL if "step" in said else ())
+    left |= {"step"} if any(name in said for name in OF_CONTROL) else set()
+    return {**DEFAULTS, **{name: x for name, x in own.items() if name not in left}, **said}
+
+
+def with_tolerance(problem: Problem, given: Mapping[str, Any], rtol: float) -> dict[str, Any]:
+    """Settings with a tolerance of one's own, where neither they nor the mechanism's file say a step or one."""
+    own = problem.settings.given if isinstance(problem, Mechanism) else {}
+    said = {name for name, x in given.items() if x is not None} | set(own)
+    return {**given, "rtol": rtol} if not said & {"step", "rtol"} else dict(given)

@@ -1,0 +1,52 @@
+"""The JSON Schema of mechanism files and of sweep files, made from the classes that check them."""
+
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import PydanticOmit, core_schema
+
+from ...errors import UnknownNameError
+from ...integrate.steppers.scipy_ivp import SCIPY
+from ...mechanism.formats.schema import MechanismFile
+from ...methods import EXPLICIT, METHODS
+from ..sweep.toml_file import SweepTable
+
+__all__ = ["json_schema"]
+
+FILES = {"mechanism": MechanismFile, "sweep": SweepTable}
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+class FileSchema(GenerateJsonSchema):
+    """What may stand in a file: no Python functions, numbers for constant signals, one source for several."""
+
+    def callable_schema(self, schema: core_schema.CallableSchema) -> JsonSchemaValue:
+        """Leave Python functions out."""
+        raise PydanticOmit
+
+    def function_before_schema(self, schema: core_schema.BeforeValidatorFunctionSchema) -> JsonSchemaValue:
+        """Say what is taken besides, where a value is made of another one first."""
+        inner, name = super().function_before_schema(schema), getattr(schema["function"]["function"], "__name__", "")
+        if name == "_coerce":  # of signals
+            return {"anyOf": [{"type": "number"}, inner]}
+        if name == "_one_or_several":  # of sources
+            return {"anyOf": [{"type": "string"}, inner["items"], inner]}
+        return inner
+
+
+def json_schema(file: str = "mechanism") -> dict[str, Any]:
+    """Return the JSON Schema of a kind of file.
+
+    Args:
+        file: ``"mechanism"`` or ``"sweep"``.
+
+    Raises:
+        UnknownNameError: for another kind.
+    """
+    if file not in FILES:
+        raise UnknownNameError("kind of file", file, FILES)
+    out = FILES[file].model_json_schema(schema_generator=FileSchema)
+    tables = out.get("$defs", {})
+    if "SolveSettings" in tables:
+        tables["SolveSettings"]["properties"]["method"] = {"enum": [*METHODS, *EXPLICIT, *SCIPY]}
+    return {"$schema": DIALECT, **out, "title": f"mbdae {file} file"}

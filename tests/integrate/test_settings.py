@@ -1,0 +1,79 @@
+"""Settings of runs in a mechanism file: who says what counts."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.formats.load import describe, restore
+
+BOB = """
+title = "bob"
+duration = 0.2
+[[body]]
+name = "bob"
+parent = "world"
+axis = [0, -1, 0]
+mass = 1.0
+com = [1.0, 0, 0]
+"""
+
+
+def bob(folder, table):
+    path = folder / "bob.toml"
+    path.write_text(f"{BOB}[solve]\n{table}\n")
+    return mbdae.load(path)
+
+
+
+
+def test_the_file_counts_where_nothing_is_given(tmp_path):
+    mech = bob(tmp_path, 'method = "herk3"\nstep = 0.01')
+    sol = mbdae.solve(mech, (0, 0.2))
+    assert (sol.settings["method"], sol.stats["steps"]) == ("herk3", 20)
+    np.testing.assert_array_equal(sol.q, mbdae.solve(mech, (0, 0.2), method="herk3", step=0.01).q)
+    assert mbdae.solve(mech, (0, 0.2), step=0.02).stats["steps"] == 10
+    assert mbdae.solve(mech, (0, 0.2), rtol=1e-4).stats["steps"] < 15  # a tolerance that is given: no fixed step
+    assert mbdae.solve(mech, (0, 0.2), method="pherk5").stats["steps"] == 20
+    assert mbdae.card(mech).solve == {"method": "herk3", "step": 0.01}
+    assert "solve     method = herk3, step = 0.01" in str(mbdae.card(mech))
+    assert restore(describe(mech)).settings == mech.settings
+
+
+def test_a_method_that_is_given_stands_without_the_formulation_of_the_file(tmp_path):
+    mech = bob(tmp_path, 'method = "dop853"\nformulation = "index1"\nrtol = 1e-5')
+    assert mbdae.solve(mech, (0, 0.1)).settings["formulation"] == "index1"
+    assert mbdae.solve(mech, (0, 0.1), method="herk5").settings["formulation"] == "index2"
+
+
+WRONG = [
+    ("rtol = -1", InputError, r"solve\.rtol: Input should be greater than 0"),
+    ("step = 0.1\nrtol = 1e-3", InputError, "solve: step is for steps of one size"),
+    ('formulation = "index3"', InputError, r"solve\.formulation"),
+    ("steps = 3", InputError, r"unknown key solve\.steps; known: atol, baumgarte, first_step"),
+    ("baumgarte = [1, 1]", InputError, "baumgarte belongs to formulation 'index1'"),
+]
+
+
+@pytest.mark.parametrize(("table", "error", "words"), WRONG)
+def test_wrong_settings_are_refused(tmp_path, table, error, words):
+    with pytest.raises(error, match=words):
+        bob(tmp_path, table)
+
+
+def test_a_method_that_does_not_exist_is_said_when_it_runs(tmp_path):
+    with pytest.raises(UnknownNameError, match="method 'fast'"):
+        mbdae.solve(bob(tmp_path, 'method = "fast"'), (0, 0.1))
+
+
+def test_all_faults_of_a_file_are_said_at_once_and_by_name(tmp_path):
+    path = tmp_path / "wrong.toml"
+    spring = '[[force]]\nkind = "joint_spring"\nname = "spring"\njoint = "bob"\nstiffness = "x"\n'
+    path.write_text(BOB + "axes = 1\n" + spring + '[[closure]]\nkind = "pin"\n[start]\nq = { bob = "up" }\n')
+    with pytest.raises(InputError) as e:
+        mbdae.load(path)
+    text = str(e.value)
+    assert text.startswith(f"{path}: unknown key body.bob.axes; known: axis")
+    for words in ("force.spring.stiffness: Input should be a valid", "closure.0.kind: ", "start.q.bob: "):
+        assert words in text, text
+    assert text.count("start.q.bob") == 1

@@ -1,0 +1,36 @@
+"""M, G, bias and frames of a mechanism at a point, against energies, differences and poses."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError, UnknownNameError
+
+
+@pytest.mark.parametrize("name", ["four_bar", "bricard", "humanoid_stance"])
+def test_terms_agree_with_energy_and_closures(name):
+    mech = mbdae.load(name)
+    q, v = mech.start
+    v = np.random.default_rng(0).normal(size=mech.nv)
+    M = mech.mass_matrix(q)
+    np.testing.assert_array_equal(M, M.T)
+    assert v @ M @ v / 2 == pytest.approx(mech.energy(q, v)[0], rel=1e-13)
+    np.testing.assert_allclose(mech.jacobian(q) @ v, mech.residual(q, v)[1], atol=1e-13)
+    h, still = 1e-5, np.zeros(mech.nv)
+    system, there = mech.system(), [mech.manifold.integrate(q, k * h * v) for k in (1, -1)]
+    high, low = (system.energy(x, still)[1] - system.laws.potential(x) for x in there)
+    assert mech.bias(q, still) @ v == pytest.approx((high - low) / (2 * h), rel=1e-6, abs=1e-6)
+
+
+def test_frames_are_where_closures_meet():
+    mech = mbdae.load("four_bar")
+    q, v = mech.start
+    tip, R = mech.frame(q, "coupler_tip")
+    np.testing.assert_allclose(tip, mech.frame(q, "rocker_tip")[0], atol=1e-12)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-14)
+    with pytest.raises(UnknownNameError, match="frame 'nowhere'"):
+        mech.frame(q, "nowhere")
+    with pytest.raises(InputError, match="q has shape"):
+        mech.mass_matrix(q[:-1])
+    with pytest.raises(InputError, match="v has shape"):
+        mech.bias(q, v[:-1])
