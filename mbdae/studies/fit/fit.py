@@ -24,7 +24,7 @@ from ...system import Array
 from ..sensitivity.numbers import Makes, maker
 from .data import records
 from .misfit import Misfit
-from .result import TIED, Fit, Attempt
+from .result import TIED, Attempt, Fit
 
 __all__ = ["fit"]
 

@@ -66,7 +66,7 @@ def test_forces_are_those_of_mujoco(name):
     m.body_gravcomp[:] = 0
     if name == "actuated":
         d.ctrl[:] = [0.7, -0.1, 0, 0]
-        m.actuator_gainprm[2:], m.actuator_biasprm[2:] = 0, 0  # the servo and the winch are left out
+        m.actuator_gainprm[3:], m.actuator_biasprm[3:] = 0, 0  # the winch is left out
     for q, v in random_states(mech):
         T, turning = at(mech, m, d, q, v)
         system = mech.system()

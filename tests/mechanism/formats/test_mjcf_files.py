@@ -39,8 +39,10 @@ def test_without_keyframes_the_start_is_qpos0():
 
 def test_motors_are_named_inputs():
     mech = load("actuated")
-    assert [tuple(x) for x in mech.motors] == [("lift", "lift", 50.0), ("push", "stroke", 6.0)]
-    assert {f.name: f.torque.value * f.gear for f in mech.forces} == {"lift": 25.0, "push": pytest.approx(-0.6)}
+    assert [tuple(x) for x in mech.motors] == [("lift", "lift", 50.0), ("push", "stroke", 6.0), ("servo", "bend", 10.0)]
+    torques = {f.name: f.torque.value * f.gear for f in mech.forces if f.kind == "joint_torque"}
+    assert torques == {"lift": 25.0, "push": pytest.approx(-0.6)}
+    assert [(f.name, f.joint, f.kp) for f in mech.forces if f.kind == "joint_pid"] == [("servo feedback", "bend", 10.0)]
     driven = load("actuated", motors={"push": lambda t: 2.0 * t}, key="folded")
     system = driven.system()
     q, v = driven.start
@@ -48,8 +50,8 @@ def test_motors_are_named_inputs():
     push = driven.joint_names.index("stroke")
     difference = np.asarray(system.force(3.0, q, v, NO_STATES)[0]) - np.asarray(system.force(0.0, q, v, NO_STATES)[0])
     assert difference[push] == pytest.approx(36.0)
-    with pytest.raises(UnknownNameError, match="unknown motor 'servo'"):
-        load("actuated", motors={"servo": 1.0})
+    with pytest.raises(UnknownNameError, match="unknown motor 'winch'"):
+        load("actuated", motors={"winch": 1.0})
 
 
 def test_what_is_not_carried_over_is_one_warning_by_name():
@@ -60,7 +62,7 @@ def test_what_is_not_carried_over_is_one_warning_by_name():
         "contact between geoms",
         "limits of joints lift",
         "friction loss of joints lift",
-        "actuators that are not motors on a hinge or slide servo, winch",
+        "actuators that are no motors, positions or velocities of a hinge or slide winch",
         "tendons cable",
         "gravity compensation of bodies fore",
         "forces of a fluid",

@@ -1,12 +1,15 @@
 """Motors and springs of an MJCF file."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from ...forces.bushing import Bushing
+from ...forces.joint_pid import JointPID
 from ...forces.joint_spring import JointSpring
+from ...forces.joint_torque import JointTorque
+from ...signals import Constant
 from ...start import Motor
 from .states import pose
 
@@ -14,15 +17,39 @@ if TYPE_CHECKING:
     from .read import MjcfModel
 
 
-def motors_of(c: "MjcfModel") -> tuple[dict[int, Motor], list[str], list[str]]:
-    """Motors on hinges and slides by the index of their control, names of other actuators, and of limited motors."""
+class Actuators(NamedTuple):
+    """What an MJCF file moves joints by.
+
+    Attributes:
+        motors: by the index of their control.
+        controllers: what acts besides, in proportion to positions and velocities of joints.
+        others: names of actuators of another kind.
+        limited: names of those whose limits or delays are not carried over.
+    """
+
+    motors: dict[int, Motor]
+    controllers: list[JointPID | JointTorque]
+    others: list[str]
+    limited: list[str]
+
+
+def actuators_of(c: "MjcfModel") -> Actuators:
+    """Actuators on hinges and slides whose force is gain u + b_0 + b_1 length + b_2 velocity of the transmission.
+
+    That is motor, position, velocity, and general with affine bias. With length = gear q the torque on the joint is
+    gear gain u, that of a motor, and gear b_0 + gear^2 (b_1 q + b_2 v), a controller's.
+    """
     m, lib = c.m, c.lib
-    motors, others, limited = {}, [], []
+    motors: dict[int, Motor] = {}
+    controllers: list[JointPID | JointTorque] = []
+    others, limited = [], []
     for i in range(len(m.actuator_trntype)):
         name, joint = actuator_name(c, i), _scalar_joint(c, i)
+        bias = lib.mjtBias(m.actuator_biastype[i])
         plain = (
-            lib.mjtGain(m.actuator_gaintype[i]) == lib.mjtGain.mjGAIN_FIXED
-            and lib.mjtBias(m.actuator_biastype[i]) == lib.mjtBias.mjBIAS_NONE
+            lib.mjtGain(m.actuator_gaintype[i]) in (lib.mjtGain.mjGAIN_FIXED, lib.mjtGain.mjGAIN_AFFINE)
+            and not (m.actuator_gaintype[i] and m.actuator_gainprm[i, 1:3].any())
+            and bias in (lib.mjtBias.mjBIAS_NONE, lib.mjtBias.mjBIAS_AFFINE)
             and lib.mjtDyn(m.actuator_dyntype[i]) == lib.mjtDyn.mjDYN_NONE
             and m.actuator_plugin[i] < 0
         )
@@ -34,11 +61,25 @@ def motors_of(c: "MjcfModel") -> tuple[dict[int, Motor], list[str], list[str]]:
         elif joint is not None and plain:
             control = _address(m, "actuator_ctrladr", i)
             motors[control] = Motor(name, c.joints[joint], gear * float(m.actuator_gainprm[i, 0]))
+            if bias == lib.mjtBias.mjBIAS_AFFINE:
+                controllers += _feedback(name, c.joints[joint], gear, m.actuator_biasprm[i, :3])
             if _is_limited(c, i, control, joint):
                 limited.append(name)
         else:
             others.append(name if m.actuator_plugin[i] < 0 else f"{name} (plugin)")
-    return motors, others, limited
+    return Actuators(motors, controllers, others, limited)
+
+
+def _feedback(name: str, joint: str, gear: float, bias: Any) -> list[JointPID | JointTorque]:
+    """The torque gear b_0 + gear^2 (b_1 q + b_2 v), at rest where b_0 = -gear b_1 q."""
+    constant, kp, kd = gear * float(bias[0]), -(gear**2) * float(bias[1]), -(gear**2) * float(bias[2])
+    out: list[JointPID | JointTorque] = []
+    if kp or kd:
+        rest = Constant(value=constant / kp if kp else 0.0)
+        out.append(JointPID(name=f"{name} feedback", joint=joint, reference=rest, kp=kp, kd=kd))
+    if constant and not kp:
+        out.append(JointTorque(name=f"{name} bias", joint=joint, torque=Constant(value=constant)))
+    return out
 
 
 def actuator_name(c: "MjcfModel", i: int) -> str:

@@ -75,7 +75,7 @@ def left_out(
         ("plastic stiffness of joints", (c.joints[j] for j in _rows(m, "jnt_springyield"))),
         ("nonlinear damping of joints", _joints(c, _array(m, "dof_dampingpoly", m.nv))),
         ("equalities", equalities),
-        ("actuators that are not motors on a hinge or slide", actuators),
+        ("actuators that are no motors, positions or velocities of a hinge or slide", actuators),
         ("limits and delays of motors", limited),
         ("nonlinear damping of actuators", (actuator_name(c, i) for i in _rows(m, "actuator_dampingpoly"))),
         ("tendons", (c.name("TENDON", t) or f"tendon{t}" for t in range(m.ntendon))),

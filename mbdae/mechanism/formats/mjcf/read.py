@@ -22,7 +22,7 @@ from ...plain import written
 from ...scene.shapes import pack
 from ...start import Start
 from ...tables import HUGE
-from .actuators import disabled, motors_of, springs_of, weightless
+from .actuators import actuators_of, disabled, springs_of, weightless
 from .equalities import loops_of
 from .files import check_files
 from .omissions import left_out, visuals
@@ -34,6 +34,7 @@ NUMBERS = (
     "body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "body_iquat", "jnt_pos", "jnt_axis",
     "jnt_stiffness", "dof_armature", "dof_damping", "qpos0", "qpos_spring", "key_qpos", "key_qvel", "eq_data",
     "site_pos", "geom_pos", "geom_size", "actuator_gear", "actuator_gainprm",
+    "actuator_biasprm",
 )  # fmt: skip
 
 
@@ -157,7 +158,7 @@ def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
     m = _compile(mujoco, path)
     _refuse_wild(m, path.name)
     c = MjcfModel(mujoco, m, path.stem)
-    motors, others, limited = motors_of(c)
+    acting = actuators_of(c)
     frame = _key(c, key)
     start = _start(c, frame)
     control = m.key_ctrl[frame] if frame is not None else np.zeros(m.nu)
@@ -171,12 +172,12 @@ def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
         gravity=gravity,
         closures=tuple(closures),
         drivers=tuple(drivers),
-        forces=tuple(forces),
+        forces=(*forces, *acting.controllers),
         weightless=masses,
         start=start,
-        motors=tuple(motors.values()),
-        controls={motor.name: float(control[i]) for i, motor in motors.items() if control[i]},
-        left_out=tuple(left_out(c, unread, others, limited, shapeless)),
+        motors=tuple(acting.motors.values()),
+        controls={motor.name: float(control[i]) for i, motor in acting.motors.items() if control[i]},
+        left_out=tuple(left_out(c, unread, acting.others, acting.limited, shapeless)),
     )
 
 
