@@ -40,6 +40,7 @@ class Part:
         drivers: its drivers.
         mimics: joints that follow others.
         forces: descriptions of its forces.
+        frames: tables of frames that its closures need.
         weightless: frames at the centres of masses in kg that have no weight, whatever gravity is.
         start: its start state.
         motors: its named inputs.
@@ -57,6 +58,7 @@ class Part:
     mimics: tuple[Mimic, ...] = ()
     forces: tuple[Any, ...] = ()
     weightless: Mapping[str, float] = field(default_factory=dict)
+    frames: tuple[Any, ...] = ()
     start: Start = field(default_factory=Start)
     motors: tuple[Motor, ...] = ()
     controls: Mapping[str, float] = field(default_factory=dict)
@@ -73,6 +75,7 @@ class Part:
             closures=tuple(prefixed(c, prefix) for c in self.closures),
             drivers=tuple(prefixed(d, prefix) for d in self.drivers),
             forces=tuple(prefixed(f, prefix) for f in self.forces),
+            frames=tuple(prefixed(f, prefix) for f in self.frames),
             weightless={prefix + n: mass for n, mass in self.weightless.items()},
             mimics=tuple(Mimic(prefix + m.joint, prefix + m.other, *m[2:]) for m in self.mimics),
             start=self.start.model_copy(update=names),
@@ -90,7 +93,7 @@ def prefixed(table: T, prefix: str) -> T:
             return value if value in ("", WORLD) else prefix + value
         return tuple(renamed(v) for v in value) if isinstance(value, tuple) else value
 
-    keys = ("name", "joint", "joints", "frame", "frames")
+    keys = ("name", "joint", "joints", "frame", "frames", "parent")
     return table.model_copy(update={k: renamed(getattr(table, k)) for k in keys if getattr(table, k, None)})
 
 

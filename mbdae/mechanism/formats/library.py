@@ -1,13 +1,15 @@
 """Where files are: the models that come with mbdae, and the robots of example-robot-data."""
 
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
 from pathlib import Path
 
 from ...errors import InputError, UnknownNameError
 
-ROBOTS = "example-robot-data:"
+ROBOTS, DESCRIPTIONS = "example-robot-data:", "robot_descriptions"
 MECHANISM, PARAMETRIC = ".toml", ".py"
-SOURCES = (".urdf", ".xml", ".mjcf", ".yaml")
+SOURCES = (".urdf", ".xml", ".mjcf", ".sdf", ".yaml")
 SUFFIXES = ", ".join((MECHANISM, PARAMETRIC, *SOURCES[:-1])) + f" or {SOURCES[-1]}"
 OWN = ("mechanism.toml", "mechanism.py")
 IN_FOLDER = (*OWN, "robot.yaml", "robot.urdf")
@@ -34,6 +36,8 @@ def find(name: str) -> Path:
         UnknownNameError: when it is neither.
         InputError: for a file of a kind that is not read.
     """
+    if name.startswith(ROBOTS):
+        return resolve(name, Path())
     path = models_directory() / name if name in model_names() else Path(name)
     try:
         if path.is_dir():
@@ -41,12 +45,35 @@ def find(name: str) -> Path:
         found = path.is_file()
     except (OSError, ValueError) as e:
         raise InputError(f"{name[:80]!r} is not a path: {e}") from None
+    if not found and (described := _described(name)):
+        path, found = described, True
     if not found:
         if path.suffix:
             raise InputError(f"no such file: {name}")
         raise UnknownNameError("model", name, [*model_names(), f"a path to a {SUFFIXES} file or their folder"])
     refuse_suffix(path)
     return path
+
+
+def _described(name: str) -> Path | None:
+    """The URDF or MJCF file of a name of robot_descriptions, ``"panda_description"``, where that is installed.
+
+    Raises:
+        InputError: for a description that cannot be had: the package fetches it when it is first used.
+    """
+    if not name.isidentifier() or not name.endswith("_description") or find_spec(DESCRIPTIONS) is None:
+        return None
+    if find_spec(f"{DESCRIPTIONS}.{name}") is None:
+        return None
+    try:
+        module = import_module(f"{DESCRIPTIONS}.{name}")
+    except Exception as e:
+        raise InputError(f"{DESCRIPTIONS} has {name!r}, but cannot fetch it: {' '.join(str(e).split())}") from None
+    files = [getattr(module, key, None) for key in ("URDF_PATH", "MJCF_PATH")]
+    found = next((Path(file) for file in files if file), None)
+    if found is None or not found.is_file():
+        raise InputError(f"{DESCRIPTIONS} has {name!r} without a URDF or MJCF file")
+    return found
 
 
 def refuse_suffix(path: Path) -> None:

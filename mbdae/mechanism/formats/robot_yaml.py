@@ -99,14 +99,7 @@ def read_tables(text: str, name: str) -> RobotTables:
     Raises:
         InputError: one line with the key and what was expected.
     """
-    try:
-        if (size := _written_out(yaml.compose(text, yaml.SafeLoader), {})) > LARGEST:
-            raise InputError(f"{name}: its aliases stand for {size:.3g} entries, more than {LARGEST}")
-        content: Any = yaml.safe_load(text)
-    except InputError:
-        raise
-    except (yaml.YAMLError, ValueError, RecursionError) as e:
-        raise InputError(f"{name} is not YAML: {' '.join(str(e).split())[:200]}") from None
+    content = yaml_table(text, name)
     if not isinstance(content, dict) or not any(k in RobotTables.model_fields for k in content):
         raise InputError(f"{name} is not a table of keys; known: {', '.join(RobotTables.model_fields)}")
     try:
@@ -124,6 +117,22 @@ def read_tables(text: str, name: str) -> RobotTables:
     for t in tables.joint_type:
         _one_of(name, "joint_type", t.upper(), [*KINDS, FIXED])
     return tables
+
+
+def yaml_table(text: str, name: str) -> Any:
+    """Read YAML whose aliases stand for no more entries than a file would have.
+
+    Raises:
+        InputError: for a text that is none.
+    """
+    try:
+        if (size := _written_out(yaml.compose(text, yaml.SafeLoader), {})) > LARGEST:
+            raise InputError(f"{name}: its aliases stand for {size:.3g} entries, more than {LARGEST}")
+        return yaml.safe_load(text)
+    except InputError:
+        raise
+    except (yaml.YAMLError, ValueError, RecursionError) as e:
+        raise InputError(f"{name} is not YAML: {' '.join(str(e).split())[:200]}") from None
 
 
 def _written_out(node: yaml.Node | None, known: dict[int, float]) -> float:

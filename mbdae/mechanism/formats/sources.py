@@ -17,9 +17,11 @@ from ..scene.shapes import unpack
 from ..signals import Constant
 from ..start import Motor
 from .library import SOURCES, resolve
+from .loop_closures import with_loops
 from .mjcf.read import read_mjcf
 from .robot_yaml import read_robot_yaml
 from .schema import MechanismFile, Source
+from .sdf import read_sdf
 from .urdf import Record, read_urdf
 
 LIMITS = "limits of joints"  # as omissions call them
@@ -41,9 +43,13 @@ def read_source(source: Source, base: Path) -> Part:
         return read_mjcf(path, places, source.key)
     if source.key:
         raise InputError(f"key belongs to an MJCF source, not to {path.name}")
+    if path.suffix == ".sdf":
+        if source.free_flyer:
+            raise InputError(f"free_flyer does not belong to an SDF source: free links of {path.name} fly anyway")
+        return read_sdf(text_of(path), path.name)
     if path.suffix == ".yaml":
         return read_robot_yaml(path, places, source.free_flyer)
-    return read_urdf(text_of(path), path.name, places, source.free_flyer)
+    return with_loops(read_urdf(text_of(path), path.name, places, source.free_flyer), path, places)
 
 
 def restored(record: Mapping[str, Any]) -> Part:
@@ -83,6 +89,7 @@ def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, t
         tables[key] = {**old, **table}
     update: dict[str, Any] = {
         "lock": lock,
+        "frame": (*(f for p in named for f in p.frames), *file.frame),
         "closure": (*(c for p in named for c in p.closures), *couplings, *file.closure),
         "driver": (*(d for p in named for d in p.drivers), *file.driver),
         "force": (

@@ -46,11 +46,12 @@ def test_a_five_bar_rests_where_mujoco_holds_it(five_bar):
         mech = mbdae.load(five_bar)
     assert not mech.left_out
     assert mbdae.equilibrium(mech).q == pytest.approx(d.qpos, abs=1e-3)
-    assert min(d.qpos[0] - 2.3, d.qpos[2] - 0.9) > 0.005  # what weight bends the controllers by, and more than is allowed
+    assert min(d.qpos[0] - 2.3, d.qpos[2] - 0.9) > 0.005  # weight bends the controllers by more
 
 
 ONE = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/>
-<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody><actuator>{}</actuator><keyframe><key ctrl="0.7"/></keyframe></mujoco>"""
+<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
+<actuator>{}</actuator><keyframe><key ctrl="0.7"/></keyframe></mujoco>"""
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,96 @@
+"""loop_closures.yaml beside a URDF: the hinges that CAD exporters cut to make a tree of a linkage.
+
+================================  ======================================================================
+closures: [{link_a, link_b,       a hinge between two links: a point on it in m, and its direction, both in
+            point, axis}]         the axes of the base link where all joints stand at zero
+independent: [joint]              joints that are moved: named inputs
+dependent: [joint]                joints that follow by the closures
+================================  ======================================================================
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from pydantic import Field, ValidationError
+
+from ...errors import InputError
+from ...files import text_of
+from ..closures.closure import Axis, Closure
+from ..frames import find_frame, find_joint
+from ..part import Part
+from ..places import Places, refused
+from ..start import Motor
+from ..tables import Table, one_line
+from ..workspace import make_data
+from .robot_yaml import yaml_table
+from .schema import Frame, Vector
+
+FILE, BASE = "loop_closures.yaml", "base_link"
+
+
+class CutHinge(Table):
+    """A hinge that was cut."""
+
+    link_a: str
+    link_b: str
+    point: Vector
+    axis: Axis
+
+
+class CutLoops(Table):
+    """Everything that may stand in a loop_closures.yaml."""
+
+    closures: tuple[CutHinge, ...] = ()
+    dependent: tuple[str, ...] = ()
+    independent: tuple[str, ...] = Field(default=())
+
+
+def with_loops(part: Part, path: Path, places: Places) -> Part:
+    """Add the closures that a loop_closures.yaml beside a URDF says, or in the package above its folder ``urdf``.
+
+    Raises:
+        InputError: one line with the key and what was expected.
+        UnknownNameError: for a link or joint that does not exist.
+    """
+    above = path.parent.parent
+    beside = [path.parent / FILE, *((above / FILE, above / "config" / FILE) if path.parent.name == "urdf" else ())]
+    found = next((file for file in beside if file.is_file()), None)
+    if found is None:
+        return part
+    if not places.holds(found):
+        raise refused(FILE, found.resolve(), places.root)
+    content: Any = yaml_table(text_of(found), FILE)
+    try:
+        loops = CutLoops.model_validate(content)
+    except ValidationError as e:
+        raise InputError(f"{FILE}: {one_line(e, lambda at: list(CutLoops.model_fields), content)}") from None
+    model = part.model
+    for name in (*loops.independent, *loops.dependent):
+        find_joint(model, name)
+    data = make_data(model)
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    frames, closures = [], []
+    for i, cut in enumerate(loops.closures, 1):
+        at = _place(model, data, _base(model)) * pin.SE3(np.eye(3), np.array(cut.point))
+        names = tuple(f"loop {i} on {link}" for link in (cut.link_a, cut.link_b))
+        for name, link in zip(names, (cut.link_a, cut.link_b), strict=True):
+            here = _place(model, data, link).actInv(at)
+            xyz, rpy = here.translation.tolist(), pin.rpy.matrixToRpy(here.rotation).tolist()
+            frames.append(Frame(name=name, parent=link, xyz=xyz, rpy=rpy))
+        closures.append(Closure(kind="revolute", name=f"loop {i}", frames=names, axis=cut.axis))
+    motors = tuple(Motor(n, n) for n in loops.independent)
+    return replace(part, frames=(*part.frames, *frames), closures=(*part.closures, *closures), motors=motors)
+
+
+def _place(model: pin.Model, data: pin.Data, name: str) -> pin.SE3:
+    frame = find_frame(model, name)
+    return data.oMi[frame.parentJoint] * frame.placement
+
+
+def _base(model: pin.Model) -> str:
+    """The base link, or the first of all links."""
+    links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.name != "universe"]
+    return BASE if BASE in links else links[0]
