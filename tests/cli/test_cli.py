@@ -68,7 +68,7 @@ def test_usage_errors_are_one_line(arguments, code, words, tmp_path):
         ("title = [", 2, ["not TOML"]),
         ("title = 't'\n", 2, ["source", "body"]),
         ("source = 'gone.urdf'\n", 2, ["gone.urdf"]),
-        ("[[body]]\nname = 'a'\n", 2, ["missing key body.0.parent"]),
+        ("[[body]]\nname = 'a'\n", 2, ["missing key body.a.parent"]),
     ],
 )  # fmt: skip
 def test_wrong_files_are_one_line(text, code, words, tmp_path):

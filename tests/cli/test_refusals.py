@@ -27,7 +27,6 @@ def refused(kind, call, *words):
 
 SOLVE = [
     ({"method": "pherk7"}, ["unknown method 'pherk7'", "did you mean", "herk1, herk2", "pherk6"]),
-    ({"method": None}, ["unknown method None"]),
     ({"step": -1e-3}, ["step must be a positive number", "-0.001"]),
     ({"step": 0}, ["step must be a positive number"]),
     ({"step": np.nan}, ["step must be a positive number"]),
@@ -36,11 +35,9 @@ SOLVE = [
     ({"max_step": 0}, ["max_step must be a positive number"]),
     ({"step": True}, ["step must be a positive number", "True"]),
     ({"step": 1e-300}, ["step = 1e-300", "rounds to t"]),
-    ({"max_step": None}, ["max_step must be a positive number"]),
     ({"max_steps": "a"}, ["max_steps must be a positive number", "'a'"]),
     ({"max_steps": np.nan}, ["max_steps must be a positive number"]),
     ({"rtol": "x"}, ["rtol = 'x'"]),
-    ({"rtol": None}, ["rtol = None"]),
     ({"rtol": np.ones(2)}, ["rtol = array"]),
     ({"atol": "x"}, ["atol", "'x'"]),
     ({"formulation": "index1", "method": "RK45", "baumgarte": "ab"}, ["baumgarte is a pair", "'ab'"]),

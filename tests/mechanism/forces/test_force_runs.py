@@ -132,7 +132,7 @@ WRONG = {
     'joint_spring\njoint = "arm"\ntable = [[0, 0], [0, 1]]': "must increase",
     'joint_spring\njoint = "arm"\ntable = [[0, 0]]': "table",
     'joint_spring\njoint = "arm"\ntable = [[0, 0], [1e-320, 1]]': "too large or too close",
-    'joint_spring\njoint = "arm"\nstiffness = 1\nstifness = 2': "key force.0.joint_spring.stifness; known: damping",
+    'joint_spring\njoint = "arm"\nstiffness = 1\nstifness = 2': "key force.0.stifness; known: damping",
     'joint_torque\njoint = "arm"\ntorque = {kind = "harmonic", amplitude = 1}': "omega",
     'joint_torque\njoint = "arm"\ntorque = {kind = "harmonic", amplitude = 1, omega = 1, phi = 2}': "amplitude, kind",
     'joint_torque\njoint = "arm"\ntorque = {kind = "sine"}': "sine",

@@ -284,7 +284,7 @@ def test_wrong_robot_yaml_is_one_line(text, words, tmp_path):
 
 
 def test_unknown_names_list_what_is_read(tmp_path):
-    files = r"\.toml, \.py, \.urdf, \.xml, \.mjcf or \.yaml"
+    files = r"\.toml, \.py, \.urdf, \.xml, \.mjcf, \.sdf or \.yaml"
     with pytest.raises(UnknownNameError, match=f"a path to a {files} file or their folder"):
         mbdae.load("four_barr")
     with pytest.raises(InputError, match=r"cannot read robot\.obj"):

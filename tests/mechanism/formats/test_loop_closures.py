@@ -9,7 +9,8 @@ from mbdae.errors import InputError, UnknownNameError
 LINK = """<link name="{0}"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
 <inertia ixx="0.001" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
 JOINT = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
-<origin xyz="{3} 0 0" rpy="{4} 0 0"/><axis xyz="0 {5} 0"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>"""
+<origin xyz="{3} 0 0" rpy="{4} 0 0"/><axis xyz="0 {5} 0"/>
+<limit lower="-9" upper="9" effort="1" velocity="1"/></joint>"""
 URDF = '<robot name="linkage"><link name="base_link"/>' + "".join(
     [LINK.format(name) for name in ("crank", "coupler", "rocker")]
     + [JOINT.format("base__crank", "base_link", "crank", 0, 0, -1)]

@@ -74,7 +74,7 @@ def test_links_that_nothing_carries_fly_and_static_ones_stand(tmp_path):
     sol = mbdae.solve(mech, (0, 0.1), step=0.01)
     assert sol.q[-1, 0] == pytest.approx(-0.5 * 9.81 * 0.01, rel=1e-9)  # down is x of the link's own place
     path.write_text(text.format("<static>true</static>"))
-    with pytest.raises(InputError, match="no joint|joints"):
+    with pytest.raises(InputError, match=r"no joint|joints"):
         mbdae.load(path)
 
 
