@@ -4,14 +4,17 @@ import json
 
 import click
 
+from ...cli.options import as_json, emit
 from .json_schema import FILES, json_schema
 
 
 @click.command()
 @click.argument("file", type=click.Choice(list(FILES)), default="mechanism")
-def schema(file: str) -> None:
+@as_json
+def schema(file: str, as_json: bool) -> None:
     """Print the JSON Schema of mechanism files or of sweep files, by which editors complete and check them.
 
     mbdae schema > mechanism.schema.json; the first line of a file then says: #:schema mechanism.schema.json
     """
-    click.echo(json.dumps(json_schema(file), indent=1))
+    found = json_schema(file)
+    emit(found, json.dumps(found, indent=1), as_json)
