@@ -194,7 +194,7 @@ class Trace:
     def _renewal(self, t: float, y: Array) -> Iterator[Part]:
         if self.n_carry:
             nv, n = self.system.nv, self.slopes.ny + self.slopes.k
-            yield LinearPart(self.slopes.rate(t, y).rate[nv:, :n], True)
+            yield LinearPart(self.slopes.rate(t, y, multipliers=False).rate[nv:, :n], True)
 
     def _walk(self, i: int, j: int, state: State) -> list[State]:
         """The states at nodes i, ..., j."""

@@ -16,7 +16,7 @@ void RestorationSlopes::take(double t, double* y) {
   if (!ng) return;
   std::vector<Numbers> path;
   const Numbers v(y + nq, y + nq + nv);
-  q0_.assign(y, y + nq);
+  q0_.assign(y, y + nq), weight_.clear();
   restore(s_, t, y, &path);
   factors_.exchange(s_.point);
   s_.point.forget();
@@ -78,11 +78,14 @@ void RestorationSlopes::correct(Correction& c, double t, const double* q, const 
   c.K.assign(m * m, 0.0);
   s_.closure_slopes(q, x.data(), p.lam.data(), c.K.data(), c.B, parameters_.moving() ? &p.wrenches : nullptr);
   const Numbers still(nv, 0.0);
-  Numbers M(m * m), by_v(m * m), before(m * m);
+  Numbers M(m * m), by_v(m * m);
   c.T.resize(m * m);
-  s_.mechanics.slopes(q0_.data(), still.data(), still.data(), M.data(), before.data(), by_v.data());
+  if (weight_.empty()) {
+    weight_.resize(m * m);
+    s_.mechanics.slopes(q0_.data(), still.data(), still.data(), M.data(), weight_.data(), by_v.data());
+  }
   s_.mechanics.slopes(q0_.data(), still.data(), x.data(), M.data(), c.T.data(), by_v.data());
-  for (size_t i = 0; i < m * m; ++i) c.T[i] -= before[i];
+  for (size_t i = 0; i < m * m; ++i) c.T[i] -= weight_[i];
 }
 
 void RestorationSlopes::solve(const Correction& c, double* above, double* below) const {

@@ -34,7 +34,7 @@ class RestorationSlopes {
   Index2System& s_;
   ParameterSlopes& parameters_;
   Point factors_;  // of M where it starts
-  Numbers q0_;
+  Numbers q0_, weight_;  // where it starts, and the slopes of the weight there, (nv, nv)
   std::vector<std::unique_ptr<Correction>> corrections_;
   size_t count_ = 0;
   std::vector<Numbers> P_, Q_;  // of each correction, (k, n) and (k, r)

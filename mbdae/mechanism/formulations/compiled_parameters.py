@@ -13,8 +13,10 @@ from .parameters import Parameters
 if TYPE_CHECKING:
     from ..._native import Parameters as NativeParameters
     from .compiled import Compiled
+    from .index2 import Index2System
 
 Stuff = tuple[str, int, bool, bool]  # kind, number, whether a pair is that of a law, and whether its second frame
+Plain = tuple[list[Stuff], list[Any], list[Any]]
 
 
 def vary(system: "Compiled", parameters: Parameters) -> "NativeParameters":
@@ -26,9 +28,16 @@ def vary(system: "Compiled", parameters: Parameters) -> "NativeParameters":
     if system.nv > LARGEST:
         raise NotCompiled(f"slopes of {system.nv} degrees of freedom")
     system.expand()
+    if parameters.plain is None:
+        parameters.plain = _plain(parameters)
+    return system.core.vary(len(parameters), *parameters.plain)
+
+
+def _plain(parameters: Parameters) -> Plain:
+    """What they change, how each of them changes that, and laws and rows with other numbers."""
     numbers: dict[Stuff, int] = {}
     directions: list[tuple[int, int, list[float]]] = []
-    ends = _ends(system)
+    ends = _ends(parameters.system)
     for i, p in enumerate(parameters.all):
         for stuff, x in _made_of(p, ends):
             directions.append((i, numbers.setdefault(stuff, len(numbers)), x.tolist()))
@@ -41,7 +50,7 @@ def vary(system: "Compiled", parameters: Parameters) -> "NativeParameters":
         if rows.near:
             beside = [(weights[k], *constraints_of(x)) for k, x in rows.near.items()]
             changed.append((i, rows.at.tolist(), [], beside))
-    return system.core.vary(len(parameters), list(numbers), directions, changed)
+    return list(numbers), directions, changed
 
 
 def _made_of(p: Parameter, ends: dict[int, list[Stuff]]) -> list[tuple[Stuff, Any]]:
@@ -53,7 +62,7 @@ def _made_of(p: Parameter, ends: dict[int, list[Stuff]]) -> list[tuple[Stuff, An
     return out
 
 
-def _ends(system: "Compiled") -> dict[int, list[Stuff]]:
+def _ends(system: "Index2System") -> dict[int, list[Stuff]]:
     """The ends of pairs that stand in each frame of the model."""
     model, out = system.model, {}  # type: Any, dict[int, list[Stuff]]
     frames = list(model.frames)

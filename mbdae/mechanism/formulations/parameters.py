@@ -12,7 +12,7 @@ from mechanisms made with other values. At a point
 
 from collections.abc import Callable, Mapping
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -81,6 +81,7 @@ class Parameters:
         places = sorted({j for p in self.all for j in p.places})
         frames = sorted({i for p in self.all for i in p.frames})
         self.opened = OpenedTree(mech, places, frames, s, native) if places or frames else None
+        self.plain: Any = None  # what the compiled core takes, see `compiled_parameters`
         self.motions = np.array([self.opened.motion(p) for p in self.all]).T if self.opened else np.empty((0, 0))
 
     def __len__(self) -> int:

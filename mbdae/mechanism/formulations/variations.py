@@ -86,8 +86,8 @@ class IndexTwoVariations(Corrections):
         Y[:nv, :nv], X[:nv, :nv] = turn.A, turn.R
         return Y, X
 
-    def rate(self, t: float, y: Array) -> RateSlopes:
-        """Take the slopes of y' and of all multipliers on M v' = f + G^T lam, 0 = G v' + gamma."""
+    def rate(self, t: float, y: Array, multipliers: bool = True) -> RateSlopes:
+        """Take the slopes of y', and of all multipliers unless left out, on M v' = f + G^T lam, 0 = G v' + gamma."""
         s, nv, n = self.system, self.system.nv, self.system.ny - self.system.nv
         F, found = s.derivative(t, y)
         found = found[: s.ng]
@@ -107,6 +107,8 @@ class IndexTwoVariations(Corrections):
         dvdot, dlam = Saddle(at.E[:nv, :nv], at.G, at.G).solve(above[:nv], -below[rows])
         moves = np.eye(nv, self.ny + self.k + 1, nv)
         rate = np.concatenate([moves, dvdot, above[nv:] + at.L[nv:] @ dlam])
+        if not multipliers:
+            return RateSlopes(rate, np.empty((0, rate.shape[1])))
         return RateSlopes(rate, self._all(t, q, v, inner, found, whole, rows, dlam))
 
     def _all(
