@@ -1,5 +1,7 @@
 """Derivatives of runs against Richardson differences of `solve` with fixed steps, and of runs with frozen steps."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from frozen import best, quotient, retraced, runs_of
@@ -97,30 +99,31 @@ def test_signals():
     name = "joint.coupler.mass"
     template, value, run = runs_of("four_bar", name, 0.4, step=0.05, method="pherk6", project=True)
     found = mbdae.sensitivity(run(value), [name], model=template)
+    values = cache(lambda x: columns(run(x), set(SIGNALS)))
     for signal in SIGNALS:
-        assert best(found.signal(signal)[:, 0], lambda x, s=signal: columns(run(x), {s})[s], value) < 1e-10, signal
+        assert best(found.signal(signal)[:, 0], lambda x, s=signal: values(x)[s], value) < 1e-10, signal
     np.testing.assert_allclose(found.signal("lam.pin.1"), found.lam[:, 0])
 
 
 @pytest.mark.parametrize(
     ("model", "name", "T", "signals"),
     [
-        ("stewart_platform", "gravity.2", 0.04, ("force.{}", "torque.{}.y", "force.{}.3", "torque.{}.1", "a.{}.1")),
-        ("andrews_squeezer", "force.spring.stiffness", 2e-3, ("force.gamma", "torque.K2-K3", "torque.epsilon.z")),
+        ("stewart_platform", "gravity.2", 0.04, ("force.{}", "torque.{}.1")),
+        ("andrews_squeezer", "force.spring.stiffness", 2e-3, ("force.gamma", "force.K2-K3.y", "force.epsilon.x")),
         ("car_axis", "gravity.2", 0.05, ("force.{}.z",)),
     ],
 )
 def test_forces_and_torques(model, name, T, signals):
     """In all joints and closures: springs between frames, drivers, and rows that depend on others."""
-    template, value, run = runs_of(model, name, T, step=T / 4, method="pherk5")
-    sol = run(value)
+    template, value, run = runs_of(model, name, T, step=T / 2, method="pherk5")
+    sol, values = run(value), cache(lambda x: run(x).signals())
     found, known = mbdae.sensitivity(sol, [name], model=template), sol.signals()
     joint = sol.mechanism.joint_names[-1]
     for signal in (s.format(joint) for s in signals):
         signal = signal if signal in known else signal.rpartition(".")[0]
         size = max(1.0, np.abs(known[signal]).max())
         moved = found.signal(signal)[:, 0] / size
-        assert best(moved, lambda x, s=signal, n=size: run(x).signals()[s] / n, value) < 1e-9, signal
+        assert best(moved, lambda x, s=signal, n=size: values(x)[s] / n, value) < 1e-9, signal
         assert np.abs(moved).max() > 1e-9, signal
 
 
