@@ -1,6 +1,7 @@
 """mbdae: constrained mechanisms as index-2 DAEs, stepped by half-explicit Runge-Kutta methods and Radau IIA."""
 
 from importlib import import_module
+from importlib.metadata import version
 from typing import Any
 
 from .cli import interrupt  # noqa: F401, before all that takes a second to import
@@ -44,6 +45,8 @@ Mechanism.view = lambda mech, q=None: _study("view.view", "view")(mech, q)  # ty
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return version("mbdae")
     if name in _STUDIES:
         return getattr(import_module(_STUDIES[name]), name)
     raise AttributeError(f"module 'mbdae' has no attribute {name!r}")

@@ -2,8 +2,10 @@
 
 import ast
 import re
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
 from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,29 @@ def members(package: str, *kinds: type, files: str = "*.py") -> Iterator[Any]:
     """
     for module in _modules(package, files):
         yield from (value for value in vars(import_module(module)).values() if isinstance(value, kinds))
+
+
+def plugins(group: str, fits: Callable[[Any], bool], what: str) -> dict[str, Any]:
+    """Return what installed packages add to a family, by the names of their entry points; what is wrong is warned of.
+
+    Args:
+        group: ``"mbdae.methods"``, ``"mbdae.forces"`` or ``"mbdae.readers"``.
+        fits: whether a value belongs to the family.
+        what: what it should be, in words.
+    """
+    out: dict[str, Any] = {}
+    for point in entry_points(group=group):
+        where = f"entry point {point.name!r} of {group} in {point.dist.name if point.dist else 'a package'}"
+        try:
+            value = point.load()
+        except Exception as e:  # of another package: mbdae goes on without it
+            warnings.warn(f"{where} is left out: {type(e).__name__}: {e}", stacklevel=2)
+            continue
+        if fits(value):
+            out[point.name] = value
+        else:
+            warnings.warn(f"{where} is left out: expected {what}, got {value!r:.60}", stacklevel=2)
+    return out
 
 
 def public(package: str, files: str = "*.py") -> dict[str, str]:

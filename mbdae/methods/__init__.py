@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .. import errors
-from ..members import members
+from ..members import members, plugins
 from .explicit import ExplicitMethod
 from .own import read_tableau, tableau
 from .radau import Method, RadauIIA
@@ -13,6 +13,9 @@ from .tableau import Tableau
 
 METHODS: dict[str, Method] = {m.name: m for m in sorted(members(__name__, Tableau, RadauIIA), key=lambda m: m.name)}
 """Every method by name, found in the files of this folder: a method that exists cannot be missing here."""
+
+_ADDED = plugins("mbdae.methods", lambda m: isinstance(m, Tableau) and m.name not in METHODS, "a Tableau of a new name")
+METHODS |= {m.name: m for m in _ADDED.values()}
 
 EXPLICIT: dict[str, ExplicitMethod] = {m.name: m for m in members(__name__, ExplicitMethod)}
 """Methods for ordinary differential equations, which step accelerations."""

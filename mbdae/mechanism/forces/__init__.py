@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 import numpy as np
 import pinocchio as pin
 from pydantic import Field
+from pydantic_core import PydanticUndefined
 
 from ...errors import InputError
-from ...members import members
+from ...members import members, plugins
 from ..closures.brake import Brake
 from ..frames import find_joint
 from .elements import ForceElements
@@ -18,6 +19,16 @@ from .joint_friction import JointFriction
 from .torque_function import TorqueElement
 
 _FOUND: list[type] = list(dict.fromkeys(members(__name__, type)))
+_KINDS = {c.__name__ for c in _FOUND} | {c.model_fields["kind"].default for c in _FOUND if issubclass(c, Force)}
+
+
+def _new(value: Any) -> bool:
+    if not isinstance(value, type) or not issubclass(value, Force | PythonForce) or value.__name__ in _KINDS:
+        return False
+    return not issubclass(value, Force) or value.model_fields["kind"].default not in {PydanticUndefined, *_KINDS}
+
+
+_FOUND += plugins("mbdae.forces", _new, "a class of forces with a kind and name of its own").values()
 FORCES: tuple[type[Force], ...] = tuple(c for c in _FOUND if issubclass(c, Force) and c is not Force)
 """Every force that may stand in a file, found in the files of this folder."""
 PYTHON_FORCES = tuple(c for c in _FOUND if issubclass(c, PythonForce) and c is not PythonForce)

@@ -1,15 +1,22 @@
 """Where files are: the models that come with mbdae, and the robots of example-robot-data."""
 
+from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 from pathlib import Path
 
 from ...errors import InputError, UnknownNameError
+from ...members import plugins
 
 ROBOTS, DESCRIPTIONS = "example-robot-data:", "robot_descriptions"
 MECHANISM, PARAMETRIC = ".toml", ".py"
 SOURCES = (".urdf", ".xml", ".mjcf", ".sdf", ".yaml")
+READERS: dict[str, Callable[[Path], str]] = {  # of installed packages: suffix, and what a mechanism file would say
+    f".{name}": reader
+    for name, reader in plugins("mbdae.readers", callable, "a function of a path").items()
+    if f".{name}" not in (MECHANISM, PARAMETRIC, *SOURCES)
+}
 SUFFIXES = ", ".join((MECHANISM, PARAMETRIC, *SOURCES[:-1])) + f" or {SOURCES[-1]}"
 OWN = ("mechanism.toml", "mechanism.py")
 IN_FOLDER = (*OWN, "robot.yaml", "robot.urdf")
@@ -82,7 +89,7 @@ def refuse_suffix(path: Path) -> None:
     Raises:
         InputError: lists what is.
     """
-    if path.suffix not in (MECHANISM, PARAMETRIC, *SOURCES):
+    if path.suffix not in (MECHANISM, PARAMETRIC, *SOURCES, *READERS):
         raise InputError(f"cannot read {path.name}: expected a {SUFFIXES} file")
 
 

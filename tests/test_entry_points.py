@@ -1,0 +1,101 @@
+"""What other packages add: methods, forces and readers by entry points, and what is wrong with them by name."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+METHODS = '''\
+from mbdae.methods.tableau import Tableau
+
+ralston = Tableau("ralston3", A="0\\n1/2\\n0 3/4", b="2/9 1/3 4/9")
+taken = Tableau("herk1", A=((),), b=("1",))
+'''
+FORCES = '''\
+import numpy as np
+from typing import Literal
+from mbdae.mechanism.forces.force import Force, ForceElement, one_velocity
+
+
+class JointDrag(Force):
+    """tau = -drag |v| v."""
+
+    kind: Literal["joint_drag"] = "joint_drag"
+    joint: str
+    drag: float
+
+    def bind(self, model, data):
+        return DragElement(self.name, one_velocity(model, self.joint, "a joint_drag").idx_v, self.drag)
+
+
+class DragElement(ForceElement):
+    """Its law."""
+
+    def __init__(self, name, i, c):
+        super().__init__(name)
+        self.i, self.c = i, c
+
+    def torque(self, t, q, v):
+        tau = np.zeros(len(v))
+        tau[self.i] = -self.c * abs(v[self.i]) * v[self.i]
+        return 0.0, tau
+'''
+READERS = '''\
+def pendulums(path):
+    n = int(path.read_text())
+    return "title = 'read'\\n" + "".join(
+        f"[[body]]\\nname = 'b{i}'\\nparent = '{'world' if not i else f'b{i - 1}'}'\\njoint = 'revolute'\\n"
+        f"axis = [0, 1, 0]\\nxyz = [0, 0, -1]\\nmass = 1.0\\ncom = [0, 0, -1]\\ninertia = [0.1, 0.1, 0.1, 0, 0, 0]\\n" for i in range(n)
+    )
+'''
+POINTS = """
+[mbdae.methods]
+ralston3 = house_methods:ralston
+taken = house_methods:taken
+gone = house_methods:gone
+[mbdae.forces]
+joint_drag = house_forces:JointDrag
+[mbdae.readers]
+chain = house_readers:pendulums
+"""
+PROGRAM = """
+import warnings
+with warnings.catch_warnings(record=True) as said:
+    warnings.simplefilter("always")
+    import mbdae
+print(*(str(w.message) for w in said if "entry point" in str(w.message)), sep="\\n")
+mech = mbdae.load("a.chain", forces=[mbdae.JointDrag(joint="b1", drag=2.0)])
+sol = mbdae.solve(mech, (0, 0.1), method="ralston3", step=0.01, backend="python")
+print(mech.nv, sol.status, "power.joint_drag 1" in sol.signals())
+try:
+    mbdae.load("b.chain")
+except mbdae.MbdaeError as e:
+    print(e)
+"""
+
+
+@pytest.fixture
+def house(tmp_path):
+    for name, text in (("methods", METHODS), ("forces", FORCES), ("readers", READERS)):
+        (tmp_path / f"house_{name}.py").write_text(text)
+    info = tmp_path / "house-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: house\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(POINTS)
+    (tmp_path / "a.chain").write_text("2")
+    (tmp_path / "b.chain").write_text("two")
+    return tmp_path
+
+
+def test_what_packages_add_is_found_and_what_is_wrong_is_named(house):
+    root = str(Path(__file__).parent.parent)
+    code = f"import sys; sys.path[:0] = [{str(house)!r}, {root!r}]\n{PROGRAM}"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=house, timeout=120)
+    assert out.returncode == 0, out.stderr
+    lines = out.stdout.splitlines()
+    out_of = "of mbdae.methods in house is left out"
+    assert f"entry point 'taken' {out_of}: expected a Tableau of a new name" in lines[0] + lines[1]
+    assert f"entry point 'gone' {out_of}: AttributeError" in lines[0] + lines[1]
+    assert lines[2] == "2 finished True"
+    assert "the reader of .chain files fails on" in lines[3]
