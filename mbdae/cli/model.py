@@ -10,6 +10,8 @@ import click
 from ..errors import InputError
 from ..mechanism import Mechanism, load
 from ..mechanism.formats.template import START, with_start
+from ..solution.solution import Problem
+from ..textbook.problems import TEXTBOOK
 from .options import values_by_name
 
 start_option = click.option(
@@ -37,6 +39,18 @@ class ChosenModel:
             UnknownNameError, InputError: as `mbdae.load`; for a start value of a joint that it has not.
         """
         return with_start(load(self.name), self.start)
+
+    def problem(self) -> Problem:
+        """Load it, or make the textbook problem of that name.
+
+        Raises:
+            UnknownNameError, InputError: as `load`; for a start value of a textbook problem.
+        """
+        if self.name not in TEXTBOOK:
+            return self.load()
+        if self.start:
+            raise InputError(f"start values are those of mechanisms, {self.name!r} is a textbook problem")
+        return TEXTBOOK[self.name]()
 
     @property
     def source(self) -> str | Mechanism:

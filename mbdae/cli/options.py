@@ -20,8 +20,7 @@ from ..errors import InputError, printable
 from ..integrate.defaults import DEFAULTS, with_tolerance
 from ..integrate.solve import solve
 from ..integrate.span import checked_span
-from ..mechanism import Mechanism
-from ..solution.solution import Solution
+from ..solution.solution import Problem, Solution
 from ..tabular import SUFFIXES, finite
 
 RTOL = 1e-8  # of a run on the command line
@@ -97,7 +96,7 @@ def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
     return [path for path, _ in named]
 
 
-def span(mech: Mechanism, end: float | None) -> tuple[float, float]:
+def span(mech: Problem, end: float | None) -> tuple[float, float]:
     """The time span from 0 to an end, or to the model's own.
 
     Raises:
@@ -107,7 +106,7 @@ def span(mech: Mechanism, end: float | None) -> tuple[float, float]:
 
 
 def simulate(
-    mech: Mechanism, *, method: str | None, end: float | None, rtol: float | None, step: float | None, **options: Any
+    mech: Problem, *, method: str | None, end: float | None, rtol: float | None, step: float | None, **options: Any
 ) -> Solution:
     """Run a model from its start with a progress bar; settings that are None are those of its file, or the defaults.
 

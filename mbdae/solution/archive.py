@@ -17,9 +17,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..errors import STATUS, InputError
 from ..files import write_whole
-from ..mechanism import Singular, describe, restore
+from ..mechanism import Mechanism, Singular, describe, restore
 from ..mechanism.tables import one_line
 from ..tabular import write_csv
+from ..textbook.problems import TEXTBOOK
 from .impact import Impact
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def write(sol: "Solution", path: str | Path) -> None:
         return
     meta = {
         "format": FORMAT,
-        "mechanism": describe(sol.mechanism),
+        "mechanism": _described(sol.problem),
         "settings": sol.settings,
         "stats": sol.stats,
         "status": sol.status,
@@ -109,6 +110,25 @@ def write(sol: "Solution", path: str | Path) -> None:
     arrays = {"t": sol.t, "y": sol.y, "z_own": sol.z_own, "steps_t": ts, "steps_y": ys, "steps_z": zs}
     with write_whole(path) as temporary:
         np.savez_compressed(temporary, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
+
+
+def _described(problem: Any) -> dict[str, Any]:
+    """What makes the problem again."""
+    if isinstance(problem, Mechanism):
+        return describe(problem)
+    if problem.name not in TEXTBOOK:
+        known = ", ".join(TEXTBOOK)
+        raise InputError(f"the functions of {problem.title!r} cannot be written; by name those of {known} are")
+    return {"textbook": problem.name}
+
+
+def _restored(data: dict[str, Any]) -> tuple[Any, int, int]:
+    """The problem, the length of its points, and that of its multipliers."""
+    if "textbook" in data:
+        problem = TEXTBOOK[data["textbook"]]()
+        return problem, len(problem.y0), len(problem.z0)
+    mech = restore(data)
+    return mech, mech.nq + mech.nv + len(mech.states) + 1, mech.ng
 
 
 def read(path: str | Path) -> dict[str, Any]:
@@ -138,17 +158,16 @@ def _content(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 
 def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, Any]:
     run = _Run.model_validate(meta)
-    mechanism = restore(run.mechanism)
-    width = mechanism.nq + mechanism.nv + len(mechanism.states) + 1
+    problem, width, ng = _restored(run.mechanism)
     for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
-        _check_arrays(data[t], data[y], data[z], width, mechanism.ng)
+        _check_arrays(data[t], data[y], data[z], width, ng)
     if not len(data["t"]) and not len(data["steps_t"]):
         raise ValueError("the run has no times")
     if run.status not in STATUS:
         raise ValueError(f"status {run.status!r}; known: {', '.join(STATUS)}")
-    if any(not 0 <= k < mechanism.ng for _, rows in run.in_use for k in rows):
+    if any(not 0 <= k < ng for _, rows in run.in_use for k in rows):
         raise ValueError("rows are in use that the mechanism does not have")
-    sizes = [len(s.states) for s in mechanism.switches]
+    sizes = [len(s.states) for s in getattr(problem, "switches", ())]
     if any(len(m) != len(sizes) or any(not 0 <= k < n for k, n in zip(m, sizes, strict=True)) for _, m in run.modes):
         raise ValueError("modes that the mechanism does not have")
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
@@ -156,7 +175,7 @@ def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, A
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
     passed, in_use = list(run.singular), list(run.in_use)
     rest |= {"modes": list(run.modes), "impacts": list(run.impacts)}
-    return {"problem": mechanism, **arrays, **rest, "steps": steps, "singular": passed, "in_use": in_use}
+    return {"problem": problem, **arrays, **rest, "steps": steps, "singular": passed, "in_use": in_use}
 
 
 @contextmanager

@@ -206,11 +206,15 @@ class Solution(DenseOutput, Tabular):
         Raises:
             InputError: for a textbook problem.
         """
-        return signals(self)
+        if isinstance(self.problem, Mechanism):
+            return signals(self)
+        parts = {"y": self.y, "z": self.z}
+        return {"t": self.t} | {f"{n}.{k + 1}": x[:, k] for n, x in parts.items() for k in range(x.shape[1])}
 
     def tabulated(self) -> Columns:
         """The columns of `signals` over time, with their units."""
-        return Columns(self.signals(), units(self.mechanism), "t")
+        known = units(self.problem) if isinstance(self.problem, Mechanism) else {"t": "s"}
+        return Columns(self.signals(), known, "t")
 
     def plot(self, path: str | Path | None = None, names: str | Sequence[str] = ()) -> "Figure":
         """Draw signals by unit over time; written where a path is given.

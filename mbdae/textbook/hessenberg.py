@@ -31,6 +31,8 @@ class Hessenberg:
         f_y: f_y(t, y, z) -> (ny, ny), for implicit methods; finite differences when left out.
         title: a name for tables.
         exact: t -> (y, z), the solution where it is known; order studies compare with it.
+        name: of one in `mbdae.textbook.problems`, by which its runs are saved.
+        duration: default end time of a run in s.
 
     Raises:
         InputError: when the run starts, for f and g of wrong shapes or a y0 off 0 = g.
@@ -46,6 +48,8 @@ class Hessenberg:
     title: str = "textbook problem"
     exact: Callable[[float], tuple[Array, Array]] | None = None
     f_y: Function | None = None
+    name: str = ""
+    duration: float = 1.0
     drivers: ClassVar[tuple[()]] = ()
 
     def system(self, formulation: str = "index2", baumgarte: tuple[float, float] | None = None) -> "HessenbergSystem":
@@ -111,12 +115,7 @@ class HessenbergSystem(System):
 
     def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:  # noqa: D102
         known = near is not None and np.isfinite(near).all()
-        g_y = self.g_y(t, y)
-        g_t = (
-            self.problem.g_t(t, y)
-            if self.problem.g_t
-            else _jacobian(lambda s: self.problem.g(s[0], y), np.array([t]))[:, 0]
-        )
+        g_y, g_t = self.g_y(t, y), self.g_t(t, y)
         start = np.array(near, float) if known else self.near(y)
         z = self.solve(t, y, lambda F: g_t + g_y @ F, lambda F: g_y, 1.0, start)
         self.remember(y, z)
@@ -189,6 +188,16 @@ class HessenbergSystem(System):
         """Evaluate and count g_y, (nz, ny)."""
         self.counts.G += 1
         return self.problem.g_y(t, y) if self.problem.g_y else _jacobian(lambda u: self.problem.g(t, u), y)
+
+    def g_t(self, t: float, y: Array) -> Array:
+        """Evaluate g_t, (nz,)."""
+        if self.problem.g_t:
+            return self.problem.g_t(t, y)
+        return _jacobian(lambda s: self.problem.g(s[0], y), np.array([t]))[:, 0]
+
+    def hidden(self, t: float, y: Array, z: Array) -> Array:
+        """Evaluate what is left of the hidden constraint, g_t + g_y f(t, y, z), (nz,)."""
+        return self.g_t(t, y) + self.g_y(t, y) @ self.f(t, y, z)
 
     def f_y(self, t: float, y: Array, z: Array) -> Array:
         """Evaluate f_y, (ny, ny)."""

@@ -1,9 +1,13 @@
 """Every textbook problem: a consistent start, and slopes against difference quotients."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from chains import difference_quotient
 
+import mbdae
+from mbdae.__main__ import main
 from mbdae.textbook.problems import TEXTBOOK
 
 
@@ -21,3 +25,39 @@ def test_start_and_slopes(name):
     }.values():
         if slope is not None:
             assert slope == pytest.approx(difference_quotient(path, h), rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", TEXTBOOK)
+def test_a_run_is_saved_and_its_drift_is_seen(name, tmp_path, capsys):
+    problem = TEXTBOOK[name]()
+    sol = mbdae.solve(problem, (0, 0.05), method="pherk5", rtol=1e-6)
+    sol.save(tmp_path / "run.npz")
+    again = mbdae.Solution.load(tmp_path / "run.npz")
+    np.testing.assert_array_equal(again.y, sol.y)
+    found = mbdae.drift(again)
+    assert found.g_max < 1e-9
+    assert str(found).startswith(f"drift of {problem.title}, pherk5")
+    assert list(again.signals())[:2] == ["t", "y.1"]
+    assert len(again.signals()) == 1 + len(problem.y0) + len(problem.z0)
+
+
+def test_drift_of_a_known_solution_is_that_of_its_own_z():
+    # on the circle g_t + g_y f = 2 z |y|^2, and the exact z is 0
+    sol = mbdae.solve(TEXTBOOK["circle"](), (0, 1), method="herk3", step=0.1)
+    assert mbdae.drift(sol).Gv_max == pytest.approx(2 * np.abs(sol.z_own).max(), rel=1e-9)
+    assert np.abs(sol.y[-1] - [np.cos(1), np.sin(1)]).max() < 1e-4
+
+
+def test_what_has_no_name_is_not_saved(tmp_path):
+    circle = replace(TEXTBOOK["circle"](), name="")
+    with pytest.raises(mbdae.MbdaeError, match="the functions of 'Point on a circle' cannot be written"):
+        mbdae.solve(circle, (0, 0.1)).save(tmp_path / "run.npz")
+
+
+@pytest.mark.parametrize("words", ["models --textbook", "run circle -t 1 -m rk4", "drift hessenberg_a -t 0.2 -m herk3"])
+def test_commands_take_them(words, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["mbdae", *words.split()])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
+    assert ("Point on a circle" if "hessenberg" not in words else "Hessenberg problem (a)") in capsys.readouterr().out

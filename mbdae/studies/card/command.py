@@ -8,6 +8,7 @@ from ...cli.model import chosen_model, set_option, start_option
 from ...cli.options import as_json, emit, show
 from ...mechanism import load, model_names
 from ...solution.archive import versions
+from ...textbook.problems import TEXTBOOK
 from .card import card
 
 
@@ -31,9 +32,14 @@ def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], a
 
 
 @click.command()
+@click.option("--textbook", is_flag=True, help="List textbook problems instead, for run, order and drift.")
 @as_json
-def models(as_json: bool) -> None:
+def models(textbook: bool, as_json: bool) -> None:
     """List the models that come with mbdae."""
+    if textbook:
+        problems = [(name, make()) for name, make in TEXTBOOK.items()]
+        show([{"name": n, "title": p.title, "ny": len(p.y0), "nz": len(p.z0)} for n, p in problems], as_json)
+        return
     rows = [(name, load(name)) for name in model_names()]
     data = [
         {

@@ -71,9 +71,9 @@ def drift(
         if target.endswith(".npz"):
             sols.append(Solution.load(target))
         else:
-            mech = chosen_model(target, started, chosen).load()
+            problem = chosen_model(target, started, chosen).problem()
             runs = [v.arguments() for v in tried] or [{"method": None, "project": project}]
-            sols += [simulate(mech, **run, **options) for run in runs]
+            sols += [simulate(problem, **run, **options) for run in runs]
     found = [measure_drift(sol) for sol in sols]
     if plot:
         from .. import figures

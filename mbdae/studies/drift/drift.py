@@ -10,6 +10,7 @@ from ...errors import require
 from ...solution.columns import balance, residuals
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
+from ...textbook.hessenberg import Hessenberg
 from ..variant import of as variant_of
 
 if TYPE_CHECKING:
@@ -130,6 +131,20 @@ class Drift(Tabular):
         )
 
 
+def _of_textbook(sol: Solution, problem: Hessenberg) -> Drift:
+    system, (method, label) = problem.system(), _names(sol)
+    points = list(zip(sol.t.tolist(), sol.y, sol.z_own, strict=True))
+    g = np.array([np.abs(problem.g(t, y)).max(initial=0.0) for t, y, _ in points])
+    hidden = np.array([np.abs(system.hidden(t, y, z)).max(initial=0.0) for t, y, z in points])
+    none = np.zeros(len(g))
+    rows = len(problem.z0)
+    return Drift(
+        problem.title, method, label, float(sol.t[-1]), float(g.max()), float(g[-1]), "", (rows, rows),
+        float(hidden.max()), float(hidden[-1]), 0.0, 0.0, 0.0,
+        History(problem.title, method, label, sol.t, g, hidden, none),
+    )  # fmt: skip
+
+
 def brief(x: float) -> str:
     """A tolerance in all its digits: 1e-04, 2.5e-04."""
     return np.format_float_scientific(x, trim="-", exp_digits=2)
@@ -146,12 +161,15 @@ def drift(sol: Solution) -> Drift:
     """Measure the drift of a solution at its times.
 
     Position level: g(t, q) over all rows, watched and not enforced. Velocity level: G v + g_t. Energy: the kinetic and
-    potential energy less their start and the integrated work, E(t) - E(0) - W(t).
+    potential energy less their start and the integrated work, E(t) - E(0) - W(t). Of a textbook problem 0 = g, which
+    methods keep, and what the method's own z leaves of the hidden constraint, g_t + g_y f(t, y, z); it has no energy.
 
     Raises:
-        InputError: for a solution of a textbook problem or one without times, or something else.
+        InputError: for a solution without times, or something else.
     """
     require(sol, Solution, "drift takes a Solution (see mbdae.solve)")
+    if isinstance(sol.problem, Hessenberg):
+        return _of_textbook(sol, sol.problem)
     mech, r = sol.mechanism, residuals(sol)
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
     error, scale = balance(sol.v, r.kinetic, r.potential, sol.work)

@@ -60,7 +60,7 @@ def order(
     written = writable((output, TABLES), (plot, PICTURES))
     if gradients and model.name in TEXTBOOK:
         raise InputError(f"gradients are those of mechanisms, {model.name!r} is a textbook problem")
-    problem = TEXTBOOK[model.name]() if model.name in TEXTBOOK else model.load()
+    problem = model.problem()
     with bar("order", None) as tell:
         options: dict[str, Any] = {"T": T, "steps": steps, "progress": tell}
         if gradients:

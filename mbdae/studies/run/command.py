@@ -23,6 +23,7 @@ from ...cli.options import (
 )
 from ...errors import InputError
 from ...integrate.events import Event
+from ...mechanism import Mechanism
 from ...solution.signals import find
 from ...system import Array
 from ..drift.drift import drift as measure_drift
@@ -74,8 +75,8 @@ def run(
     if not (html or video) and (plots or traces or arrow or every):
         raise InputError("--plots, --trace and --arrows belong to a replay: --html run.html, or --video run.mp4")
     watched = [*events, *(Event(text, terminal=True) for text in until)]
-    mech = model.load()
-    names = tuple(find(mech, listed(names)))
+    mech = model.problem()
+    names = tuple(find(mech, listed(names))) if isinstance(mech, Mechanism) else names
     if names and not plot:
         raise InputError("--signal says what --plot draws: give both")
     sol = simulate(mech, events=watched, **options)

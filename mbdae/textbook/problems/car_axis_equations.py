@@ -93,5 +93,6 @@ def car_axis_equations() -> Hessenberg:
         f_z=lambda t, y, z: np.concatenate([np.zeros((4, 2)), jacobian(t, y).T / K]),
         g_t=g_t,
         f_y=f_y,
+        name="car_axis_equations",
         title="Car axis, as equations",
     )

@@ -100,5 +100,6 @@ def fekete() -> Hessenberg:
         f_z=f_z,
         g_t=lambda t, y: np.zeros(2 * N),
         f_y=f_y,
+        name="fekete",
         title="Fekete points",
     )

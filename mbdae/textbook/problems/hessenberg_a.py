@@ -22,6 +22,7 @@ def hessenberg_a() -> Hessenberg:
         g_t=lambda t, y: np.zeros(1),
         y0=(1.0, 1.0),
         z0=(1.0,),
+        name="hessenberg_a",
         title="Hessenberg problem (a)",
         exact=lambda t: (np.array([np.exp(t), np.exp(-2 * t)]), np.array([np.exp(2 * t)])),
     )
