@@ -10,7 +10,7 @@ from ...errors import MbdaeError
 from ...mechanism import Mechanism
 from ...mechanism.assembly import close_position
 from ...mechanism.frames import find_joint
-from ...solution.columns import units
+from ...mechanism.units import coordinate_units
 from ...system import Array
 from ..kinematics.kinematics import kinematics
 
@@ -81,7 +81,7 @@ def independent(mech: Mechanism, system: "Index2System", q: Array) -> list[str]:
 
 def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
     joint = find_joint(mech.model, name)
-    unit = units(mech)[f"v.{name}"].removesuffix("/s")
+    unit = coordinate_units(mech)[f"v.{name}"].removesuffix("/s")
     dead: tuple[float, ...] = ()
     system = mech.system()
     u, poses = _alone(mech, name, q)
@@ -153,7 +153,7 @@ def _limits(mech: Mechanism, name: str) -> Array | None:
 
 
 def _turns(mech: Mechanism, name: str) -> bool:
-    return units(mech)[f"v.{name}"].startswith("rad")
+    return coordinate_units(mech)[f"v.{name}"].startswith("rad")
 
 
 def _value(q: Array, joint: object) -> float:
