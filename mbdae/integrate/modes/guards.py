@@ -131,13 +131,18 @@ def _peaks(guard: Guard, at: At) -> list[float]:
     return []
 
 
-def unresolved(guards: Sequence[FollowedGuard], at: At) -> float:
+def unresolved(guards: Sequence[FollowedGuard], at: At, step_size: float) -> float:
     """Return how far loads of what sticks go beyond cubics through their samples in a step; above 1 it is too long.
+
+    A step that may pass a guard twice is too long, too.
 
     What sticks has no error, and steps would grow until a load comes and goes between two samples.
     """
     worst = 0.0
     for guard in guards:
+        if guard.guard.longest is not None:
+            longest = min(guard.guard.longest(at(theta)) for theta in (0.0, 1.0))
+            worst = max(worst, (step_size / longest) ** 4)
         if guard.guard.load is not None:
             loads = np.array([guard.guard.load(at(theta)) for theta in (0.0, *SAMPLES, 1.0)])
             bend = abs(float(loads @ FOURTH))

@@ -91,9 +91,9 @@ class ModeWatch:
 
     def blind(self, run: "RunState", step: "StepMap") -> bool:
         """Say whether a step is too long to see the loads of what sticks, and bound the next one."""
-        if not any(g.guard.load for g in self.guards) or not run.stepper.any_size:
+        if not any(g.guard.load or g.guard.longest for g in self.guards) or not run.stepper.any_size:
             return False
-        worst = unresolved(self.guards, self._points(step))
+        worst = unresolved(self.guards, self._points(step), abs(step.h))
         if worst > 0:
             run.stepper.bound(abs(step.h) * max(SHRINK, SAFETY * worst**-0.25))
         return worst > 1 and run.stepper.controls

@@ -14,6 +14,7 @@ from .one_sided import OneSided
 from .primitives import primitives_of
 from .profiles import AnyProfile, Profile
 from .rows import FrameRows, JointRow, unit_axis
+from .within import Within
 
 Kind = Literal[
     "point", "revolute", "frame", "prismatic", "cylindrical", "universal", "in_plane", "in_line", "parallel",
@@ -91,6 +92,7 @@ class Closure(OneSided):
         surface_radius: of a sphere or cylinder in m; negative where the body rolls inside.
         radii: of both wheels of a gear in m; negative for a ring whose teeth point inwards.
         lead: of a screw in m per turn, positive for a right-handed one.
+        within: where in the way of a joint the closure is there; always when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -117,6 +119,7 @@ class Closure(OneSided):
     surface_radius: float | None = None
     radii: tuple[float, float] | None = None
     lead: float | None = None
+    within: Within | None = None
 
     @model_validator(mode="after")
     def _checked(self) -> "Closure":
@@ -125,7 +128,7 @@ class Closure(OneSided):
 
     def _keys_fit(self) -> None:
         needed, possible = keys(self.kind)
-        known = (*needed, *possible)
+        known = (*needed, *possible, "within")
         given = {k for k in type(self).model_fields if getattr(self, k) is not None}
         for key in sorted(given.difference(known)):
             raise ValueError(f"{key} does not belong to a {self.kind} closure; known: {', '.join(known)}")

@@ -24,6 +24,7 @@ class Guard(NamedTuple):
         rate: its rate, where it is known: then a visit below 0 and back within a step is seen.
         bend: and the rate of that.
         loads: it depends on multipliers, and is sampled within steps.
+        longest: the longest step in s that cannot pass it twice.
         load: a multiplier as a share of its limit, signed, on which it depends: steps shall resolve it.
     """
 
@@ -35,6 +36,7 @@ class Guard(NamedTuple):
     bend: Value | None = None
     loads: bool = False
     load: Value | None = None
+    longest: Value | None = None
 
 
 class Strike(NamedTuple):

@@ -1,0 +1,73 @@
+"""Closures that are there while a joint is within a window of its way."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ...errors import InputError
+from ..closures.closure import Closure
+from ..closures.within import Within
+from ..frames import find_joint
+from .switch import Guard, Switch
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+    from .point import ModePoint
+
+OFF, ON = 0, 1
+SLOW = 1e-9  # rad/s or m/s: who is slower passes no window
+AHEAD = 1e-7  # rad or m: how far ahead a joint is looked at that stands where a window begins or ends
+
+
+class Window(Switch):
+    """The rows of a closure are there while a joint is within a window.
+
+    Args:
+        name: of the closure.
+        spec: the windows.
+        rows: numbers of the rows.
+        columns: of the joint's coordinate in q, and of its velocity.
+    """
+
+    states = ("out of its window", "at work")
+
+    def __init__(self, name: str, spec: Within, rows: Sequence[int], columns: tuple[int, int]) -> None:
+        super().__init__(name)
+        self.spec, self.all_rows, (self.q, self.v) = spec, tuple(rows), columns
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        out = []
+        for c in mechanism.constraints:
+            if isinstance(c, Closure) and c.within:
+                joint = find_joint(mechanism.model, c.within.joint)
+                if (joint.nq, joint.nv) != (1, 1):
+                    raise InputError(f"{c.name!r}: joint {c.within.joint!r} of within needs one bounded coordinate")
+                rows = [i for i, name in enumerate(mechanism.row_names) if name == c.name]
+                out.append(cls(c.name, c.within, rows, (joint.idx_q, joint.idx_v)))
+        return out
+
+    @property
+    def rows(self) -> tuple[int, ...]:  # noqa: D102
+        return self.all_rows
+
+    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
+        return self.all_rows if state == ON else ()
+
+    def depth(self, point: "ModePoint") -> float:
+        """Return how far inside a window the joint is."""
+        return self.spec.depth(float(point.q[self.q]))
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        sign = 1.0 if state == ON else -1.0
+        return (Guard("pass", self.name, self.at, lambda x: sign * self.depth(x), loads=True, longest=self.longest),)
+
+    def longest(self, point: "ModePoint") -> float:
+        """Return the time in which the joint goes through the shortest window at most."""
+        return self.spec.shortest / max(abs(float(point.v[self.v])), SLOW)
+
+    def settled(  # noqa: D102
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+    ) -> int:
+        v = float(point.v[self.v])
+        step = AHEAD if v > 0 else -AHEAD if v < 0 else 0.0
+        return ON if self.spec.depth(float(point.q[self.q]) + step) > 0 else OFF

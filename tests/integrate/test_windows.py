@@ -1,0 +1,44 @@
+"""Closures that are there within windows of a joint's way: a Geneva drive against its geometry."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError
+from mbdae.mechanism.closures.within import Within
+
+RATIO = np.sqrt(0.5)  # of the pin's radius to the distance of the centres
+
+
+def wheel(crank):
+    """Angle of the wheel: it follows the pin's direction within an eighth of a turn, and waits elsewhere."""
+    turns = np.floor((crank + np.pi) / (2 * np.pi))
+    near = np.clip(crank - 2 * np.pi * turns, -np.pi / 4, np.pi / 4)
+    return -(np.pi / 2) * turns - np.pi / 4 + np.arctan2(-RATIO * np.sin(near), 1 - RATIO * np.cos(near))
+
+
+def test_a_geneva_drive_turns_its_wheel_by_quarters(back_end):
+    until = 5.0 if back_end == "native" else 1.3
+    sol = mbdae.solve(mbdae.load("geneva_drive"), (0, until), rtol=1e-9)
+    assert sol.success
+    np.testing.assert_allclose(sol.q[:, 1], wheel(sol.q[:, 0]), atol=1e-10)
+    assert len(sol.modes) == (11 if back_end == "native" else 4)
+    ends = [sol.q[i, 0] for i, _ in sol.modes[1:]]
+    known = np.sort(np.concatenate([2 * np.pi * np.arange(6) + s * np.pi / 4 for s in (-1, 1)]))
+    np.testing.assert_allclose(ends, known[: len(ends)], atol=1e-10)
+    assert mbdae.drift(sol).energy_relative < 1e-10
+
+
+def test_depth_of_windows():
+    some = Within(joint="a", windows=((-1, 1), (3, 4)), period=10)
+    places = {0: 1, 0.75: 0.25, 10.75: 0.25, -9.5: 0.5, 2: -1, 3.5: 0.5, 5: -1}
+    assert {x: some.depth(x) for x in places} == pytest.approx(places)
+    assert some.shortest == 1
+    assert Within(joint="a", windows=((0, 5),)).shortest == 5
+
+
+def test_wrong_windows_are_refused():
+    with pytest.raises(InputError, match=r"a window is a pair .lower, upper., lower below upper"):
+        Within(joint="a", windows=((1, 0),))
+    with pytest.raises(InputError, match="a window is shorter than the period"):
+        Within(joint="a", windows=((0, 7),), period=6)
