@@ -12,6 +12,7 @@ from ..errors import InputError, UnknownNameError
 from ..system import Array
 from .appearance import appearance
 from .assembly import START, assemble, refuse_inconsistent
+from .closures.brake import Brake
 from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
 from .closures.clutch import Clutch
@@ -19,7 +20,7 @@ from .closures.constraints import Constraints, Spec, anchors
 from .closures.driver import Driver
 from .closures.one_sided import Stop
 from .ends import ends
-from .forces import bind_forces, brakes_of, named_force
+from .forces import bind_forces, held_joints, named_force
 from .forces.elements import ForceElements
 from .formulations.compiled import COMPILED
 from .formulations.ggl import GGLSystem
@@ -95,7 +96,7 @@ class Mechanism(Quantities):
         self.motors, self.left_out, self.settings = tuple(motors), tuple(left_out), settings or SolveSettings()
         self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), ends(model, stops)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
-        self.clutches, brakes = tuple(clutches), brakes_of(model, self.forces)
+        self.clutches, brakes = tuple(clutches), tuple(Brake(*held) for held in held_joints(model, self.forces))
         self.constraints: tuple[Spec, ...] = (*self.closures, *self.drivers, *self.stops, *self.clutches, *brakes)
         if len({c.name for c in self.constraints}) < len(self.constraints):
             names = ", ".join(c.name for c in self.constraints)

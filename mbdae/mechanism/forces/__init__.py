@@ -10,12 +10,11 @@ from pydantic_core import PydanticUndefined
 
 from ...errors import InputError
 from ...members import members, plugins
-from ..closures.brake import Brake
 from ..frames import find_joint
 from .elements import ForceElements
 from .force import Force, PythonForce
 from .joint_damping import JointDamping, damping_law
-from .joint_friction import JointFriction
+from .joint_friction import Held, JointFriction
 from .torque_function import TorqueElement
 
 _FOUND: list[type] = list(dict.fromkeys(members(__name__, type)))
@@ -54,13 +53,13 @@ def named_force(force: Any, i: int) -> Any:
     return force if force.name else force.model_copy(update={"name": f"{force.kind} {i + 1}"})
 
 
-def brakes_of(model: pin.Model, forces: Sequence[Any]) -> tuple[Brake, ...]:
-    """Return the rows by which friction holds joints.
+def held_joints(model: pin.Model, forces: Sequence[Any]) -> tuple[Held, ...]:
+    """Return the joints that friction may hold.
 
     Raises:
         UnknownNameError, InputError: for joints that do not exist or do not fit, or with two frictions.
     """
-    found = tuple(b for f in forces if isinstance(f, JointFriction) for b in f.brakes(model))
+    found = tuple(h for f in forces if isinstance(f, JointFriction) for h in f.holds(model))
     for name in {b.joint for b in found if [x.joint for x in found].count(b.joint) > 1}:
         raise InputError(f"joint {name!r} has two frictions that stick")
     return found

@@ -1,18 +1,33 @@
 """Coulomb friction in joints, regularised or exact."""
 
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
 from ...errors import InputError
-from ..closures.brake import Brake
 from ..frames import find_joints, joint_names
 from .force import Array, Force, ForceElement, Joints
 
 VELOCITY = 0.01  # rad/s or m/s
+
+
+class Held(NamedTuple):
+    """A joint that friction may hold.
+
+    Attributes:
+        joint: its name.
+        force: name of the friction.
+        kinetic: friction while it slips, in N m or N.
+        static: the largest that holds it.
+    """
+
+    joint: str
+    force: str
+    kinetic: float
+    static: float
 
 
 class JointFriction(Force):
@@ -58,8 +73,8 @@ class JointFriction(Force):
         """It is exact."""
         return self.exact or self.static is not None
 
-    def brakes(self, model: pin.Model) -> Iterator[Brake]:
-        """Yield the rows that hold joints; none of regularised friction.
+    def holds(self, model: pin.Model) -> Iterator[Held]:
+        """Yield the joints that it may hold; none for regularised friction.
 
         Raises:
             InputError: for a joint of several coordinates, or less static friction than the source's.
@@ -76,7 +91,7 @@ class JointFriction(Force):
             if kinetic > static:
                 raise InputError(f"force {self.name!r}: static is at least the {kinetic:g} of joint {name!r}")
             if j.nv == 1 and static:
-                yield Brake(name, self.name, kinetic, static)
+                yield Held(name, self.name, kinetic, static)
             elif kinetic:
                 raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")
 
