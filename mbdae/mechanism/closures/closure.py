@@ -128,19 +128,17 @@ class Closure(OneSided):
 
     def _keys_fit(self) -> None:
         needed, possible = keys(self.kind)
-        known = (*needed, *possible, "within")
-        given = {k for k in type(self).model_fields if getattr(self, k) is not None}
-        for key in sorted(given.difference(known)):
+        given = {k for k in type(self).model_fields if getattr(self, k) is not None and k != "within"}
+        for key in sorted(given.difference(known := (*needed, *possible))):
             raise ValueError(f"{key} does not belong to a {self.kind} closure; known: {', '.join(known)}")
         for key in sorted(set(needed) - given):
             raise ValueError(f"a {self.kind} closure needs {key}")
         for axis in (self.axis, self.second_axis):
             if axis is not None and not np.linalg.norm(axis) > 0:
                 raise ValueError("an axis must not be zero")
-        ends = self.between
-        if len(set(ends)) < len(ends):
-            what, name = "frame" if self.frames else "joint", self.name or "-".join(ends)
-            raise ValueError(f"closure {name!r} joins {what} {ends[0]!r} with itself")
+        if len(set(ends := self.between)) < len(ends):
+            what = f"{self.name or '-'.join(ends)!r} joins {'frame' if self.frames else 'joint'}"
+            raise ValueError(f"closure {what} {ends[0]!r} with itself")
         check_numbers(self)
         if not self.name:
             object.__setattr__(self, "name", "-".join(ends))
@@ -248,7 +246,6 @@ class Closure(OneSided):
     def rows(cls, function: Any, joints: str | Sequence[str], size: int = 1, **more: Any) -> "Closure":
         """Rows that a Python function of the coordinates of joints gives, see `mbdae.mechanism.closures.user_rows`."""
         from .user_rows import UserRows  # which are closures
-
         return UserRows(kind="rows", joints=joints, function=function, size=size, **more)
 
     @property

@@ -40,7 +40,7 @@ CONVERGED = 1e-15  # of the largest T
 NOTHING = 1e-300  # keeps what is zero from being divided by
 
 
-class Place(NamedTuple):
+class SlidingPlace(NamedTuple):
     """Where bodies slide on each other.
 
     Attributes:
@@ -113,7 +113,7 @@ class Sliding:
 
     def __init__(self, forces: tuple, closures: tuple[Closure, ...], constraints: Constraints) -> None:
         named, self.constraints = {c.name: c for c in closures}, constraints
-        self.places: list[Place] = []
+        self.places: list[SlidingPlace] = []
         for force in forces:
             if isinstance(force, CoulombFriction):
                 if force.closure not in named:
@@ -122,7 +122,7 @@ class Sliding:
                 _refuse(force, closure)
                 pair, start = constraints.frame_parts[closure.name].pair, constraints.spans[closure.name].start
                 rows = slice(start, start + CARRIED.get(closure.kind, 1))
-                self.places.append(Place(force, closure, pair, rows, slice(start + 1, start + closure.m)))
+                self.places.append(SlidingPlace(force, closure, pair, rows, slice(start + 1, start + closure.m)))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
         self.acts = [not p.force.sticks for p in self.places]  # what grips does not slide
         self.heading = [np.eye(max(1, p.grip.stop - p.grip.start))[0] for p in self.places]
