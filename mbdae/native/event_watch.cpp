@@ -150,8 +150,7 @@ class Search {
 
 }  // namespace
 
-Look look(Index2System& s, const Events& events, const Taken& step, const Shorter& shorter) {
-  PointValues values(s);
+Look look(Index2System& s, PointValues& values, const Events& events, const Taken& step, const Shorter& shorter) {
   Look out;
   out.nodes = events.nodes;
   std::vector<Hit> hits;

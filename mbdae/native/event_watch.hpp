@@ -54,6 +54,6 @@ struct Look {
 // y (length,) at the end of a step of share theta; throws Trouble where it cannot be taken.
 using Shorter = std::function<Numbers(double theta)>;
 
-Look look(Index2System& s, const Events& events, const Taken& step, const Shorter& shorter);
+Look look(Index2System& s, PointValues& values, const Events& events, const Taken& step, const Shorter& shorter);
 
 }  // namespace mbdae

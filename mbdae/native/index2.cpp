@@ -101,10 +101,10 @@ void Index2System::accelerate(double t, const double* q, const double* v, const 
   for (int k : rows.in_use()) rates[ns] -= lam_[k] * gt_[k];
 }
 
-void Index2System::derivative(double t, const double* y, double* F, double* z) {
+void Index2System::derivative(double t, const double* y, double* F, double* z, bool there) {
   const double *q = y, *v = y + nq;
-  if (point.exactly(q)) {
-    mechanics.inertia(q);  // poses and J
+  if (there || point.exactly(q)) {
+    mechanics.poses(q);
     counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;
   } else {
     point.evaluate(q, true);

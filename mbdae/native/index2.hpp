@@ -93,8 +93,8 @@ class Index2System {
                       std::vector<ActingWrench>* wrenches = nullptr) const;
   // v' (nv,) and the rates from the hidden constraint, where `point` stands at q; `multipliers` are found.
   void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates);
-  // y' (ny,) and lam (ng,) from the hidden constraint.
-  void derivative(double t, const double* y, double* F, double* z);
+  // y' (ny,) and lam (ng,) from the hidden constraint; there: `point` is known to stand at q, but for rounding.
+  void derivative(double t, const double* y, double* F, double* z, bool there = false);
   // The same of raw coordinates, which are normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
   void rate(double t, const double* y, double* dy, double* z);
   // Between two steps: which rows serve, and how far all of them are kept. True where others are taken; v is brought

@@ -14,10 +14,11 @@ void PointValues::stand(double t, const double* y) {
 
 void PointValues::derive() {
   if (derived_) return;
+  if (!s_.point.near(y_.data())) part();
   const Counts counts = s_.counts;
   s_.stabilised = false;
   try {
-    s_.derivative(t_, y_.data(), F_.data(), z_.data());
+    s_.derivative(t_, y_.data(), F_.data(), z_.data(), s_.point.near(y_.data()));
   } catch (...) {
     s_.stabilised = true;
     throw;
@@ -30,7 +31,7 @@ void PointValues::measure() {
   if (s_.point.exactly(y_.data()))
     s_.mechanics.inertia(y_.data());
   else
-    s_.point.evaluate(y_.data(), false);
+    part(), s_.point.evaluate(y_.data(), false);
   g_ = s_.point.g;
   s_.constraints.gaps(t_, g_.data());
   s_.residual_rate(t_, y_.data() + s_.nq, rate_.data());
@@ -39,7 +40,7 @@ void PointValues::measure() {
 
 double PointValues::moment(const std::vector<int>& rows) {
   derive();
-  s_.mechanics.inertia(y_.data());  // poses
+  s_.mechanics.poses(y_.data());
   double sum[3] = {0, 0, 0};
   for (int k : rows) {
     const Row& row = s_.constraints.rows[k];

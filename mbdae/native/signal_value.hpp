@@ -12,7 +12,18 @@ namespace mbdae {
 // What signals are made of at a point, found once for all that ask for it. Nothing is counted.
 class PointValues {
  public:
-  explicit PointValues(Index2System& s) : s_(s), F_(s.ny), z_(s.ng), g_(s.ng), rate_(s.ng) {}
+  // kept: where the configuration of the run goes when another one is looked at; it comes back in the end.
+  explicit PointValues(Index2System& s, Point* kept = nullptr)
+      : s_(s), kept_(kept), F_(s.ny), z_(s.ng), g_(s.ng), rate_(s.ng) {}
+  ~PointValues() {
+    if (apart_) s_.point.exchange(*kept_);
+  }
+  PointValues(const PointValues&) = delete;
+  PointValues& operator=(const PointValues&) = delete;
+
+  void part() {  // before another configuration is looked at
+    if (kept_ && !apart_) s_.point.exchange(*kept_), apart_ = true;
+  }
 
   void stand(double t, const double* y);
   const Numbers& F() { return derive(), F_; }        // (ny,) y'
@@ -27,6 +38,8 @@ class PointValues {
   void measure();
 
   Index2System& s_;
+  Point* const kept_;
+  bool apart_ = false;
   double t_ = NAN;
   Numbers y_, F_, z_, g_, rate_;
   Energy energy_{};

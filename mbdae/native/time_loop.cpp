@@ -82,11 +82,12 @@ void TimeLoop::look(Proposal& p) {
   const IndependentRows::Aside aside(s_.rows);
   // what `settle` is to find at the end, to the last bit
   const bool kept = s_.point.near(next_.y.data()) && !s_.point.exactly(next_.y.data());
-  if (kept) s_.point.exchange(aside_);
+  PointValues values(s_, kept ? &aside_ : nullptr);
   const State end = next_;
   const Numbers z = z_, size = size1_;
   double last = 1;  // the share of the step that was taken last
   auto shorter = [&](double theta) {
+    values.part();
     method_.take(run_.adaptive, t, theta * h, run_.state, next_, z_.data(), errors_);
     if (run_.adaptive || run_.project) s_.size(next_.y.data(), size1_.data());
     if (run_.project) project(t + theta * h);
@@ -96,7 +97,7 @@ void TimeLoop::look(Proposal& p) {
   const auto carried = [&](const State& x) {  // (v', s', w')
     return x.carry.empty() ? nullptr : x.carry.data() + (s_.carried() - (s_.ny - s_.nv));
   };
-  seen_ = mbdae::look(s_, run_.events, {t, p.t_next, run_.state.y.data(), end.y.data(), carried(run_.state), carried(end)},
+  seen_ = mbdae::look(s_, values, run_.events, {t, p.t_next, run_.state.y.data(), end.y.data(), carried(run_.state), carried(end)},
                       shorter);
   if (seen_.stop >= 0) {
     const bool near = run_.watched && std::sqrt(least) < run_.watch.zone * run_.watch.usual;
@@ -106,7 +107,6 @@ void TimeLoop::look(Proposal& p) {
   } else if (last != 1) {
     next_ = end, z_ = z, size1_ = size;
   }
-  if (kept) s_.point.exchange(aside_);
 }
 
 void TimeLoop::push() {
