@@ -11,7 +11,7 @@ from .forces.spring_damper import SpringDamper
 from .frames import Anchor, anchor
 from .scene.outlines import Outline
 from .scene.rolling_bodies import RollingBody
-from .scene.scene import Mark, Scene, Spring, make_scene
+from .scene.scene import Mark, Scene, Strut, make_scene
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
@@ -27,12 +27,12 @@ def appearance(mech: "Mechanism") -> Scene:
     return make_scene(mech.model, mech.visuals, _marks(found), _springs(mech), _rolling(found), _outlines(found))
 
 
-def _springs(mech: "Mechanism") -> Iterator[Spring]:
+def _springs(mech: "Mechanism") -> Iterator[Strut]:
     for force in mech.forces:
         if isinstance(force, SpringDamper):
             first, second = ((e.joint, pin.SE3(e.R, e.p)) for e in (anchor(mech.model, n) for n in force.frames))
             coil = force.stiffness != 0
-            yield Spring(force.name, first, second, force.length, coil, tube=force.damping > 0 or not coil)
+            yield Strut(force.name, first, second, force.length, coil, tube=force.damping > 0 or not coil)
 
 
 def _marks(found: Iterable[tuple[Closure, Sequence[Anchor]]]) -> Iterator[Mark]:

@@ -44,7 +44,7 @@ class Mark(NamedTuple):
     meets: bool = True
 
 
-class Spring(NamedTuple):
+class Strut(NamedTuple):
     """What pulls or pushes between two points.
 
     Attributes:
@@ -107,7 +107,7 @@ class Scene:
     _anchors: tuple[tuple[Anchor, ...], ...]  # one: fixed to a joint; two: from the first towards the second
     width: float
     marks: tuple[Mark, ...] = ()
-    springs: tuple[Spring, ...] = ()
+    springs: tuple[Strut, ...] = ()
     _rails: Mapping[int, int] = field(default_factory=dict)  # shapes that are rails, and the joints on them
 
     @property
@@ -140,7 +140,7 @@ class Scene:
                 place[k] = pin.SE3ToXYZQUAT(here)
         return out
 
-    def ends(self, pairs: Iterable[Mark | Spring], q: np.ndarray) -> np.ndarray:
+    def ends(self, pairs: Iterable[Mark | Strut], q: np.ndarray) -> np.ndarray:
         """Where closures or springs begin and end.
 
         Args:
@@ -181,7 +181,7 @@ def make_scene(
     model: pin.Model,
     visual_model: pin.GeometryModel | None = None,
     closures: Iterable[Mark] = (),
-    springs: Iterable[Spring] = (),
+    springs: Iterable[Strut] = (),
     rolling: Iterable[RollingBody] = (),
     outlines: Iterable[Outline] = (),
 ) -> Scene:

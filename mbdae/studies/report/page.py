@@ -14,24 +14,26 @@ from ..comparison.tables import comparison_rows
 from ..drift.figure import drifts
 from ..order.figure import convergence
 from ..replay.document import frame
+from ..replay.replay import pace
 from ..replay.replay import page as replay_page
 from ..run.figure import motion
+from .parts import downloads, parts, ranking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from .report import Report
 
-VIEWING = 4.0  # s: a shorter motion is shown in slow motion
-SECTIONS = ("Model", "Run", "Drift", "Orders", "Comparison", "Repeat")
+SECTIONS = ("Model", "Parts", "Run", "Drift", "Orders", "Ranking", "Comparison", "Repeat", "Data")
 
 
 def page(report: "Report") -> str:
     """The page as text."""
-    writers = (_model, _run, _drift, _orders, _comparison, _repeat)
+    writers = (_model, _parts, _run, _drift, _orders, _ranking, _comparison, _repeat, downloads)
     bodies = {name: write(report) for name, write in zip(SECTIONS, writers, strict=True)}
     c, meta = report.card, report.meta
-    summary = f"Degrees of freedom: {c.freedom}. mbdae {meta['versions']['mbdae']}, {meta['date']}."
+    backend = f"{report.sol.stats['backend']} back end on {meta['machine']}"
+    summary = f"Degrees of freedom: {c.freedom}. mbdae {meta['versions']['mbdae']}, {backend}, {meta['date']}."
     return document(c.title, summary, meta["versions"]["mbdae"], bodies)
 
 
@@ -49,6 +51,14 @@ def document(title: str, summary: str, version: str, sections: dict[str, str]) -
     return re.sub(r"{{(\w+)}}", lambda key: filling[key[1]], template)
 
 
+def _parts(report: "Report") -> str:
+    return parts(report.sol.mechanism)
+
+
+def _ranking(report: "Report") -> str:
+    return ranking(report.comparison)
+
+
 def _model(report: "Report") -> str:
     c = report.card
     note = "<p>Reactions of dependent rows are not unique: lam is the one of minimum norm.</p>" if c.ng > c.rank else ""
@@ -58,8 +68,7 @@ def _model(report: "Report") -> str:
 def _run(report: "Report") -> str:
     sol = report.sol
     s, settings = sol.stats, sol.settings
-    end = abs(sol.t[-1] - sol.t[0])
-    speed = min(1.0, end / VIEWING)
+    speed = pace(sol)
     slow = f" The replay runs at {speed:.2g} of real time." if speed < 1 else ""
     text = (
         f"<p>{escape(report.drifts[0].label if report.drifts else settings['method'])}, "
@@ -105,7 +114,7 @@ def _comparison(report: "Report") -> str:
         f"{escape(result.witness)} differs from it by {u['q']:.1e} in q, {u['v']:.1e} in v, {u['lam']:.1e} in lam; "
         f"what is below five times that is marked &lt; and not known. All runs: {escape(result.computed_by)}.</p>"
     )
-    ranking = "".join(f"<li>{escape(s)}</li>" for s in result.sentences())
+    ranking = "<li>Each point is one run; the section Ranking reads the work to an accuracy between them.</li>"
     picture = image(work_precision(result), "work-precision diagram")
     return text + picture + f'<ul class="note">{ranking}</ul>' + table([heads, *rows])
 
@@ -132,4 +141,5 @@ def facts(known: dict[str, str]) -> str:
 def image(figure: "Figure", words: str) -> str:
     """A figure inside the page, and what it shows."""
     data = base64.b64encode(figures.svg(figure)).decode()
-    return f'<div class="wide"><img alt="{escape(words)}" src="data:image/svg+xml;base64,{data}"></div>'
+    picture = f'<div class="wide"><img alt="{escape(words)}" src="data:image/svg+xml;base64,{data}"></div>'
+    return f"<figure>{picture}<figcaption>{escape(words[:1].upper() + words[1:])}.</figcaption></figure>"

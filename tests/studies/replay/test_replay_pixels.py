@@ -54,12 +54,12 @@ def test_the_mechanism_fills_the_scene(name, tmp_path):
 def test_a_stretched_spring_stays_whole(tmp_path):
     import pinocchio as pin
 
-    from mbdae.mechanism.scene.scene import Spring, make_scene
+    from mbdae.mechanism.scene.scene import Strut, make_scene
 
     model, still = pin.Model(), pin.SE3.Identity()
     model.addJoint(0, pin.JointModelPX(), still, "slide")
     for look in ({"coil": True}, {"coil": False, "tube": True}, {"coil": True, "tube": True}):
-        scene = make_scene(model, springs=[Spring("pull", (0, still), (1, still), 0.2, **look)])
+        scene = make_scene(model, springs=[Strut("pull", (0, still), (1, still), 0.2, **look)])
         page = animate(motion(scene, lambda t: np.array([0.1 + t])), tmp_path / "run.html", plots=())
         with Chromium().open(f"{page.as_uri()}#t=0&camera=front&shadows=0", (900, 300)) as tab:
             for t in (0.0, 0.5, 2.0):

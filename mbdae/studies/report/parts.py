@@ -1,0 +1,131 @@
+"""Parts of a report that are tables of their own: what the mechanism consists of, the ranking, data to take along."""
+
+import base64
+import json
+import tempfile
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+from pydantic import BaseModel
+
+from ...mechanism import Mechanism
+from ..comparison.comparison import Work
+from ..comparison.ranking import Place, targets
+
+if TYPE_CHECKING:
+    from ..comparison.comparison import Comparison
+    from .report import Report
+
+MOST = 2_000_000  # bytes of a file inside a report
+
+
+def parts(mech: Mechanism) -> str:
+    """Bodies, joints, closures and forces, a table each."""
+    found = {
+        "Bodies: mass, centre of mass in the frame of the joint, moments of inertia about it": _bodies(mech),
+        "Joints, each with the one before it": _joints(mech),
+        "Closures and drivers": _closures(mech),
+        "Forces": _forces(mech),
+    }
+    return "".join(_captioned(caption, *rows) for caption, rows in found.items() if rows[1])
+
+
+def ranking(result: "Comparison") -> str:
+    """Methods over accuracies: the work that each takes to an error in q, the best of a column in bold."""
+    bound = result.floor() + result.uncertainty["q"]
+    goals = targets([[p.error("q") or 0.0 for p in result.of(name)] for name in result.methods], bound)
+    out = []
+    for work in get_args(Work):
+        places = [{p.method: p for p in result.ranking(goal, work=work)} for goal in goals]
+        least = [min((p.work for p in found.values() if p.work is not None), default=0.0) for found in places]
+        rows = [
+            [name, *(_cell(found[name], best) for found, best in zip(places, least, strict=True))]
+            for name in result.methods
+        ]
+        if any(least):
+            words = "seconds" if work == "seconds" else "linear solves"
+            caption = f"Ranking: {words} to an error in q below the head of the column (rad or m); - was not reached"
+            out.append(_captioned(caption, ["method", *(f"{goal:.0e}" for goal in goals)], rows, safe=True))
+    return "".join(out)
+
+
+def downloads(report: "Report") -> str:
+    """Links to files that the page holds: the run, the comparison, and all results."""
+    results = {"report.json": json.dumps(report.to_dict(), default=str).encode()}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, save in (("run.csv", report.sol.save), ("comparison.csv", report.comparison.save)):
+            save(Path(folder, name))
+            results[name] = Path(folder, name).read_bytes()
+    links = []
+    for name, data in sorted(results.items()):
+        size = f"{name} ({len(data) / 1e3:.0f} kB"
+        if len(data) > MOST:
+            links.append(f"<li>{size}: too large to be inside)</li>")
+            continue
+        kind = "application/json" if name.endswith(".json") else "text/csv"
+        text = base64.b64encode(data).decode()
+        links.append(f'<li><a download="{name}" href="data:{kind};base64,{text}">{size})</a></li>')
+    return f"<p>Files inside of this page:</p><ul>{''.join(links)}</ul>"
+
+
+def _bodies(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
+    heads = ["body of joint", "mass (kg)", "x", "y", "z (m)", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz (kg m^2)"]
+    rows = []
+    for i in range(1, mech.model.njoints):
+        y = mech.model.inertias[i]
+        upper = [y.inertia[a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+        rows.append([mech.model.names[i], *(f"{x:.5g}" for x in (y.mass, *y.lever, *upper))])
+    return heads, rows
+
+
+def _joints(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
+    rows = []
+    for i in range(1, mech.model.njoints):
+        joint, place = mech.model.joints[i], mech.model.jointPlacements[i]
+        parent = mech.model.names[mech.model.parents[i]] if mech.model.parents[i] else "the ground"
+        kind = joint.shortname().removeprefix("JointModel")
+        rows.append([mech.model.names[i], kind, parent, *(f"{x:.5g}" for x in place.translation)])
+    return ["joint", "kind", "on", "x", "y", "z (m)"], rows
+
+
+def _closures(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
+    rows = []
+    for c in mech.constraints:
+        joined = getattr(c, "frames", None) or getattr(c, "joints", None) or (getattr(c, "joint", None) or "",)
+        rows.append([c.name, getattr(c, "kind", "") or "driver", " - ".join(joined), str(c.m)])
+    return ["name", "kind", "between", "rows"], rows
+
+
+def _forces(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
+    rows = []
+    for force in mech.forces:
+        said: dict[str, Any] = force.model_dump(exclude_defaults=True) if isinstance(force, BaseModel) else {}
+        keys = ", ".join(f"{k} = {_brief(v)}" for k, v in said.items() if k not in ("name", "kind"))
+        rows.append([getattr(force, "name", "") or str(force), getattr(force, "kind", "function"), keys])
+    return ["name", "kind", "what it is"], rows
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_brief, value)) + "]"
+    return " ".join(f"{k} {_brief(v)}" for k, v in value.items()) if isinstance(value, dict) else str(value)
+
+
+def _cell(place: Place, best: float) -> str:
+    if place.work is None:
+        return "-"
+    text = ("&lt; " if place.bound else "") + (f"{place.work:.3g}" if place.work < 100 else f"{place.work:.0f}")
+    return f"<b>{text}</b>" if place.work <= best else text
+
+
+def _captioned(caption: str, heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
+    head = "".join(f"<th>{escape(h)}</th>" for h in heads)
+    body = "".join(
+        f"<tr><td>{escape(name)}</td>" + "".join(f"<td>{c if safe else escape(c)}</td>" for c in cells) + "</tr>"
+        for name, *cells in rows
+    )
+    return f'<div class="wide"><table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table></div>'
