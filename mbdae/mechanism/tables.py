@@ -62,7 +62,8 @@ def _place(loc: Sequence[Any], kind: str, content: Any) -> list[str]:
     """Keys and names on the way to a fault, without the kinds that were tried."""
     if content is None:
         return [str(p) for p in loc]
-    out, at = [], content
+    out: list[str] = []
+    at = content
     for i, p in enumerate(loc):
         if isinstance(at, dict) and p in at:
             out, at = [*out, str(p)], at[p]
