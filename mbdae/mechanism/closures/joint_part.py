@@ -210,14 +210,14 @@ class RatioPart(JointPart):
         return -sum(float(self._ratio()[1] * v[self.columns[1]] * v[k]) for k in self.settings)
 
     def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
-        j = self.columns[1]
         for k in self.settings:
+            j = self.columns[1]
             K[j, k] -= lam * self._ratio()[1]
             B[k] -= self._ratio()[1] * v[j]
 
     def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
-        j = self.columns[1]
         for k in self.settings:
+            j = self.columns[1]
             _, slope, curve, _ = self._ratio()
             by_q[k] -= curve * v[k] * v[j]
             by_v[j] -= slope * v[k]
