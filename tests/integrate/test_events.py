@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.special import ellipk
+from smooth import SMOOTH
 
 import mbdae
 
@@ -62,7 +63,7 @@ def test_functions_with_attributes_as_in_scipy():
     assert abs(sol.q[-1][2] + 0.5) < 1e-12
 
 
-@pytest.mark.parametrize("name", mbdae.model_names())
+@pytest.mark.parametrize("name", SMOOTH)
 @pytest.mark.parametrize("options", [{}, {"project": True}, {"formulation": "ggl"}], ids=str)
 def test_closures_hold_in_a_terminal_event(name, options):
     """The event: the fastest coordinate passes the place that it has at three fifths of the span."""

@@ -7,11 +7,11 @@ from mechanism.closures.test_closure_kinds import CASES, mechanism
 from mechanism.forces.test_force_runs import IN_BOTH
 from motions import distance, free_loop, levels, run, slopes, start_of
 from native.test_native import SPANS, assert_near, assert_same, both, model
+from smooth import SMOOTH
 
 import mbdae
 from mbdae import backend
 from mbdae.integrate.steppers.stepper import PythonStepper
-from mbdae.mechanism.formats.library import model_names
 from mbdae.methods import EXPLICIT, METHODS
 from mbdae.system import State
 
@@ -26,7 +26,7 @@ CONTROLLED = [GGL | {"method": "pherk5"}, GGL | {"method": "rk4"}, INDEX1, INDEX
 
 
 @pytest.mark.parametrize("options", FIXED, ids=str)
-@pytest.mark.parametrize("name", model_names())
+@pytest.mark.parametrize("name", SMOOTH)
 def test_fixed_steps(name, options):
     T = SPANS.get(name, 0.5)
     native, python = both(model(name), (0, T), step=T / 20, **options)
@@ -43,7 +43,7 @@ def test_fixed_steps(name, options):
 
 
 @pytest.mark.parametrize("options", CONTROLLED, ids=str)
-@pytest.mark.parametrize("name", model_names())
+@pytest.mark.parametrize("name", SMOOTH)
 def test_controlled_steps(name, options):
     native, python = both(model(name), (0, SPANS.get(name, 0.5)), rtol=1e-6, **options)
     assert (native.stats["backend"], native.status, python.status) == ("native", "finished", "finished")

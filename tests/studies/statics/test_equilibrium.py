@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from motions import frozen
+from smooth import SMOOTH
 
 import mbdae
 from mbdae import JointSpring, JointTorque, Sampled
@@ -18,7 +19,7 @@ COMMANDS = (
     "statics snap_toggle --at pin=-0.5",
     "statics snap_toggle --load press --to 2 --plot snap.png",
 )
-NAMES = mbdae.model_names()
+NAMES = SMOOTH
 CRANK = -1.82338478542147607  # rad, four_bar: root of the potential's slope in 30 digits
 
 
