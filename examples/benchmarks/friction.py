@@ -8,6 +8,7 @@ among those in this file.
 Run: python examples/benchmarks/friction.py [--brief]
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from time import perf_counter
@@ -64,6 +65,12 @@ def mujoco(h: float) -> Run:
 
 def exudyn(h: float) -> Run:
     """Exudyn with a step of h seconds, bristles of 1e6 N/m."""
+    with warnings.catch_warnings():  # of numpy's conversions inside
+        warnings.simplefilter("ignore")
+        return _exudyn(h)
+
+
+def _exudyn(h: float) -> Run:
     import exudyn as exu
     import exudyn.itemInterface as item
 
