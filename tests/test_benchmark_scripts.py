@@ -163,4 +163,4 @@ def test_the_cheapest_run_below_an_error_counts(script):
 def test_friction_beside_other_programs(script):
     stops = script("friction").STOPS
     for name, run in script("friction").main(["--brief"]).items():
-        assert abs(run.end - stops) < (1e-7 if name.startswith("mbdae") else 1e-2), name
+        assert abs(run.end - stops) < (1e-6 if name.startswith("mbdae") else 3e-2), name
