@@ -160,6 +160,12 @@ def test_the_cheapest_run_below_an_error_counts(script):
     assert w.cells(points, (1e-1, 1e-4, 1e-9), 1e-9) == [0.4, 0.4, None]
 
 
+def test_stops_beside_other_programs(script):
+    exact = script("stops").exact()
+    for name, run in script("stops").main(["--brief"]).items():
+        assert abs(run.end - exact) < (1e-6 if name.startswith("mbdae") else 0.1), name
+
+
 def test_friction_beside_other_programs(script):
     stops = script("friction").STOPS
     for name, run in script("friction").main(["--brief"]).items():
