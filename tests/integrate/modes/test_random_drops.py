@@ -21,3 +21,8 @@ def test_a_chain_that_falls(seed):
     assert np.abs(energy - energy[0] - sol.work + sol.work[0]).max() < 1e-6 * scale
     if sol.success and sol.impacts:
         assert sum(x.loss for x in sol.impacts) == pytest.approx(-sol.work[-1], abs=1e-9 * scale)
+
+
+if __name__ == "__main__":  # a thousand of them: python -m tests.integrate.modes.test_random_drops
+    for number in range(1000):
+        test_a_chain_that_falls(number)
