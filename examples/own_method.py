@@ -7,7 +7,7 @@ Run: python examples/own_method.py
 """
 
 import mbdae
-from mbdae.methods import Tableau
+from mbdae import Tableau
 from mbdae.methods.order.conditions import check_conditions
 
 ralston = Tableau(
@@ -24,11 +24,10 @@ ralston = Tableau(
 
 def main(model: str = "four_bar") -> object:
     """Print proof and measurement, and return the measurement."""
-    mbdae.METHODS[ralston.name] = ralston  # from here on it is a method like the others
     print(check_conditions(ralston))
-    study = mbdae.check_order(mbdae.load(model), [ralston.name])
+    study = mbdae.check_order(mbdae.load(model), [ralston])
     print(study)
-    print(mbdae.drift(mbdae.solve(mbdae.load(model), (0, 1), method=ralston.name, step=1e-3)))
+    print(mbdae.drift(mbdae.solve(mbdae.load(model), (0, 1), method=ralston, step=1e-3)))
     return study
 
 

@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from .. import errors
 from ..members import members, plugins
 from .explicit import ExplicitMethod
+from .order.conditions import proven
 from .own import read_tableau, tableau
 from .radau import Method, RadauIIA
 from .tableau import Tableau
@@ -15,7 +17,7 @@ METHODS: dict[str, Method] = {m.name: m for m in sorted(members(__name__, Tablea
 """Every method by name, found in the files of this folder: a method that exists cannot be missing here."""
 
 _ADDED = plugins("mbdae.methods", lambda m: isinstance(m, Tableau) and m.name not in METHODS, "a Tableau of a new name")
-METHODS |= {m.name: m for m in _ADDED.values()}
+METHODS |= {m.name: replace(m, **proven(m)) if not m.order else m for m in _ADDED.values()}
 
 EXPLICIT: dict[str, ExplicitMethod] = {m.name: m for m in members(__name__, ExplicitMethod)}
 """Methods for ordinary differential equations, which step accelerations."""
@@ -36,7 +38,7 @@ def method(name: str | Method) -> Method:
         known = METHODS.get(name.name, name)
         if known != name:
             raise errors.InputError(f"{name.name!r} is the name of a method of mbdae: give the tableau its own")
-        return name
+        return replace(name, **proven(name)) if isinstance(name, Tableau) and not name.order else name
     text = str(name)
     if text.endswith(".toml"):
         return method(read_tableau(text))

@@ -32,7 +32,7 @@ class Tableau:
 
     Entries are text (``"1/2"``, ``"0.25"``, ``"1/6 - sqrt(3)/108"``), fractions or numbers, which stand for the
     decimals that they are written with; a whole table may be one text, a row per line. Claims that are left out are
-    those that the order conditions prove, up to order 5.
+    those that the order conditions prove, up to order 5, when `mbdae.methods.method` is given the tableau.
 
     Args:
         name: what a user types, for instance ``"pherk5"``.
@@ -79,11 +79,6 @@ class Tableau:
             found = _texts(self.name, key, [getattr(self, key)])
             object.__setattr__(self, key, found[0] if found else ())
         self._check_shape()
-        if not self.order:
-            from .order.conditions import proven
-
-            for key, value in proven(self).items():
-                object.__setattr__(self, key, value)
         if not self.order_linear:
             object.__setattr__(self, "order_linear", self.order)
 

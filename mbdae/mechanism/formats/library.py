@@ -6,7 +6,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 from pathlib import Path
 
-from ...errors import InputError, UnknownNameError
+from ...errors import InputError, UnknownNameError, require
 from ...members import plugins
 
 ROBOTS, DESCRIPTIONS = "example-robot-data:", "robot_descriptions"
@@ -120,3 +120,17 @@ def robots_directory() -> Path:
         raise InputError("example-robot-data is installed without robots")
     up = len(found.parts) - found.parts.index("robots") - 1
     return Path(str(found.locate())).parents[up - 1]
+
+
+def told(found: Path) -> str:
+    """What a mechanism file would say, from the reader of an installed package.
+
+    Raises:
+        InputError: where the reader fails, or returns no text.
+    """
+    try:
+        text = READERS[found.suffix](found)
+    except Exception as e:  # of another package
+        raise InputError(f"the reader of {found.suffix} files fails on {found}: {type(e).__name__}: {e}") from e
+    require(text, str, f"the reader of {found.suffix} files returns the text of a mechanism file")
+    return text

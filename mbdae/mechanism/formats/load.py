@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field, ValidationError
 
-from ...errors import InputError, UnknownNameError, require
+from ...errors import InputError, UnknownNameError
 from ...files import text_of
 from ..assembly import START
 from ..callbacks import function_name
@@ -27,7 +27,7 @@ from ..start import Motor
 from ..tables import Table, one_line
 from ..workspace import make_data
 from .build import build
-from .library import IN_FOLDER, MECHANISM, PARAMETRIC, READERS, find, model_names
+from .library import IN_FOLDER, MECHANISM, PARAMETRIC, READERS, find, model_names, told
 from .parametric import read_parametric, split
 from .schema import MechanismFile, Source, read_toml
 from .sources import merged, read_source, restored
@@ -133,20 +133,10 @@ def _read(found: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismF
     if values:
         raise UnknownNameError(f"parameter of {name}", next(iter(values)), ())
     if found.suffix in READERS:
-        return read_toml(_told(found), str(found)), ()
+        return read_toml(told(found), str(found)), ()
     if found.suffix == MECHANISM:
         return read_toml(text_of(found), str(found)), ()
     return MechanismFile(source=(Source(file=found.name),), title=name), ()
-
-
-def _told(found: Path) -> str:
-    """What a mechanism file would say, from the reader of an installed package."""
-    try:
-        text = READERS[found.suffix](found)
-    except Exception as e:  # of another package
-        raise InputError(f"the reader of {found.suffix} files fails on {found}: {type(e).__name__}: {e}") from e
-    require(text, str, f"the reader of {found.suffix} files returns the text of a mechanism file")
-    return text
 
 
 def _remark_open(mech: Mechanism, name: str) -> None:

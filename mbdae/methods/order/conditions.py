@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable
 from fractions import Fraction
 from functools import cache
 from math import prod
+from typing import Any
 
 from ...errors import InputError
 from ..exact import Number, exact
@@ -70,7 +71,7 @@ def check_conditions(tableau: Method, max_order: int | None = None) -> Condition
     )
 
 
-def proven(tableau: Method) -> dict[str, int]:
+def proven(tableau: Method) -> dict[str, Any]:
     """The claims that the conditions prove, up to order `PROVEN`, for a tableau without claims.
 
     Raises:
