@@ -20,6 +20,7 @@ from ..errors import InputError, printable
 from ..integrate.defaults import DEFAULTS, with_tolerance
 from ..integrate.solve import solve
 from ..integrate.span import checked_span
+from ..mechanism import Mechanism
 from ..solution.solution import Problem, Solution
 from ..tabular import SUFFIXES, finite
 
@@ -116,7 +117,8 @@ def simulate(
     if step is not None and (rtol is not None or options.get("atol") is not None):
         raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
     given = with_tolerance(mech, {"method": method, "rtol": rtol, "step": step, **options}, RTOL)
-    with bar(given.get("method") or mech.settings.method or DEFAULTS["method"], 1.0) as tell:
+    own = mech.settings.method if isinstance(mech, Mechanism) else None
+    with bar(given.get("method") or own or DEFAULTS["method"], 1.0) as tell:
         return solve(mech, span(mech, end), progress=tell, **given)
 
 
