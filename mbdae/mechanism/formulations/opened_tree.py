@@ -84,6 +84,8 @@ class OpenedTree:
 
     def bias(self, q: Array, v: Array) -> Array:
         """Columns of gamma_q of the frozen joints, (ng, 6 n)."""
+        if not v.any():  # it is quadratic in v
+            return np.zeros((self.system.ng, len(self.at)))
         u = np.zeros(self.model.nv)
         u[self.real] = v
         return hidden_slopes(self.system, self.whole(q), u)[0][:, self.at]
