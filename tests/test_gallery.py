@@ -27,4 +27,4 @@ def test_the_gallery_is_drawn(tmp_path):
 
 
 def test_the_pictures_are_small():
-    assert sum(p.stat().st_size for p in PICTURES) < 350_000
+    assert sum(p.stat().st_size for p in PICTURES) < 400_000

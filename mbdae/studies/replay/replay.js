@@ -79,6 +79,7 @@ function film(page, scene, first, last, count) {
   [picture.width, picture.height] = [box.width, box.height];
   const c = picture.getContext("2d"), out = document.createElement("pre");
   const words = element => {
+    if (!element.offsetParent) return;
     const style = getComputedStyle(element), spot = document.createRange();
     spot.selectNodeContents(element);
     const {left, top, height} = spot.getBoundingClientRect();
@@ -152,7 +153,11 @@ async function main() {
     if (window.mbdae) viewer.render();  // at once: what was drawn is gone with the old size
   };
   arrange();
-  if (shooting) return film(page, scene, ...shooting.slice(1, 4).map(Number));
+  if (shooting) {
+    await new Promise(done => setTimeout(done));  // plots have their size then
+    page.show();
+    return film(page, scene, ...shooting.slice(1, 4).map(Number));
+  }
   page.stand(scene.start);
   if (scene.sliders) page.slide(0);
   if (obey(page, scene)) page.play();

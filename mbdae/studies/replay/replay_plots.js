@@ -1,7 +1,7 @@
 
 // The plots, drawn by uPlot: drag zooms, a click moves the motion there, names hide their curves, all panes zoom alike.
 
-const INK = "#24292f", PALE = "#57606a", LINE = "#dfe4e9", FONT = "11px system-ui, sans-serif", DECADES = 9;
+const INK = "#24292f", PALE = "#57606a", LINE = "#dfe4e9", FONT = "11px system-ui, sans-serif", DECADES = 16;
 
 function number(x) {
   if (!Number.isFinite(x)) return "–";
@@ -48,11 +48,16 @@ class Pane {
     });
     const series = data.curves.map((curve, i) => ({
       label: curve.ghost < 0 ? curve.name : `${curve.name}, ${scene.ghosts[curve.ghost].name}`, stroke: colour(curve),
-      width: curve.ghost < 0 ? 1.7 : 1.3, dash: dash(curve), points: {show: false},
+      class: curve.ghost < 0 ? "own" : "ghost", width: curve.ghost < 0 ? 1.7 : 1.3, dash: dash(curve), points: {show: false},
       value: () => number(valueAt(curve, this.time)),
     }));
     const grid = {stroke: LINE, width: 1}, axis = {stroke: PALE, font: FONT, grid, ticks: {...grid, size: 4}};
-    const powers = (u, values) => values.map(x => (Number.isInteger(Math.log10(x)) ? `1e${Math.log10(x)}`.replace("-", "−") : null));
+    const powers = (u, values) => values.map(x => `1e${Math.round(Math.log10(x))}`.replace("-", "−"));
+    const every = () => {  // some powers of ten, from the highest down
+      const [low, high] = range.map(x => Math.round(Math.log10(x))), step = Math.ceil((high - low) / 4), out = [];
+      for (let k = high; k >= low; k -= step) out.unshift(10 ** k);
+      return out;
+    };
     const seconds = (u, at) => at.map((t, i) => `${+t.toPrecision(6)}${i === at.length - 1 ? " s" : ""}`.replace("-", "−"));
     this.plot = new uPlot({
       width: 300, height: 120, title: data.title, series: [{value: () => ""}, ...series],
@@ -61,7 +66,7 @@ class Pane {
       scales: {x: {time: false}, y: range ? {distr: 3, range: () => range} : {}},
       axes: [
         {...axis, size: 24, gap: 2, space: 60, values: seconds},
-        {...axis, size: 58, gap: 3, space: 26, ...(range ? {values: powers} : {})},
+        {...axis, size: 58, gap: 3, space: 26, ...(range ? {values: powers, splits: every} : {})},
       ],
       hooks: {
         setScale: [(u, key) => { if (key === "x") zoom(panes, u); }],
