@@ -128,4 +128,4 @@ def _captioned(caption: str, heads: Sequence[str], rows: Sequence[Sequence[str]]
         f"<tr><td>{escape(name)}</td>" + "".join(f"<td>{c if safe else escape(c)}</td>" for c in cells) + "</tr>"
         for name, *cells in rows
     )
-    return f'<div class="wide"><table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table></div>'
+    return f'<p class="caption">{escape(caption)}</p><div class="wide"><table><tr>{head}</tr>{body}</table></div>'
