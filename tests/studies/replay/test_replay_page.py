@@ -15,7 +15,7 @@ import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError
 from mbdae.studies.replay import plot_panels as panes
-from mbdae.studies.replay.replay import animate
+from mbdae.studies.replay.replay import animate, pace
 
 ORANGE = np.array([242, 142, 43])
 PLAIN = {"plots": ()}
@@ -100,7 +100,8 @@ def test_cursor_time_is_scene_time(name, chromium, tmp_path, monkeypatch):
     page = animate(sol, tmp_path / "run.html", traces=[mech.model.frames[-1].name])
     assert page.stat().st_size < 2.5e6
     times = [0.0, 0.4 * end, end]
-    scene = mech.scene.travelled(np.array([sol(t)[0] for t in np.linspace(0, end, 101)]))
+    frames = round(60 * end / pace(sol)) + 1
+    scene = mech.scene.travelled(np.array([sol(t)[0] for t in np.linspace(0, end, max(101, frames))]))
     paths = [f"/mechanism/{s.role}/{s.name.replace('/', '|')}" for s in scene.shapes]
     log = chromium.ask(page, LOOK % (times, paths), size=(560, 320))
     frame = end / 100
