@@ -111,7 +111,7 @@ def test_wrong_input_is_refused_by_name_and_leaves_the_file(fourbar, tmp_path):
     (tmp_path / "folder.html").mkdir()
     with pytest.raises(InputError, match="cannot write"):
         animate(good, tmp_path / "folder.html", **PLAIN)
-    with pytest.raises(InputError, match=r"\.html, \.mp4 or \.gif, got"):
+    with pytest.raises(InputError, match=r"\.html, \.mp4, \.gif or \.glb, got"):
         animate(good, tmp_path / "run.pdf", **PLAIN)
     assert path.read_text() == "precious"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["folder.html", "run.html"]
