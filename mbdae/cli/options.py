@@ -17,10 +17,9 @@ from rich.text import Text
 
 from ..backend import BACKENDS
 from ..errors import InputError, printable
-from ..integrate.defaults import DEFAULTS, with_tolerance
+from ..integrate.defaults import completed, with_tolerance
 from ..integrate.solve import solve
 from ..integrate.span import checked_span
-from ..mechanism import Mechanism
 from ..solution.solution import Problem, Solution
 from ..tabular import SUFFIXES, finite
 
@@ -117,8 +116,7 @@ def simulate(
     if step is not None and (rtol is not None or options.get("atol") is not None):
         raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
     given = with_tolerance(mech, {"method": method, "rtol": rtol, "step": step, **options}, RTOL)
-    own = mech.settings.method if isinstance(mech, Mechanism) else None
-    with bar(given.get("method") or own or DEFAULTS["method"], 1.0) as tell:
+    with bar(str(completed(mech, given)["method"]), 1.0) as tell:
         return solve(mech, span(mech, end), progress=tell, **given)
 
 
