@@ -276,9 +276,10 @@ def _checked(sol: Solution) -> Mechanism:
         )
     if not sol.ended:
         raise InputError(f"the run stopped before its end ({sol.status}): {sol.message}")
-    if len(sol.modes) > 1 or any(state for _, mode in sol.modes for state in mode):
-        name = mech.switches[0].name
-        raise InputError(f"the run goes through modes ({name!r} and others switch): no derivatives of such runs yet")
+    if mech.switches:
+        raise InputError(
+            f"{mech.switches[0].name!r} opens and closes, or sticks and slips: no derivative of runs in which rows do"
+        )
     if sol.singular:
         raise InputError(f"the run passes a singular configuration at t = {sol.singular[0].t:.9g} s: no derivative")
     return mech

@@ -106,7 +106,7 @@ def repeated_step(
         StepError: if the iteration does not converge, or what the problem raises.
     """
     chart, s = system.chart(t, y), len(a.c)
-    stages = _Stages(system, chart, a, t, h, system.size(y), patience)
+    stages = _Stages(system, chart, a, t, h, system.size(y), patience, EXPECTED)
     F, z = chart.start()
     try:
         return chart, stages.afresh(np.tile(F, (s, 1)), np.tile(z, (s, 1)))

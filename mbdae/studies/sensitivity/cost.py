@@ -52,7 +52,9 @@ class Squares:
         """Return the cost and its derivatives with respect to the signals."""
         value, slopes = 0.0, {}
         for name, known in self.data.items():
-            sigma = self.sigma[name] if isinstance(self.sigma, Mapping) else self.sigma
+            sigma = self.sigma.get(name) if isinstance(self.sigma, Mapping) else self.sigma
+            if sigma is None:
+                raise InputError(f"data of {name!r} have no noise level: sigma gives {', '.join(map(str, self.sigma))}")
             known = np.asarray(known, float)
             if known.shape != signals[name].shape:
                 raise InputError(f"data of {name!r} have shape {known.shape}, the run has {signals[name].shape} times")

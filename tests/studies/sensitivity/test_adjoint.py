@@ -2,16 +2,15 @@
 
 import numpy as np
 import pytest
-from frozen import compare, quotient, runs_of
+from frozen import SMOOTH, compare, quotient, runs_of
 
 import mbdae
-from mbdae.errors import InputError
-from mbdae.mechanism.formats.library import model_names
+from mbdae.errors import InputError, UnknownNameError
 
 T = {"andrews_squeezer": 0.01, "humanoid_stance": 0.02, "flyball_governor": 0.02, "stewart_platform": 0.1}
 
 
-@pytest.mark.parametrize("model", model_names())
+@pytest.mark.parametrize("model", SMOOTH)
 def test_every_model(model):
     mech = mbdae.load(model)
     sol = mbdae.solve(mech, (0.0, T.get(model, 0.2)), rtol=1e-5)
@@ -70,6 +69,12 @@ def test_what_is_refused():
         mbdae.gradient(sol, lambda s: (0.0, {"Gv": np.ones(n)}), ["joint.crank.mass"])
     with pytest.raises(InputError, match=f"must be {n} finite numbers"):
         mbdae.gradient(sol, lambda s: (0.0, {"q.crank": np.ones(2)}), ["joint.crank.mass"])
+    with pytest.raises(UnknownNameError, match=r"signal 'q\.nothing'"):
+        mbdae.gradient(sol, mbdae.Squares({"q.nothing": np.ones(n)}), ["joint.crank.mass"])
+    with pytest.raises(InputError, match=r"data of 'q\.crank' have no noise level"):
+        mbdae.gradient(sol, mbdae.Squares({"q.crank": np.ones(n)}, {"v.crank": 1.0}), ["joint.crank.mass"])
+    with pytest.raises(InputError, match=r"data of 'q\.crank' have shape \(2,\)"):
+        mbdae.gradient(sol, mbdae.Squares({"q.crank": np.ones(2)}), ["joint.crank.mass"])
     with pytest.raises(InputError, match=r"returns \(value"):
         mbdae.gradient(sol, lambda s: 0.0, ["joint.crank.mass"])
     with pytest.raises(InputError, match="opens closures that depend"):

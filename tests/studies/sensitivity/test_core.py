@@ -4,10 +4,10 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from frozen import SMOOTH
 
 import mbdae
 from mbdae.integrate import trace
-from mbdae.mechanism.formats.library import model_names
 from mbdae.mechanism.mechanism import Mechanism
 from mbdae.methods import METHODS, Tableau
 
@@ -60,7 +60,7 @@ def compare(sol, names, **options):
     assert np.abs(expected).max() > 0
 
 
-@pytest.mark.parametrize("model", model_names())
+@pytest.mark.parametrize("model", SMOOTH)
 def test_every_model(model):
     mech, step = mbdae.load(model), STEPS.get(model, 0.02)
     sol = mbdae.solve(mech, (0.0, 4 * step), step=step, method="pherk5", project=mech.ng > 0)

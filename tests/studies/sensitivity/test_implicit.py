@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from frozen import best, compare, retraced, runs_of
+from frozen import SMOOTH, best, compare, retraced, runs_of
 
 import mbdae
-from mbdae.mechanism.formats.library import model_names
 
 SHORT = {"andrews_squeezer": (2e-4, 4e-5), "rolling_disc": (0.04, 5e-3),
          "snakeboard": (0.02, 2e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.01, 5e-3),
@@ -32,7 +31,7 @@ def test_every_number_of_stages(method, form):
         assert miss(model, name, T, step=step, method=method, formulation=form) < within
 
 
-@pytest.mark.parametrize("model", model_names())
+@pytest.mark.parametrize("model", SMOOTH)
 def test_every_model(model):
     """A velocity of the start that closures allow."""
     mech = mbdae.load(model)

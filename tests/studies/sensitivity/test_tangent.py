@@ -4,14 +4,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from frozen import best, quotient, retraced, runs_of
+from frozen import SMOOTH, best, quotient, retraced, runs_of
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.library import model_names
 from mbdae.mechanism.formats.template import Template
 from mbdae.methods import METHODS, Tableau
-from mbdae.studies.sweep.outputs import columns
+from mbdae.solution.signals import signals as columns
 
 METHODS_HERE = [name for name, method in METHODS.items() if isinstance(method, Tableau)]
 SHORT = {"andrews_squeezer": (0.01, 1e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.02, 2e-3),
@@ -39,7 +38,7 @@ def test_every_sort_of_parameter(name):
     assert np.abs(found.v[-1]).max() > 0.1
 
 
-@pytest.mark.parametrize("model", model_names())
+@pytest.mark.parametrize("model", SMOOTH)
 def test_every_model(model):
     """Gravity, and a velocity of the start that closures allow; projected."""
     mech = mbdae.load(model)
@@ -99,7 +98,7 @@ def test_signals():
     name = "joint.coupler.mass"
     template, value, run = runs_of("four_bar", name, 0.4, step=0.05, method="pherk6", project=True)
     found = mbdae.sensitivity(run(value), [name], model=template)
-    values = cache(lambda x: columns(run(x), set(SIGNALS)))
+    values = cache(lambda x: columns(run(x), SIGNALS))
     for signal in SIGNALS:
         assert best(found.signal(signal)[:, 0], lambda x, s=signal: values(x)[s], value) < 1e-10, signal
     np.testing.assert_allclose(found.signal("lam.pin.1"), found.lam[:, 0])
@@ -193,5 +192,7 @@ def test_what_has_no_derivative_is_refused_by_name():
         mbdae.sensitivity(sol, ["joint.crank.mass"]).signal("q.nothing")
     with pytest.raises(InputError, match="half-explicit"):
         mbdae.sensitivity(mbdae.solve(mech, (0.0, 0.1), step=0.05, formulation="ggl"), ["joint.crank.mass"])
+    with pytest.raises(InputError, match="'rod stop' opens and closes, or sticks and slips"):
+        mbdae.sensitivity(mbdae.solve(mbdae.load("pendulum_on_stop"), (0.0, 0.01)), start=True)
     with pytest.raises(InputError, match="not read from files"):
         mbdae.sensitivity(mbdae.solve(mbdae.Mechanism(mech.model), (0.0, 0.1), step=0.05), ["gravity.2"])
