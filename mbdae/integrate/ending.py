@@ -72,7 +72,8 @@ def report(run: RunState, status: str, message: str, seconds: float, times: Arra
     n = len(run.ts)
     t, y, z = np.array(run.ts), run.ys[:n].copy(), run.zs[:n].copy()
     hits = [[(w, p) for w, p in hits if (w - t[-1]) * run.sign <= 0] for hits in run.events.found]
-    found = [(np.array([w for w, _ in some]), np.array([p for _, p in some])) for some in hits]
+    shape = y.shape[1:]
+    found = [(np.array([w for w, _ in x], float), np.array([p for _, p in x]).reshape(-1, *shape)) for x in hits]
     passed = run.singular.found if run.singular else []
     rows = [(i, rows) for i, rows in run.in_use if i < n]
     rest: dict[str, Any] = {"events": found, "singular": passed, "in_use": rows}

@@ -74,6 +74,7 @@ class _Run(_Lenient):
     in_use: tuple[tuple[int, tuple[int, ...]], ...] = ()
     modes: tuple[tuple[int, tuple[int, ...]], ...] = ()
     impacts: tuple[Impact, ...] = ()
+    events: int = Field(default=0, ge=0)
 
 
 def versions() -> dict[str, str]:
@@ -103,11 +104,14 @@ def write(sol: "Solution", path: str | Path) -> None:
         "in_use": sol.in_use,
         "modes": sol.modes,
         "impacts": sol.impacts,
+        "events": len(sol.events),
         "versions": versions(),
         "command": sys.argv,
     }
     ts, ys, zs = sol.steps or (sol.t[:0], sol.y[:0], sol.z_own[:0])
     arrays = {"t": sol.t, "y": sol.y, "z_own": sol.z_own, "steps_t": ts, "steps_y": ys, "steps_z": zs}
+    for i, found in enumerate(sol.events):
+        arrays |= dict(zip(_event(i), (np.asarray(x) for x in found), strict=True))
     with write_whole(path) as temporary:
         np.savez_compressed(temporary, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
 
@@ -161,6 +165,9 @@ def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, A
     problem, width, ng = _restored(run.mechanism)
     for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
         _check_arrays(data[t], data[y], data[z], width, ng)
+    events = [(data[t], data[y]) for t, y in map(_event, range(run.events))]
+    for t, y in events:
+        _check_arrays(t, y, np.empty((len(t), ng)), width, ng)
     if not len(data["t"]) and not len(data["steps_t"]):
         raise ValueError("the run has no times")
     if run.status not in STATUS:
@@ -175,7 +182,13 @@ def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, A
     rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
     passed, in_use = list(run.singular), list(run.in_use)
     rest |= {"modes": list(run.modes), "impacts": list(run.impacts)}
-    return {"problem": problem, **arrays, **rest, "steps": steps, "singular": passed, "in_use": in_use}
+    rest |= {"events": events, "singular": passed, "in_use": in_use}
+    return {"problem": problem, **arrays, **rest, "steps": steps}
+
+
+def _event(i: int) -> tuple[str, str]:
+    """Names of the arrays of an event: times (k,) and points (k, ...)."""
+    return f"event_{i}_t", f"event_{i}_y"
 
 
 @contextmanager

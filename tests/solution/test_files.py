@@ -56,6 +56,24 @@ def test_what_was_saved_is_read_again(sol, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
 
 
+def test_events_are_read_again(tmp_path):
+    texts = ["v.crank = 0", "lam.pin.1 > 1e9", lambda t, q, v: t - 0.5]
+    sol = mbdae.solve(mbdae.load("four_bar"), (0, 4), events=texts, t_eval=[0.0, 1.0])
+    sol.save(tmp_path / "run.npz")
+    again = mbdae.Solution.load(tmp_path / "run.npz")
+    assert [len(t) for t, _ in sol.events][1:] == [0, 1]
+    assert len(sol.events[0][0]) > 1
+    for (t, y), (t1, y1) in zip(again.events, sol.events, strict=True):
+        np.testing.assert_array_equal(t, t1)
+        np.testing.assert_array_equal(y, y1)
+        assert y.shape == (len(t), sol.y.shape[1])
+    assert again.stats["events"] == sol.stats["events"]
+    with np.load(tmp_path / "run.npz") as file:
+        np.savez(tmp_path / "bad.npz", **{**dict(file), "event_2_y": np.zeros((1, 3))})
+    with pytest.raises(InputError, match="shapes"):
+        mbdae.Solution.load(tmp_path / "bad.npz")
+
+
 def test_signals_are_named_columns(sol):
     signals = sol.signals()
     assert list(signals)[:7] == ["t", "q.crank", "q.coupler", "q.rocker", "v.crank", "v.coupler", "v.rocker"]
