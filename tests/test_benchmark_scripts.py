@@ -89,7 +89,7 @@ def test_stiff_mechanisms_in_exudyn_are_those_equations(script, name):
 
 def test_stages(script, capsys):
     measured = script("stages").main(["--brief"])
-    assert set(measured) == {"four_bar", "panda_handle", "humanoid_stance"}
+    assert set(measured) == {"four_bar", "panda_handle", "humanoid_stance", "stewart_platform"}
     assert all(0 < m["bare python"] < m["python"] for m in measured.values()), measured
     assert "| four_bar |" in capsys.readouterr().out
 

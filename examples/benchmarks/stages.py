@@ -3,7 +3,8 @@
 A stage solves M v' = f + G^T lam, Ghat v' = rhs. Measured are whole runs of pherk5 with fixed steps: their seconds over
 their linear solves, everything included. The bare calls, timed in the same run at the model's start: crba,
 nonLinearEffects, the Cholesky factorization of M, M^-1 [G^T f], the factorization of G M^-1 G^T and the solution with
-it; from Python through the bindings of Pinocchio and LAPACK, and in C++ by the compiled core.
+it; from Python through the bindings of Pinocchio and LAPACK, and in C++ by the compiled core. A set of slopes is all
+first derivatives at a point, which an iteration of Radau IIA, statics and modes need.
 
 Run: python examples/benchmarks/stages.py [--brief]
 """
@@ -19,7 +20,7 @@ from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
 import mbdae
 from mbdae.backend import load
 
-MODELS = {"four_bar": 2e-3, "panda_handle": 1e-3, "humanoid_stance": 5e-4}  # step in s
+MODELS = {"four_bar": 2e-3, "panda_handle": 1e-3, "humanoid_stance": 5e-4, "stewart_platform": 1e-3}  # step in s
 CALLS = 300  # of the bare sequence in one measurement
 
 
@@ -56,13 +57,17 @@ def bare_python(mech: mbdae.Mechanism) -> Callable[[], float]:
     return run
 
 
-def bare_native(mech: mbdae.Mechanism) -> Callable[[], float] | None:
-    """Return a run of the bare calls in C++ that tells the seconds of one sequence; None without a compiled core."""
+def in_core(mech: mbdae.Mechanism) -> dict[str, Callable[[], float]]:
+    """Return what the compiled core times: the bare calls, and a set of slopes; nothing without it."""
     if (native := load()) is None:
-        return None
+        return {}
     system = mech.system(native=native)
     system.derivative(0.0, mech.point())
-    return lambda: system.core.bare(*mech.start, 10 * CALLS)
+    system.expand()
+    return {
+        "bare native": lambda: system.core.bare(*mech.start, 10 * CALLS),
+        "slopes": lambda: native.slopes_seconds(system.core, *mech.start, 10 * CALLS),
+    }
 
 
 def measure(name: str, h: float, steps: int, repeats: int) -> dict[str, float]:
@@ -70,25 +75,24 @@ def measure(name: str, h: float, steps: int, repeats: int) -> dict[str, float]:
     mech = mbdae.load(name)
     runs = {"bare python": bare_python(mech)}
     runs |= {backend: stage(mech, h, steps * (10 if backend == "native" else 1), backend) for backend in backends()}
-    if bare := bare_native(mech):
-        runs["bare native"] = bare
-    return medians(runs, repeats)
+    return medians(runs | in_core(mech), repeats)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, dict[str, float]]:
     """Print the table and return seconds by model and name."""
     steps, repeats = (10, 1) if brief(argv, __doc__) else (200, 7)
-    columns = ("python", "native", "bare python", "bare native")
+    columns = ("python", "native", "bare python", "bare native", "slopes")
     measured, rows = {}, []
     for name, h in MODELS.items():
         found = measured[name] = measure(name, h, steps, repeats)
         times = [found.get(c) for c in columns]
-        python, native, bare, core = times
+        python, native, bare, core, slopes = times
         cells = [microseconds(t) for t in times]
-        rows.append([name, *cells, ratio(python, native), ratio(python, bare), ratio(native, core)])
+        ratios = (python, native), (python, bare), (native, core), (slopes, core)
+        rows.append([name, *cells, *(ratio(*pair) for pair in ratios)])
     print(machine() + "\n")
-    header = ["microseconds per stage", "Python", "native", "bare calls, Python", "bare calls, C++"]
-    print(table([*header, "Python / native", "Python / bare", "native / bare"], rows))
+    header = ["microseconds per stage", "Python", "native", "bare calls, Python", "bare calls, C++", "slopes"]
+    print(table([*header, "Python / native", "Python / bare", "native / bare", "slopes / bare"], rows))
     return measured
 
 

@@ -2,9 +2,11 @@
 // step_control.hpp, time_loop.hpp; for type checkers: mbdae/_native.pyi.
 #include <nanobind/stl/complex.h>
 
+#include <chrono>
 #include <cmath>
 
 #include "bindings.hpp"
+#include "py_core.hpp"
 
 namespace mbdae {
 
@@ -80,6 +82,21 @@ Radau make_radau(const Array& c, const Array& A, const nb::list& modes, int real
 #undef TAKE
   if (given.size() != known) refuse("a threshold that is not known");
   return r;
+}
+
+// Seconds of one set of slopes.
+double slopes_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
+  const Turn turn(c);
+  Index2System& s = c.core->system;
+  if (!s.mechanics.expanded()) refuse("slopes need the expanded tree");
+  Numbers at = numbers(q, s.nq, "q"), u = numbers(v, s.nv, "v"), vdot(s.nv), lam(s.ng);
+  u.resize(s.ny - s.nv);
+  const Counts counts = s.counts;
+  Slopes out;
+  const auto start = std::chrono::steady_clock::now();
+  for (int i = 0; i < repetitions; ++i) s.slopes(0, at.data(), u.data(), vdot.data(), lam.data(), out);
+  s.counts = counts, s.point.forget();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / repetitions;
 }
 
 }  // namespace
@@ -159,6 +176,8 @@ void bind_run(nb::module_& m) {
           },
           "Return t (n,), y (n, ...), z (n, nz) and the smallest ratios of pivots (n,) at the nodes.");
 #undef FIELD
+  m.def("slopes_seconds", slopes_seconds, nb::arg("core"), nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
+        "Return the seconds of one set of slopes.");
 }
 
 }  // namespace mbdae
