@@ -73,12 +73,14 @@ class GradientStudy(OrderStudy):
         return {**super().to_dict(), "of": self.of, **more}
 
     def __str__(self) -> str:
-        head, *rows = super().__str__().splitlines()
-        out = [f"derivatives with respect to {self.of}: tangent beside quotients of runs, and {head}"]
-        for name, row in zip(self.slopes, rows, strict=True):
+        where = f"{self.title}, T = {self.T:g} s, {self.backend} back end"
+        out = [f"derivatives with respect to {self.of}: tangent beside quotients, observed (claimed) order, {where}"]
+        for name, row in self.slopes.items():
             difference, unsure = self.differences[name], self.uncertainties[name]
             more = f" (quotients: {unsure:.0e})" if difference > CLOSE else ""
-            out.append(f"{row[:9]}{difference:7.0e}{more}  {row[9:]}")
+            seen = [f"{x.quantity} {'-' if x.observed is None else f'{x.observed:.2f}'} ({x.claimed})" for x in row]
+            bad = [f"{x.quantity}: {x.verdict}" for x in row if x.verdict != "holds"]
+            out.append("  ".join([f"{name:8s} {difference:7.0e}{more}", *seen, *(["; ".join(bad)] if bad else [])]))
         return "\n".join(out)
 
 

@@ -5,6 +5,8 @@ on which they depend linearly, have exact slopes; along the others the function 
 of order six, in which nothing of a run is repeated.
 """
 
+from typing import Any
+
 import numpy as np
 
 from ...integrate.trace import Trace
@@ -26,7 +28,7 @@ def load_slopes(trace: Trace, t: float, y: Array) -> tuple[Array, Array]:
     F, lam = s.derivative(t, y)
     vdot, lam, moves = F[nv : 2 * nv], lam[: s.ng], slopes.rate(t, y)
 
-    def at(t: float, q: Array, v: Array, vdot: Array = vdot, lam: Array = lam, system: object = s) -> Array:
+    def at(t: float, q: Array, v: Array, vdot: Array = vdot, lam: Array = lam, system: Any = s) -> Array:
         return np.array(point_loads(system, t, q, v, vdot, lam)).reshape(2, -1, 3)
 
     here = at(t, q, v)
