@@ -40,7 +40,7 @@ def test_a_wrong_tangent_is_refuted(monkeypatch):
     sensitivity = gradients.sensitivity
     monkeypatch.setattr(gradients, "sensitivity", wrong)
     measure = GradientMeasurement(mbdae.load("pendulum"), 0.3, 10, lambda name: None, "auto", None, None)
-    difference, unsure = measure.beside("herk2")
+    difference, unsure = measure.beside(mbdae.METHODS["herk2"])
     study = GradientStudy("pendulum", 0.3, {}, differences={"herk2": difference}, uncertainties={"herk2": unsure})
     assert study.refuted
     assert not study.holds
