@@ -52,9 +52,7 @@ class Squares:
         """Return the cost and its derivatives with respect to the signals."""
         value, slopes = 0.0, {}
         for name, known in self.data.items():
-            sigma = self.sigma.get(name) if isinstance(self.sigma, Mapping) else self.sigma
-            if sigma is None:
-                raise InputError(f"data of {name!r} have no noise level: sigma gives {', '.join(map(str, self.sigma))}")
+            sigma = self._sigma(name)
             known = np.asarray(known, float)
             if known.shape != signals[name].shape:
                 raise InputError(f"data of {name!r} have shape {known.shape}, the run has {signals[name].shape} times")
@@ -62,6 +60,13 @@ class Squares:
             left = left if np.isnan(known).any() else left / sigma
             value, slopes[name] = value + 0.5 * float(left @ left), left / sigma
         return value, slopes
+
+    def _sigma(self, name: str) -> float:
+        if not isinstance(self.sigma, Mapping):
+            return self.sigma
+        if name not in self.sigma:
+            raise InputError(f"data of {name!r} have no noise level: sigma gives {', '.join(self.sigma)}")
+        return self.sigma[name]
 
 
 def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, dict[str, Array]]:
