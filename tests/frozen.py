@@ -3,12 +3,10 @@
 import numpy as np
 
 import mbdae
-from mbdae.mechanism.formats.library import model_names
 from mbdae.mechanism.formats.remembered import number
 from mbdae.mechanism.formats.template import Template
 from mbdae.system import State
 
-SMOOTH = [name for name in model_names() if not mbdae.load(name).switches]  # rows that open and close are not followed
 SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from frozen import SMOOTH, compare, quotient, runs_of
+from frozen import compare, quotient, runs_of
+from smooth import SMOOTH
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError

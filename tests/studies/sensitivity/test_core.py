@@ -4,7 +4,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from frozen import SMOOTH
+from smooth import SMOOTH
 
 import mbdae
 from mbdae.integrate import trace

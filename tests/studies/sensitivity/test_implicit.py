@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from frozen import SMOOTH, best, compare, retraced, runs_of
+from frozen import best, compare, retraced, runs_of
+from smooth import SMOOTH
 
 import mbdae
 

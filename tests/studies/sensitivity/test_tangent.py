@@ -4,7 +4,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from frozen import SMOOTH, best, quotient, retraced, runs_of
+from frozen import best, quotient, retraced, runs_of
+from smooth import SMOOTH
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
