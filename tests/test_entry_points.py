@@ -46,7 +46,9 @@ def pendulums(path):
     n = int(path.read_text())
     return "title = 'read'\\n" + "".join(
         f"[[body]]\\nname = 'b{i}'\\nparent = '{'world' if not i else f'b{i - 1}'}'\\njoint = 'revolute'\\n"
-        f"axis = [0, 1, 0]\\nxyz = [0, 0, -1]\\nmass = 1.0\\ncom = [0, 0, -1]\\ninertia = [0.1, 0.1, 0.1, 0, 0, 0]\\n" for i in range(n)
+        f"axis = [0, 1, 0]\\nxyz = [0, 0, -1]\\nmass = 1.0\\ncom = [0, 0, -1]\\n"
+        "inertia = [0.1, 0.1, 0.1, 0, 0, 0]\\n"
+        for i in range(n)
     )
 '''
 POINTS = """

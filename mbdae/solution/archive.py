@@ -166,8 +166,8 @@ def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, A
     for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
         _check_arrays(data[t], data[y], data[z], width, ng)
     events = [(data[t], data[y]) for t, y in map(_event, range(run.events))]
-    for t, y in events:
-        _check_arrays(t, y, np.empty((len(t), ng)), width, ng)
+    for times, points in events:
+        _check_arrays(times, points, np.empty((len(times), ng)), width, ng)
     if not len(data["t"]) and not len(data["steps_t"]):
         raise ValueError("the run has no times")
     if run.status not in STATUS:

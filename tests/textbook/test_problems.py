@@ -54,7 +54,10 @@ def test_what_has_no_name_is_not_saved(tmp_path):
         mbdae.solve(circle, (0, 0.1)).save(tmp_path / "run.npz")
 
 
-@pytest.mark.parametrize("words", ["models --textbook", "run circle -t 1 -m rk4", "run circle -t 1", "drift hessenberg_a -t 0.2 -m herk3"])
+COMMANDS = ["models --textbook", "run circle -t 1 -m rk4", "run circle -t 1", "drift hessenberg_a -t 0.2 -m herk3"]
+
+
+@pytest.mark.parametrize("words", COMMANDS)
 def test_commands_take_them(words, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["mbdae", *words.split()])
     with pytest.raises(SystemExit) as ended:

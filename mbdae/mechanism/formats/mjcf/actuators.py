@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .read import MjcfModel
 
 
-class Actuators(NamedTuple):
+class MjcfActuators(NamedTuple):
     """What an MJCF file moves joints by.
 
     Attributes:
@@ -33,8 +33,8 @@ class Actuators(NamedTuple):
     limited: list[str]
 
 
-def actuators_of(c: "MjcfModel") -> Actuators:
-    """Actuators on hinges and slides whose force is gain u + b_0 + b_1 length + b_2 velocity of the transmission.
+def actuators_of(c: "MjcfModel") -> MjcfActuators:
+    """MjcfActuators on hinges and slides whose force is gain u + b_0 + b_1 length + b_2 velocity of the transmission.
 
     That is motor, position, velocity, and general with affine bias. With length = gear q the torque on the joint is
     gear gain u, that of a motor, and gear b_0 + gear^2 (b_1 q + b_2 v), a controller's.
@@ -67,7 +67,7 @@ def actuators_of(c: "MjcfModel") -> Actuators:
                 limited.append(name)
         else:
             others.append(name if m.actuator_plugin[i] < 0 else f"{name} (plugin)")
-    return Actuators(motors, controllers, others, limited)
+    return MjcfActuators(motors, controllers, others, limited)
 
 
 def _feedback(name: str, joint: str, gear: float, bias: Any) -> list[JointPID | JointTorque]:
