@@ -3,6 +3,7 @@
 from typing import Any
 
 import click
+import numpy as np
 
 from ...cli.model import ChosenModel, model_argument
 from ...cli.options import (
@@ -25,6 +26,7 @@ from ...errors import InputError
 from ...integrate.events import Event
 from ...mechanism import Mechanism
 from ...solution.signals import find
+from ...solution.solution import Solution
 from ...system import Array
 from ..drift.drift import drift as measure_drift
 
@@ -98,16 +100,25 @@ def run(
         "drift": found.to_dict(),
         "events": {text: sol.events[i][0].tolist() for i, text in enumerate([*events, *until])},
         "singular": [x.to_dict() for x in sol.singular],
+        "impacts": [x._asdict() for x in sol.impacts],
     }
     lines = [
         str(sol),
         str(found),
         *(f"  {text}: {_times(sol.events[i][0])}" for i, text in enumerate([*events, *until])),
         *(f"  singular configuration: {x}" for x in sol.singular),
+        *([_impacts(sol)] if sol.impacts else []),
         *(f"wrote {p}" for p in written),
     ]
     emit({**data, "written": written}, "\n".join(lines), as_json)
     finish(sol)
+
+
+def _impacts(sol: Solution) -> str:
+    """What was struck, when, and what it cost."""
+    struck = ", ".join(dict.fromkeys(name for x in sol.impacts for name in x.where))
+    times, loss = np.array([x.t for x in sol.impacts]), sum(x.loss for x in sol.impacts)
+    return f"  impacts on {struck}: {_times(times)}, {loss:.4g} J lost"
 
 
 def _times(times: Array) -> str:

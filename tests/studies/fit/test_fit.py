@@ -53,14 +53,14 @@ def crank(folder, more=""):
 
 def test_three_parameters_of_a_noisy_slider_crank(tmp_path):
     """Starts off by factors 0.5 to 2.5; noise of 0.1 mm."""
-    path, times = crank(tmp_path), np.linspace(0.04, 1.2, 30)
+    path, times = crank(tmp_path), np.linspace(0.04, 2.0, 50)
     data = measured(path, CRANK, times, ["q.slider"], **STEP)
-    data["q.slider"] += 1e-4 * np.random.default_rng(1).standard_normal(30)
+    data["q.slider"] += 1e-4 * np.random.default_rng(1).standard_normal(50)
     starts = {"force.spring.stiffness": (40.0, 10, 1000), "force.damper.damping": (0.05, 0, 1)}
     found = mbdae.fit(path, {**starts, "joint.slider.mass": (1.52, 0.1, 5)}, data, sigma=1e-4, **STEP)
     assert found.success, found
     assert found.runs < 60
-    assert 0.4 < found.chi2 / found.dof < 1.8
+    assert 0.5 < found.chi2 / found.dof < 1.6
     for name, value in CRANK.items():
         assert abs(found.values[name] - value) < 3.5 * found.deviations[name], (name, found)
     assert found.correlations[0, 2] > 0.9

@@ -1,0 +1,19 @@
+"""What `mbdae run` says of a motion."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+import mbdae
+from mbdae.__main__ import cli
+
+
+def test_impacts_are_told():
+    sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 2), rtol=1e-8)
+    words = ["run", "pendulum_on_stop", "-t", "2"]
+    text = CliRunner().invoke(cli, words).output
+    assert "impacts on rod stop: t = 0.464927724, 1.27497619, 1.97549149 s (3)" in text
+    told = json.loads(CliRunner().invoke(cli, [*words, "--json"]).output)["impacts"]
+    assert [x["t"] for x in told] == pytest.approx([x.t for x in sol.impacts], abs=1e-9)
+    assert told[0]["where"] == ["rod stop"]
