@@ -17,3 +17,12 @@ def test_impacts_are_told():
     told = json.loads(CliRunner().invoke(cli, [*words, "--json"]).output)["impacts"]
     assert [x["t"] for x in told] == pytest.approx([x.t for x in sol.impacts], abs=1e-9)
     assert told[0]["where"] == ["rod stop"]
+
+
+def test_info_tells_what_comes_and_goes():
+    text = CliRunner().invoke(cli, ["info", "stick_slip_slider"]).output
+    assert "closure rows 7 (rank 2, 3 rows depend on others, 2 come and go)" in text
+    assert "closure   crank friction: brake crank, 1 rows\n" in text
+    chain = CliRunner().invoke(cli, ["info", "bouncing_chain"]).output
+    assert "closure rows 8 (rank 0, 8 come and go), degrees of freedom 5" in chain
+    assert "dependent" not in chain

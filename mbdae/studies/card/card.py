@@ -13,8 +13,8 @@ from ...tabular import Tabular
 __all__ = ["card"]
 
 NOT_MODELLED = (
-    "contact",
-    "joint limits",
+    "contact of shapes",
+    "joint limits (but for stops)",
     "effort and velocity limits",
     "dry joint friction (but for joint_friction forces)",
 )
@@ -29,7 +29,8 @@ class Card(Tabular):
         nq: length of a configuration.
         nv: length of a velocity.
         ng: rows of all closures.
-        rank: independent rows at the start.
+        switched: how many of them are there in some modes only.
+        rank: independent rows at the start, without these.
         freedom: degrees of freedom, nv - rank.
         position_freedom: nv - rank of the rows that have a g: more where rows of velocity are among them.
         joints: name and kind of each joint, in the order of q.
@@ -53,6 +54,7 @@ class Card(Tabular):
     nq: int
     nv: int
     ng: int
+    switched: int
     rank: int
     freedom: int
     position_freedom: int
@@ -79,6 +81,7 @@ class Card(Tabular):
             for x in self.closures
         ]
         sizes = f"nq = {self.nq}, nv = {self.nv}, {self.ng} closure rows of rank {self.rank}"
+        sizes += f", {self.switched} come and go" if self.switched else ""
         q, v = (", ".join(f"{x:.6g}" for x in values) for values in (self.q, self.v))
         return {
             "sizes": f"{sizes}; degrees of freedom: {self.freedom}",
@@ -99,10 +102,12 @@ class Card(Tabular):
         return asdict(self)
 
     def __str__(self) -> str:
-        dependent = f", {self.ng - self.rank} rows depend on others" if self.ng > self.rank else ""
+        dependent = self.ng - self.switched - self.rank
+        counts = [f"rank {self.rank}", f"{dependent} rows depend on others" if dependent else ""]
+        counts.append(f"{self.switched} come and go" if self.switched else "")
         lines = [
             self.title,
-            f"  nq {self.nq}, nv {self.nv}, closure rows {self.ng} (rank {self.rank}{dependent}), "
+            f"  nq {self.nq}, nv {self.nv}, closure rows {self.ng} ({', '.join(filter(None, counts))}), "
             f"degrees of freedom {self.freedom}"
             + (f", {self.position_freedom} of positions" if self.position_freedom != self.freedom else ""),
             "  joints    " + ", ".join(f"{n} ({k})" for n, k in self.joints),
@@ -110,7 +115,7 @@ class Card(Tabular):
         for c in self.closures:
             also = f", {c['dependent']} dependent" if c["dependent"] else ""
             lines.append(f"  closure   {c['name']}: {c['kind']} {' - '.join(c['joins'])}, {c['rows']} rows{also}")
-        if self.ng > self.rank:
+        if dependent:
             names = ", ".join(c["name"] for c in self.closures if c["dependent"])
             lines.append(f"            reactions of {names} are not unique: lam is the one of minimum norm")
         lines += [f"  forces    {', '.join(self.forces) or 'none'}; gravity {list(self.gravity)} m/s^2"]
@@ -143,15 +148,17 @@ def card(mech: Mechanism) -> Card:
     positions = rank(scaled(system, 0.0, q)[mech.positional])
     g, Gv = mech.residual(q, v)
     loaded, gap = mech.given[0], mech.gap_as_given
+    switching = {row for switch in mech.switches for row in switch.rows}
+    of = [mech.row_closure(i) for i in range(mech.ng)]
     closures = []
     for c in mech.constraints:
         closures.append(
             {
                 "name": c.name,
-                "kind": c.kind if isinstance(c, Closure) else "driver",
+                "kind": c.kind if isinstance(c, Closure) else type(c).__name__.lower(),
                 "joins": list(c.between),
                 "rows": c.m,
-                "dependent": shared.get(c.name, 0),
+                "dependent": 0 if of.index(c.name) in switching else shared.get(c.name, 0),
             }
         )
     return Card(
@@ -159,6 +166,7 @@ def card(mech: Mechanism) -> Card:
         nq=mech.nq,
         nv=mech.nv,
         ng=mech.ng,
+        switched=len(switching),
         rank=len(rows),
         freedom=mech.nv - len(rows),
         position_freedom=mech.nv - (positions if not mech.positional.all() else len(rows)),
