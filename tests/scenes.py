@@ -54,7 +54,8 @@ def motion(scene, q, end=2.0, start=0.0, title="a test"):
     """A solution that was never computed: q is a function of t."""
     t = np.linspace(start, end, 9)
     points = np.array([q(x) for x in t])
-    sol = SimpleNamespace(t=t, q=points, mechanism=SimpleNamespace(scene=scene, title=title, model=scene._model))
+    mech = SimpleNamespace(scene=scene, title=title, model=scene._model, switches=())
+    sol = SimpleNamespace(t=t, q=points, mechanism=mech)
     return type("Motion", (SimpleNamespace,), {"__call__": lambda self, x: (q(x), None)})(**vars(sol))
 
 

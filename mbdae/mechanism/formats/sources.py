@@ -1,7 +1,7 @@
 """The source files of a mechanism: read, remembered, and merged with what the mechanism file says."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -101,9 +101,19 @@ def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, t
         "start": file.start.model_copy(update=tables),
         "motor": {},
     }
-    stopped = any(s.limits and not s.joint for s in file.stop)
-    left_out = tuple(text for p in named for text in p.left_out if not (stopped and LIMITS in text))
+    stopped = {s.joint for s in file.stop if s.limits}
+    left_out = tuple(rest for p in named for text in p.left_out if (rest := _unstopped(text, stopped)))
     return file.model_copy(update=update), tuple(motors.values()), left_out
+
+
+def _unstopped(text: str, stopped: Collection[str | None]) -> str:
+    """What is left out without the limits that are stops, of these joints or, with None among them, of all."""
+    before, what, names = text.partition(f"{LIMITS} ")
+    if not what:
+        return text
+    prefix = before.removesuffix(": ")
+    left = [n for n in names.split(", ") if None not in stopped and prefix + n not in stopped]
+    return before + what + ", ".join(left) if left else ""
 
 
 def _driven(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[JointTorque]:

@@ -1,7 +1,7 @@
 """Mechanisms with other numbers: files are read once, and entries of their tables changed by dotted paths.
 
 gravity.2                       an entry of a list, counted from 0
-force.spring.stiffness          a force, closure, driver, frame or body by its name, and a key of it
+force.spring.stiffness          a force, closure, driver, stop, clutch, frame or body by its name, and a key of it
 start.q.crank, start.v.crank    a start value of a joint
 joint.crank_pin.xyz.0           what a source (URDF, MJCF) says of a joint: `xyz` and `rpy` of its place in the body
                                 before it, `mass`, `com`, `inertia` of the body behind it, as in a [[body]] table
@@ -32,7 +32,7 @@ from .load import Recipe, make, read
 from .parametric import parameter_names, split
 from .schema import Body, MechanismFile
 
-TABLES = ("body", "closure", "driver", "duration", "force", "frame", "gravity", "start")  # of a mechanism file
+TABLES = ("body", "closure", "clutch", "driver", "duration", "force", "frame", "gravity", "start", "stop")  # of a file
 JOINT = ("xyz", "rpy", "mass", "com", "inertia")  # what a source says of a joint
 START = "start."
 WHOLE = ("duration", "gravity")  # that may be given whole
@@ -198,11 +198,11 @@ def _keys(thing: Any) -> dict[str, str]:
 
 
 def _names(entries: tuple[Any, ...]) -> dict[str, str]:
-    """Names of the entries of a table list, and their numbers; forces without a name have their kind and number."""
+    """Names of the entries of a table list, and their numbers; those without a name have their kind and number."""
     out = {}
     for i, entry in enumerate(entries):
         if isinstance(entry, Table) and "name" in type(entry).model_fields:
-            out[getattr(entry, "name", "") or f"{getattr(entry, 'kind', '')} {i + 1}"] = str(i)
+            out[getattr(entry, "name", "") or f"{getattr(entry, 'kind', '')} {i + 1}".strip()] = str(i)
     return out
 
 

@@ -12,6 +12,7 @@ from ...files import write_whole
 from ..figures import COLOURS
 from . import animation_tracks as tracks
 from .document import document, drawn, frame
+from .mode_tracks import HELD, STRUCK, switched
 from .plot_panels import Plot, PlotPanel, Signal, panes
 from .threejs import typed
 
@@ -162,6 +163,7 @@ def page(
         "choices": tracks.choices(sol, choices or {}, times),
         "traces": tracks.traces(mechanism, traces, q),
         "arrows": tracks.arrows(sol, arrows, times),
+        "switched": {"held": HELD, "struck": STRUCK, "each": [] if choices else switched(sol, q)},
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],
     }
     return document(mechanism.title, payload)

@@ -87,6 +87,12 @@ function legend(scene, closures) {
   scene.arrows.forces.forEach(({colour, name}, i) => {
     entry(colour, `force of ${name}${i ? "" : `, longest ${scene.arrows.largest.toPrecision(3)} N`}`);
   });
+  const {each, held, struck} = scene.switched, holding = each.filter(one => one.held.length);
+  for (const word of new Set(holding.map(one => one.word))) {
+    const names = holding.filter(one => one.word === word).map(({name}) => name);
+    entry(held, `${names.length > 3 ? `${names.length} joints and contacts` : names.join(", ")}: ${word}`);
+  }
+  if (each.some(one => one.struck.length)) entry(struck, "impact");
   const many = closures.length > 4 ? [`${closures.length} closures: the balls meet where a loop is closed`] : closures;
   for (const name of many) entry("linear-gradient(90deg, #f28e2b 50%, #e0263c 50%)", name);
 }

@@ -207,6 +207,27 @@ function arrow({points, values, colour}, perNewton, width) {
   return {object: group, follow};
 }
 
+// A ball around what is stuck or closed, while it is, and one that grows and fades where something struck.
+function switched({points, held, struck, strength}, colours, radius, timeOf, flash) {
+  const {Group, Mesh, MeshBasicMaterial, SphereGeometry} = MeshCat.THREE, group = new Group();
+  const [ball, burst] = [colours.held, colours.struck].map((color, k) => {
+    const look = new MeshBasicMaterial({color, depthTest: false, transparent: true, opacity: 0.6});
+    const mesh = new Mesh(new SphereGeometry(radius, 32, 16), look);
+    mesh.renderOrder = 800 + k;
+    group.add(mesh);
+    return mesh;
+  });
+  const follow = at => {
+    const t = timeOf(at), last = struck.findLastIndex(when => when <= t), age = last < 0 ? 1 : (t - struck[last]) / flash;
+    group.position.copy(mixed(points, 3, 0, at));
+    ball.visible = held.some((begin, i) => i % 2 === 0 && begin <= t && t <= held[i + 1]);
+    burst.visible = age < 1;
+    burst.scale.setScalar(strength[last] * (1.5 + 2 * age) || 1e-3);
+    burst.material.opacity = 0.85 * (1 - age);
+  };
+  return {object: group, follow};
+}
+
 // Puts all that moves into the scene; what is returned brings it to a frame, which need not be whole.
 function stage(viewer, scene, extent) {
   const root = nodeOf(viewer, "mechanism"), moves = [], put = made => {
@@ -230,6 +251,9 @@ function stage(viewer, scene, extent) {
   const perNewton = scene.arrows.largest > 0 ? 0.3 * extent / scene.arrows.largest : 0;
   for (const data of scene.traces) put(trace(data, 0.0027 * extent));
   for (const data of scene.arrows.forces) put(arrow(data, perNewton, 0.004 * extent));
+  const timeOf = at => scene.start + (scene.end - scene.start) * at / Math.max(1, scene.frames - 1);
+  const radius = Math.max(3 * scene.width, 0.02 * extent), flash = 0.25 * scene.speed;
+  for (const data of scene.switched.each) put(switched(data, scene.switched, radius, timeOf, flash));
   return (at, choice) => {
     for (const move of [...moves, ...(choices[choice] || [])]) move(at);
     viewer.set_dirty();

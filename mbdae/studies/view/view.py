@@ -76,6 +76,7 @@ class View:
             "gaps": tracks.gaps(scene, np.concatenate([start, *(s.q for s in self.sliders)])),
             **{"camera": None, "follow": "", "marked": False, "ghosts": [], "traces": [], "panes": []},
             "arrows": {"largest": 0.0, "forces": []},
+            "switched": {"each": []},
             "choices": [self._choice(s) for s in self.sliders],
             "sliders": [_plain(s) for s in self.sliders],
             "note": self._note(),

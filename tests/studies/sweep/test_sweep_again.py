@@ -1,5 +1,6 @@
 """Sweeps that go on from a file, or do not, and what is refused before anything runs."""
 
+import numpy as np
 import pytest
 
 import mbdae
@@ -73,3 +74,18 @@ def test_outputs_do_not_overwrite_columns(outputs, words):
 def test_what_all_runs_share_is_refused_at_once(parameters, more, words):
     with pytest.raises(mbdae.MbdaeError, match=words):
         mbdae.sweep("pendulum", parameters, 0.1, **more)
+
+
+def test_numbers_of_stops_are_swept():
+    # a point on a rod of 1 m falls from 1.2 rad to the stop at 0.3 rad: m l v = sqrt(2 g (cos 0.3 - cos 1.2))
+    e = np.array([0.2, 0.5, 1.0])
+    outputs = ["max impulse.rod stop", "min gap.rod stop", "q.rod", "mode.rod stop"]
+    grid = {"stop.rod stop.restitution": e.tolist()}
+    runs = mbdae.sweep("pendulum_on_stop", grid, 0.8, outputs=outputs, times=5, executor="threads")
+    assert not runs.failed
+    impulse = (1 + e) * np.sqrt(2 * 9.81 * (np.cos(0.3) - np.cos(1.2)))
+    np.testing.assert_allclose(runs["max impulse.rod stop"], impulse, rtol=1e-6)
+    assert np.min(runs["min gap.rod stop"]) > -1e-9
+    assert np.ptp(np.stack(runs["q.rod"])[:, -1]) > 0.1
+    with pytest.raises(InputError, match="rod stop"):
+        mbdae.sweep("pendulum_on_stop", {"stop.rod.lower": [0.1]}, 0.8)

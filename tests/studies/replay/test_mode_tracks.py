@@ -1,0 +1,65 @@
+"""What a replay marks of runs with modes is where and when they are stuck, closed or struck."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.studies.replay.mode_tracks import switched
+
+
+def marked(model, end):
+    sol = mbdae.solve(mbdae.load(model), (0, end))
+    times = np.linspace(0, end, 501)
+    q, v = (np.array(x) for x in zip(*(sol(t) for t in times), strict=True))
+    return sol, times, q, v, switched(sol, q)
+
+
+def points(track):
+    return np.frombuffer(track["points"].data, dtype="float32").reshape(-1, 3)
+
+
+def during(times, track):
+    spans = np.reshape(track["held"], (-1, 2))
+    return ((times[:, None] > spans[:, 0]) & (times[:, None] <= spans[:, 1])).any(axis=1)
+
+
+@pytest.mark.parametrize(
+    ("model", "end", "name", "stop", "e"),
+    [("pendulum_on_stop", 6.0, "rod", 0.3, 0.7), ("slider_crank_with_stop", 1.0, "slider", 0.43, 0.6)],
+)
+def test_stops_are_marked_while_closed_and_where_they_strike(model, end, name, stop, e):
+    sol, times, q, v, (track,) = marked(model, end)
+    at = sol.mechanism.joint_names.index(name)
+    closed = during(times, track)
+    assert (track["name"], track["word"]) == (f"{name} stop", "closed")
+    assert closed.any()
+    assert np.abs(q[closed, at] - stop).max() < 1e-9
+    assert np.abs(v[closed]).max() < 1e-9
+    assert np.abs(v[~closed & (times > 0)]).max(axis=1).min() > 1e-9
+    for t in track["struck"][:3]:
+        before, after = (sol(t + dt)[1][at] for dt in (-1e-9, 1e-9))
+        assert after == pytest.approx(-e * before, abs=1e-6)
+    assert track["strength"][0] == 1, "later ones are weaker"
+    assert (np.diff(track["strength"]) < 0).all()
+    places = {"rod": 0 * q[:, :1] + [0, 0, 0], "slider": q[:, [at]] * [1, 0, 0]}
+    np.testing.assert_allclose(points(track), places[name], atol=1e-7)
+
+
+def test_joints_are_marked_while_they_stick():
+    sol, times, q, v, tracks = marked("stick_slip_slider", 2.0)
+    assert [(x["name"], x["word"], x["struck"]) for x in tracks] == [
+        ("crank friction", "sticks", []),
+        ("slider friction", "sticks", []),
+    ]
+    for track, joint in zip(tracks, ("crank", "slider"), strict=True):
+        stuck, rate = during(times, track), np.abs(v[:, sol.mechanism.joint_names.index(joint)])
+        assert 0 < stuck.sum() < len(times)
+        assert rate[stuck].max() < 1e-12
+        assert rate[~stuck & (times > 0)].min() > 1e-9
+    slider = q[:, [sol.mechanism.joint_names.index("slider")]]
+    np.testing.assert_allclose(points(tracks[1]), slider * [1, 0, 0], atol=1e-7)
+
+
+def test_nothing_is_marked_where_nothing_switches():
+    sol = mbdae.solve(mbdae.load("pendulum"), (0, 0.1))
+    assert switched(sol, sol.q) == []
