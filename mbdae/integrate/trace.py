@@ -6,7 +6,8 @@ some of them (`mbdae.integrate.checkpoints`), and where it was found anew; stage
 for.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -126,18 +127,22 @@ class Trace:
             yield LinearPart(self.slopes.jumped(t, y), False)
         if self.project:
             yield LinearPart(self.slopes.restored(t, y), False)
-        yield from self._renewal(t, y)
+        if self.n_carry:
+            yield LinearPart(self.at_start("renewal", lambda: self._renewed(t, y)), True)
+
+    def at_start(self, name: str, find: Callable[[], Array]) -> Array:
+        """Slopes at the first node, found once for runs from one start with the same parameters."""
+        s = self.system
+        return self.slopes.parameters.once(name, (type(s), s.in_use, self.ts[0], self.ys[0].tobytes()), find)
 
     def parts(self, i: int) -> Iterator[Part]:
         """What leads from node i to the next one, each part with the slopes where it was."""
         self.hold(i)
-        t, t1, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i + 1]
+        t, t1, y, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i], self.ys[i + 1]
         if self.jumps(i):
-            y = self.ys[i]
             yield LinearPart(self.slopes.jumped(t1, y), False)
             y = self.system.jump(t1, y)
         else:
-            y = self.ys[i]
             for part in self.steps(i, t1 - t):
                 yield part
                 y = part.state.y
@@ -193,8 +198,11 @@ class Trace:
 
     def _renewal(self, t: float, y: Array) -> Iterator[Part]:
         if self.n_carry:
-            nv, n = self.system.nv, self.slopes.ny + self.slopes.k
-            yield LinearPart(self.slopes.rate(t, y, multipliers=False).rate[nv:, :n], True)
+            yield LinearPart(self._renewed(t, y), True)
+
+    def _renewed(self, t: float, y: Array) -> Array:
+        """Slopes of what is carried from y on, (nc, ny + k)."""
+        return self.slopes.rate(t, y, multipliers=False).rate[self.system.nv :, : self.slopes.ny + self.slopes.k]
 
     def _walk(self, i: int, j: int, state: State) -> list[State]:
         """The states at nodes i, ..., j."""
@@ -286,10 +294,7 @@ def _checked(sol: Solution) -> Mechanism:
 
 
 def _bound(mech: Mechanism, formulation: str) -> Any:
-    native = backend.load()
-    if native:
-        try:
+    with suppress(NotCompiled):
+        if native := backend.load():
             return mech.system(formulation, native=native)
-        except NotCompiled:
-            pass
     return mech.system(formulation)

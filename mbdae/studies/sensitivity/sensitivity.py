@@ -196,15 +196,22 @@ def places(sol: Solution) -> Array:
 
 def begun(trace: Trace, dp: Array, start: bool) -> Array:
     """Variations of the start, (ny, k)."""
-    own = trace.system.mechanism.point(t=float(trace.ts[0]))
     k, ny = trace.slopes.k, trace.slopes.ny
     dy = np.zeros((ny, dp.shape[1]))
-    nq, nv = trace.system.nq, trace.system.nv
-    if k and np.abs(own[: nq + nv] - trace.ys[0][: nq + nv]).max() <= SAME * (1 + np.abs(own).max()):
-        dy[:, :k] = trace.slopes.start(float(trace.ts[0]), trace.ys[0])
+    if k:
+        dy[:, :k] = trace.at_start("start", lambda: _own_start(trace))
     if start:
         dy[:-1, k:] = np.eye(ny - 1)
     return dy
+
+
+def _own_start(trace: Trace) -> Array:
+    """Slopes of the mechanism's own start, (ny, k): zeros where the run began elsewhere."""
+    t, y, nx = float(trace.ts[0]), trace.ys[0], trace.system.nq + trace.system.nv
+    own = trace.system.mechanism.point(t=t)
+    if np.abs(own[:nx] - y[:nx]).max() <= SAME * (1 + np.abs(own).max()):
+        return trace.slopes.start(t, y)
+    return np.zeros((trace.slopes.ny, trace.slopes.k))
 
 
 def _between(trace: Trace, i: int, t: float, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
