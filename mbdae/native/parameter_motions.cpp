@@ -32,6 +32,10 @@ void inertial(const double* U, const double* A, double factor, double* out) {
   out[9] += factor * w[2] * a[2];
 }
 
+bool still(const std::array<double, 6>& x) {
+  return !(x[0] != 0 || x[1] != 0 || x[2] != 0 || x[3] != 0 || x[4] != 0 || x[5] != 0);
+}
+
 void transposed(const double* R, const double* x, double* out) {
   for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
 }
@@ -134,25 +138,37 @@ void ParameterSlopes::shifted(const Pair& pair, const double* F, const std::vect
   }
 }
 
+void ParameterSlopes::momenta() {
+  const int joints = s_.mechanics.joints;
+  F_[0] = Six{};
+  for (int j = 1; j < joints; ++j) {
+    double turned[6];
+    momentum(body_[j], A_[j].data(), F_[j].data()), momentum(body_[j], V_[j].data(), h_[j].data());
+    wrench_cross(V_[j].data(), h_[j].data(), turned);
+    for (int i = 0; i < 6; ++i) F_[j][i] += turned[i];
+  }
+  for (int j = joints - 1; j > 0; --j)
+    for (int i = 0; i < 6; ++i) F_[s_.mechanics.parents[j]][i] += F_[j][i];
+}
+
 // With all that is behind a joint held, and what is before it moved by -xi: U, V, A there become U x xi, ...
 void ParameterSlopes::bodies() {
   const int joints = s_.mechanics.joints;
   for (int j = 1; j < joints; ++j) {
-    double h[6], VU[6], IVU[6], turned[6];
+    double VU[6], IVU[6], turned[6];
     const double *V = V_[j].data(), *U = U_[j].data();
+    H_[j] = C_[j] = Six{};
+    if (still(U_[j])) continue;
     momentum(body_[j], U, H_[j].data());
     if (!placing_) continue;
-    momentum(body_[j], A_[j].data(), F_[j].data()), momentum(body_[j], V, h);
-    wrench_cross(V, h, turned);
-    for (int i = 0; i < 6; ++i) F_[j][i] += turned[i];
     motion_cross(V, U, VU), momentum(body_[j], VU, IVU);
-    wrench_cross(V, H_[j].data(), C_[j].data()), wrench_cross(U, h, turned);
+    wrench_cross(V, H_[j].data(), C_[j].data()), wrench_cross(U, h_[j].data(), turned);
     for (int i = 0; i < 6; ++i) C_[j][i] -= turned[i] + IVU[i];
   }
-  H_[0] = F_[0] = C_[0] = Six{};
+  H_[0] = C_[0] = Six{};
   for (int j = joints - 1; j > 0; --j) {
     const int p = s_.mechanics.parents[j];
-    for (int i = 0; i < 6; ++i) H_[p][i] += H_[j][i], F_[p][i] += F_[j][i], C_[p][i] += C_[j][i];
+    for (int i = 0; i < 6; ++i) H_[p][i] += H_[j][i], C_[p][i] += C_[j][i];
   }
 }
 
@@ -176,7 +192,7 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above, co
       for (int k = 0; k < nv; ++k) to[k] -= above[k] * point.vdot[k];
     if (x.of == Stuff::gravity && point.loaded)
       for (int k = 0; k < 3; ++k) to[k] += H_[0][k];
-    if (x.of == Stuff::inertia) {
+    if (x.of == Stuff::inertia && !still(U_[x.at])) {
       double U[6], V[6], A[6], VU[6];
       local(here_[i].R, here_[i].p, U_[x.at].data(), U), local(here_[i].R, here_[i].p, V_[x.at].data(), V);
       local(here_[i].R, here_[i].p, A_[x.at].data(), A);
@@ -185,6 +201,7 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above, co
     }
     if (x.of == Stuff::place) {
       const int p = m.parents[x.at];
+      if (still(U_[p]) && still(H_[x.at]) && still(C_[x.at])) continue;
       double turned[6], rest[6];
       Six g;
       wrench_cross(V_[p].data(), H_[x.at].data(), rest);
@@ -200,11 +217,15 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above, co
   for (size_t i = 0; nu && i < met_.size(); ++i)
     for (const auto& [pair, rows] : met_[i].rows) {
       Turning sum;
+      bool asked = false;
       for (const auto& [at, t] : rows) {
         const double w = met_[i].weight * nu[at];
+        if (w == 0) continue;
+        asked = true;
         for (int k = 0; k < 6; ++k) sum.F[k] += w * t.F[k];
         for (int k = 0; k < 36; ++k) sum.Da[k] += w * t.Da[k], sum.Db[k] += w * t.Db[k];
       }
+      if (!asked) continue;
       if (met_[i].kind == VariedPoint::Met::gap)
         shifted(*pair, sum.F, met_[i].placed);
       else

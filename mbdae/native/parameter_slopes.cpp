@@ -36,7 +36,7 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
     moving_ = moving_ || placing_ || x.of == Stuff::frame;
   }
   for (const Changed& c : changed_) meeting_ = meeting_ || !c.rows.empty();
-  for (auto* x : {&V_, &A_, &U_, &X_, &F_, &H_, &C_}) x->assign(m.joints, Six{});
+  for (auto* x : {&V_, &A_, &U_, &X_, &F_, &H_, &C_, &h_}) x->assign(m.joints, Six{});
   body_.resize(m.joints);
 }
 
@@ -56,6 +56,7 @@ void ParameterSlopes::stand(const VariedPoint& point) {
       for (int i = 0; i < 3; ++i) A_[j][i] -= g[i];
       body_[j] = m.body(j);
     }
+    if (placing_) momenta();
     locate(here_);
   }
   change(point);

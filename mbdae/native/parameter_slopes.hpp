@@ -69,6 +69,7 @@ class ParameterSlopes {
   void stand(const VariedPoint& point);
   void change(const VariedPoint& point);                                  // own_P_ and own_Q_
   void contract(const VariedPoint& point, const double* above, const double* nu);  // into sums_
+  void momenta();                                                         // of V_ and A_
   void bodies();                                                          // of U_
   // What motions of places and frames do to F . (X_b - X_a); velocities V for a damped wrench.
   void moved(const Pair& pair, const Turning& t, const std::vector<Six>& X, const std::vector<Placed>& placed);
@@ -98,7 +99,7 @@ class ParameterSlopes {
   };
 
   std::vector<Six> V_, A_, U_, X_;  // by joint; A less gravity
-  std::vector<Six> F_, H_, C_;      // by joint, of all that is behind it
+  std::vector<Six> F_, H_, C_, h_;  // by joint, of all that is behind it; of the body alone
   std::vector<Body> body_;
   std::vector<Placed> here_;        // of all stuff
   std::vector<Met> met_;

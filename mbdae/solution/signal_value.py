@@ -95,17 +95,19 @@ def signal_values(mech: Mechanism) -> dict[str, SignalValue]:
             out[f"lateral.{c.name}"] = SignalValue("lam", rows=(first + grip + 1,))
     out |= {f"effort.{name}": SignalValue("lam", rows=(i,)) for name, i in driven(mech).items()}
     loaded = load_units(mech)
-    rest = {name: SignalValue("load" if name in loaded else "column", i) for i, name in enumerate(units(mech))}
-    return {name: out.get(name, column) for name, column in rest.items()}
+    return {
+        name: out[name] if name in out else SignalValue("load" if name in loaded else "column", i)
+        for i, name in enumerate(units(mech))
+    }
 
 
-def find_signal(mech: Mechanism, name: str) -> SignalValue:
-    """Return the signal of that name.
+def find_signal(mech: Mechanism, name: str, known: dict[str, SignalValue] | None = None) -> SignalValue:
+    """Return the signal of that name, of those that are known.
 
     Raises:
         UnknownNameError: lists the names that exist.
     """
-    known = signal_values(mech)
+    known = known or signal_values(mech)
     if name not in known:
         raise UnknownNameError("signal", name, known)
     return known[name]

@@ -8,7 +8,7 @@ from ...errors import InputError
 from ...integrate.trace import Trace
 from ...mechanism import Mechanism
 from ...solution.columns import load_units
-from ...solution.signal_value import RESIDUALS, SignalValue, find_signal
+from ...solution.signal_value import RESIDUALS, SignalValue, find_signal, signal_values
 from ...system import Array
 from .load_slopes import load_row, load_slopes
 
@@ -17,14 +17,14 @@ LOADS = ("load", "torque")
 KNOWN = ("t", "y", "angle", "rate", "lam", "force", *LOADS, *ENERGIES)
 
 
-def differentiable(mech: Mechanism, name: str) -> SignalValue:
+def differentiable(mech: Mechanism, name: str, known: dict[str, SignalValue] | None = None) -> SignalValue:
     """The signal of that name.
 
     Raises:
         UnknownNameError: for a signal that does not exist.
         InputError: for one that has no gradient.
     """
-    found = find_signal(mech, name)
+    found = find_signal(mech, name, known)
     if found.kind in RESIDUALS:
         raise InputError(f"signal {name!r} has no gradient: it is the largest magnitude over all rows")
     if found.kind not in KNOWN:
@@ -47,7 +47,10 @@ class SignalSlopes:
     def __init__(self, trace: Trace, names: Sequence[str]) -> None:
         self.trace = trace
         mech = trace.system.mechanism
-        self.signals = [differentiable(mech, name) for name in names]
+        known = signal_values(mech)
+        self.signals = [differentiable(mech, name, known) for name in names]
+        self.kinds = {signal.kind for signal in self.signals}
+        self.placed = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
         listed = list(load_units(mech)) if any(signal.kind in LOADS for signal in self.signals) else []
         self.loads = [listed.index(name) if name in listed else -1 for name in names]
 
@@ -55,8 +58,8 @@ class SignalSlopes:
         """Return the derivatives at a point behind node i with respect to (y, p, t), (len(names), ny + k + 1)."""
         trace, s = self.trace, self.trace.system
         out, (q, v) = np.zeros((len(self.signals), s.ny + trace.slopes.k + 1)), s.split(y)
-        kinds = {signal.kind for signal in self.signals}
-        N = s.manifold.coordinate_slopes(q) if "y" in kinds else np.empty(0)
+        kinds = self.kinds
+        N = s.manifold.coordinate_slopes(q) if self.placed else np.empty(0)
         energies = trace.slopes.energy(q, v) if kinds & set(ENERGIES) else np.empty(0)
         lam = slopes = rates = np.empty(0)
         if kinds & {"lam", "force", "rate", *LOADS}:
