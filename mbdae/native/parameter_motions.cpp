@@ -87,8 +87,7 @@ void ParameterSlopes::locate(std::vector<Placed>& out) const {
   }
 }
 
-void ParameterSlopes::moved(const Pair& pair, const Turning& t, const std::vector<Six>& X,
-                            const std::vector<Placed>& placed) {
+void ParameterSlopes::moved(const Pair& pair, const Turning& t, const std::vector<Six>& X) {
   const int a = pair.a.joint, b = pair.b.joint;
   Six relative, by_a{}, by_b{}, damping{};
   for (int i = 0; i < 6; ++i) relative[i] = X[b][i] - X[a][i];
@@ -119,11 +118,11 @@ void ParameterSlopes::moved(const Pair& pair, const Turning& t, const std::vecto
     } else {
       continue;
     }
-    add_motion(placed[s].R, placed[s].p, g.data(), sums_[s].data());
+    for (int i = 0; i < 6; ++i) pull_[s][i] += g[i];
   }
 }
 
-void ParameterSlopes::shifted(const Pair& pair, const double* F, const std::vector<Placed>& placed) {
+void ParameterSlopes::shifted(const Pair& pair, const double* F) {
   const int a = pair.a.joint, b = pair.b.joint;
   for (size_t s = 0; s < stuff_.size(); ++s) {
     const Stuff& x = stuff_[s];
@@ -132,9 +131,15 @@ void ParameterSlopes::shifted(const Pair& pair, const double* F, const std::vect
     if (x.of == Stuff::frame && &pair == (x.of_law ? &s_.law_pairs()[x.at] : &s_.constraints.pairs[x.at]))
       sign = x.b ? 1 : -1;
     if (sign == 0) continue;
-    double g[6];
-    for (int i = 0; i < 6; ++i) g[i] = sign * F[i];
-    add_motion(placed[s].R, placed[s].p, g, sums_[s].data());
+    for (int i = 0; i < 6; ++i) pull_[s][i] += sign * F[i];
+  }
+}
+
+void ParameterSlopes::pulled(const std::vector<Placed>& placed) {
+  for (size_t s = 0; s < stuff_.size(); ++s) {
+    if (still(pull_[s])) continue;
+    add_motion(placed[s].R, placed[s].p, pull_[s].data(), sums_[s].data());
+    pull_[s] = Six{};
   }
 }
 
@@ -182,8 +187,9 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above, co
       const double power = w.conservative ? 0 : above[n_ - 1];
       for (int j = 0; j < m.joints; ++j)
         for (int i = 0; i < 6; ++i) X_[j][i] = U_[j][i] + power * V_[j][i];
-      moved(*w.pair, w.turning, X_, here_);
+      moved(*w.pair, w.turning, X_);
     }
+    pulled(here_);
   }
   for (size_t i = 0; above && i < stuff_.size(); ++i) {
     const Stuff& x = stuff_[i];
@@ -214,7 +220,7 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above, co
       add_motion(here_[i].R, here_[i].p, g.data(), to);
     }
   }
-  for (size_t i = 0; nu && i < met_.size(); ++i)
+  for (size_t i = 0; nu && i < met_.size(); ++i) {
     for (const auto& [pair, rows] : met_[i].rows) {
       Turning sum;
       bool asked = false;
@@ -227,10 +233,12 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above, co
       }
       if (!asked) continue;
       if (met_[i].kind == VariedPoint::Met::gap)
-        shifted(*pair, sum.F, met_[i].placed);
+        shifted(*pair, sum.F);
       else
-        moved(*pair, sum, met_[i].V, met_[i].placed);
+        moved(*pair, sum, met_[i].V);
     }
+    pulled(met_[i].placed);
+  }
 }
 
 }  // namespace mbdae

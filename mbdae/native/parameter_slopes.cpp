@@ -21,7 +21,8 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
       directions_(std::move(directions)),
       changed_(std::move(changed)),
       own_(changed_.size()),
-      here_(stuff_.size()) {
+      here_(stuff_.size()),
+      pull_(stuff_.size(), Six{}) {
   const Mechanics& m = s.mechanics;
   const auto supports = m.supports();
   columns_.resize(m.joints), above_.assign(m.joints, std::vector<bool>(m.joints, false));

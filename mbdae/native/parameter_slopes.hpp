@@ -71,9 +71,10 @@ class ParameterSlopes {
   void contract(const VariedPoint& point, const double* above, const double* nu);  // into sums_
   void momenta();                                                         // of V_ and A_
   void bodies();                                                          // of U_
-  // What motions of places and frames do to F . (X_b - X_a); velocities V for a damped wrench.
-  void moved(const Pair& pair, const Turning& t, const std::vector<Six>& X, const std::vector<Placed>& placed);
-  void shifted(const Pair& pair, const double* F, const std::vector<Placed>& placed);  // to F . d_b - F . d_a
+  // What motions of places and frames do to F . (X_b - X_a), in the world; velocities V for a damped wrench.
+  void moved(const Pair& pair, const Turning& t, const std::vector<Six>& X);
+  void shifted(const Pair& pair, const double* F);    // to F . d_b - F . d_a
+  void pulled(const std::vector<Placed>& placed);     // the same in their own axes, into sums_
   void collect(double* p) const;  // adds sums_ along the directions
   void clear();
   void twists(const double* J, const double* v, std::vector<Six>& out) const;
@@ -102,6 +103,7 @@ class ParameterSlopes {
   std::vector<Six> F_, H_, C_, h_;  // by joint, of all that is behind it; of the body alone
   std::vector<Body> body_;
   std::vector<Placed> here_;        // of all stuff
+  std::vector<Six> pull_;           // alike: by a motion in the world
   std::vector<Met> met_;
   Numbers J_;
 };

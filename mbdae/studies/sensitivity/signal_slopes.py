@@ -50,12 +50,15 @@ class SignalSlopes:
         known = signal_values(mech)
         self.signals = [differentiable(mech, name, known) for name in names]
         self.kinds = {signal.kind for signal in self.signals}
+        self._fixed: Array | None = None
         self.placed = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
         listed = list(load_units(mech)) if any(signal.kind in LOADS for signal in self.signals) else []
         self.loads = [listed.index(name) if name in listed else -1 for name in names]
 
     def rows(self, i: int, t: float, y: Array) -> Array:
         """Return the derivatives at a point behind node i with respect to (y, p, t), (len(names), ny + k + 1)."""
+        if self._fixed is not None:
+            return self._fixed
         trace, s = self.trace, self.trace.system
         out, (q, v) = np.zeros((len(self.signals), s.ny + trace.slopes.k + 1)), s.split(y)
         kinds = self.kinds
@@ -85,4 +88,6 @@ class SignalSlopes:
                 row[: s.nv] = N[signal.i]
             else:
                 row[signal.i - s.nq + s.nv] = 1.0
+        if self.kinds <= {"t", "y", "angle"} and not self.placed:  # the same everywhere
+            self._fixed = out
         return out
