@@ -60,6 +60,7 @@ void line_slopes(const Pair& pair, double factor, Turning& t) {
 
 PairSlopes::PairSlopes(const Mechanics& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {
   std::fill(V, V + 6, 0.0);
+  columns_.reserve(pair.columns.size());
   for (size_t k = 0; k < pair.columns.size(); ++k) {
     const int at = pair.columns[k];
     if (pair.sign[k] != 0) columns_.push_back({at, m.parts[at], pair.sign[k], m.J() + 6 * at, {}});

@@ -16,10 +16,11 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
   mechanics.slopes(q, v, vdot, out.M.data(), by_q_.data(), by_v_.data());
   mechanics.poses(q);
 
-  law_slopes_.assign((2 * m + ns) * width, 0.0);
+  law_slopes_.resize((2 * m + ns) * width + ns + 1 + ng * m);
   double *conservative = law_slopes_.data(), *other = conservative + m * width, *rates = other + m * width;
-  Numbers tau(m), now(ns + 1);
-  torque(t, q, v, s, tau.data(), now.data());
+  double *now = rates + ns * width, *G = now + ns + 1;
+  std::fill(conservative, G, 0.0);
+  torque(t, q, v, s, f_.data(), now);
   for (const Law& law : laws_)
     law.kind->slopes(law, {mechanics, t, q, v, s + law.state},
                      {conservative, other, rates + law.state * width, width, 2 * nv + law.state, wrenches});
@@ -37,13 +38,13 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
 
   const std::vector<int>& position = rows.position();
   out.G.assign(r * m, 0.0), out.g_t.assign(r, 0.0);
-  Numbers G(ng * m), speed(ng, 0.0);
-  constraints.value(mechanics, q, rows.in_use(), G.data());
-  constraints.speed(t, speed.data());
+  std::fill(gt_.begin(), gt_.end(), 0.0);
+  constraints.value(mechanics, q, rows.in_use(), G);
+  constraints.speed(t, gt_.data());
   closure_slopes(q, v, lam, out.K.data(), out.B, wrenches);
   for (int k : rows.in_use()) {
     for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = G[k * m + c];
-    out.g_t[position[k]] = speed[k];
+    out.g_t[position[k]] = gt_[k];
   }
 }
 
