@@ -26,3 +26,8 @@ def test_info_tells_what_comes_and_goes():
     chain = CliRunner().invoke(cli, ["info", "bouncing_chain"]).output
     assert "closure rows 8 (rank 0, 8 come and go), degrees of freedom 5" in chain
     assert "dependent" not in chain
+
+
+def test_statics_tell_what_they_leave_out():
+    with pytest.warns(UserWarning, match="leave out what opens, sticks or slips: rod stop"):
+        mbdae.equilibrium(mbdae.load("pendulum_on_stop"))

@@ -10,6 +10,7 @@ States that h determines (currents) follow the configuration. An integrator, for
 configuration, 0 = h; it is a row as a closure is one, and its state the multiplier.
 """
 
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -77,6 +78,9 @@ class Statics:
     def __init__(self, mech: "Mechanism", t: float, v: Array, held: Array, loads: Sequence[str] = ()) -> None:
         self.mech, self.t, self.v, self.held = mech, t, v, held
         self.system = s = mech.system()
+        if mech.switches:
+            names = ", ".join(dict.fromkeys(switch.name for switch in mech.switches))
+            warnings.warn(f"statics and modes leave out what opens, sticks or slips: {names}", stacklevel=3)
         for law, _ in s.laws.bound:
             if isinstance(law, SampledElement):
                 raise InputError(f"{law.name!r} is a sampled controller: statics and modes need a continuous one")
