@@ -1,7 +1,7 @@
 """What value and gradient of a cost, and tangents, cost in runs: Andrews' mechanism, 50 of its numbers.
 
 Runs are timed in turn with gradients, and with tangents: each of them is a run and what comes of it. Parameters are
-bound to a mechanism once, in the first call, which is timed apart.
+bound to a mechanism once, and slopes of a start are found once, in the first call, which is timed apart.
 """
 
 from collections.abc import Callable, Sequence
