@@ -80,3 +80,20 @@ def test_what_is_refused():
         mbdae.gradient(sol, lambda s: 0.0, ["joint.crank.mass"])
     with pytest.raises(InputError, match="opens closures that depend"):
         mbdae.gradient(sol, lambda s: (0.0, {}), ["joint.rocker.rpy.0"])
+
+
+def test_starts_are_told_apart() -> None:
+    """Slopes of a start are remembered for it alone: a run from another one has those of a mechanism read anew."""
+
+    def found(mech: mbdae.Mechanism, factor: float) -> dict[str, float]:
+        q, v = mech.start
+        v = factor * (v + np.linalg.svd(mech.system().jacobian(q))[2][-1])
+        sol = mbdae.solve(mech, (0.0, 0.05), q, v, rtol=1e-6)
+        cost = mbdae.Squares({"v.crank": np.zeros(len(sol.t))})
+        return mbdae.gradient(sol, cost, ["joint.crank.mass", "joint.crank.com.0"]).gradient
+
+    mech = mbdae.load("four_bar")
+    first, other = found(mech, 1.0), found(mech, 2.0)
+    assert other == pytest.approx(found(mbdae.load("four_bar"), 2.0), rel=1e-12)
+    assert first == pytest.approx(found(mech, 1.0), rel=1e-12)
+    assert first != pytest.approx(other, rel=1e-3)
