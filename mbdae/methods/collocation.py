@@ -27,7 +27,7 @@ from .radau_coefficients import RadauArrays, lagrange
 TOLERANCE = 1e-16  # Newton error that is aimed at, relative to the size of y: rounding
 NEAR = 1e-11  # changes below this are so near to rounding that what is left to do follows from those before
 FURTHER = 8  # iterations, at most, from there on
-EXPECTED = 0.1  # how changes shrink, before anything is known
+EXPECTED = 0.1  # how changes shrink, before anything is known; above REUSE: slopes whose rate is not known are not kept
 SHARE = 1e-3  # of the largest component: none counts for less
 REUSE = 0.03  # slopes and factors serve the next step of the same h while the iteration converges faster than this
 HALVINGS = 6  # of a step that is solved once more, for a guess
@@ -80,8 +80,7 @@ def collocation_step(
         memory = None
         F, z = chart.start()
         K, Z, middle = np.tile(F, (s, 1)), np.tile(z, (s, 1)), np.zeros(system.ny)
-    rate = EXPECTED if memory is None else memory.rate
-    stages = _Stages(system, chart, a, t, h, system.size(state.y), patience, rate)
+    stages = _Stages(system, chart, a, t, h, system.size(state.y), patience)
     found = None
     if memory is not None and memory.h == h and memory.rate < REUSE:
         with suppress(StepError):
@@ -106,7 +105,7 @@ def repeated_step(
         StepError: if the iteration does not converge, or what the problem raises.
     """
     chart, s = system.chart(t, y), len(a.c)
-    stages = _Stages(system, chart, a, t, h, system.size(y), patience, EXPECTED)
+    stages = _Stages(system, chart, a, t, h, system.size(y), patience)
     F, z = chart.start()
     try:
         return chart, stages.afresh(np.tile(F, (s, 1)), np.tile(z, (s, 1)))
@@ -148,9 +147,9 @@ class _Stages:
     """The coupled equations of a step."""
 
     def __init__(
-        self, system: System, chart: Chart, a: RadauArrays, t: float, h: float, size: Array, patience: int, rate: float
+        self, system: System, chart: Chart, a: RadauArrays, t: float, h: float, size: Array, patience: int
     ) -> None:
-        self.chart, self.a, self.t, self.h, self.patience, self.rate = chart, a, t, h, patience, rate
+        self.chart, self.a, self.t, self.h, self.patience = chart, a, t, h, patience
         self.counts, self.measured, self.size = system.counts, system.measured, size
 
     def solve(self, K: Array, Z: Array, slopes: Linearization, solvers: list[Solver]) -> Memory:
@@ -163,7 +162,7 @@ class _Stages:
         Raises:
             StepError: if the iteration diverges or is too slow.
         """
-        scale, last, rate, left = self._scale(K), np.inf, self.rate, 0
+        scale, last, rate, left = self._scale(K), np.inf, EXPECTED, 0
         for k in range(self.patience):
             dK, dZ = self._correction(K, Z, solvers)
             K, Z = K + dK, Z + dZ

@@ -158,7 +158,7 @@ void CollocationStep::correction(const Radau& a, double t, const StageMemory& m)
   }
 }
 
-bool CollocationStep::solve(const Radau& a, int patience, double t, double expected, StageMemory& m) {
+bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory& m) {
   const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.measured();
   const double h = m.h;
   for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
@@ -171,7 +171,7 @@ bool CollocationStep::solve(const Radau& a, int patience, double t, double expec
     scale_[k] = size_[k] + move, most = std::max(most, scale_[k]);
   }
   for (int k = 0; k < measured; ++k) scale_[k] = 1 / (scale_[k] + a.share * most + std::numeric_limits<double>::min());
-  double last = INFINITY, rate = expected;
+  double last = INFINITY, rate = a.expected;
   int left = 0;
   for (int k = 0; k < patience; ++k) {
     correction(a, t, m);
@@ -242,12 +242,11 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     }
   }
   bool found = false;
-  const double expected = before ? before->rate : a.expected;
   if (before && before->h == h && before->rate < a.reuse) {
     const Numbers K1(m->K), Z1(m->Z);
     m->slopes = before->slopes, m->solvers = before->solvers;
     try {
-      found = solve(a, patience, t, expected, *m);
+      found = solve(a, patience, t, *m);
     } catch (const Interrupted&) {
       throw;
     } catch (const Trouble&) {
@@ -258,7 +257,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     RowsOut K2(m->K.data(), s, ny_), Z2(m->Z.data(), s, r);
     m->slopes = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
     m->solvers = factorize(a, m->slopes, h);
-    if (!solve(a, patience, t, expected, *m)) throw TooLong();
+    if (!solve(a, patience, t, *m)) throw TooLong();
   }
   const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
   Vector<double> x = h * (A.row(s - 1) * K3).transpose();

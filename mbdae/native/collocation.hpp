@@ -69,7 +69,7 @@ class CollocationStep {
                                                             const std::shared_ptr<const LinearizedStages>& slopes,
                                                             double h);
   void correction(const Radau& a, double t, const StageMemory& m);  // dK_ and dZ_ of an iteration
-  bool solve(const Radau& a, int patience, double t, double expected, StageMemory& m);  // found; else slopes or h do not serve
+  bool solve(const Radau& a, int patience, double t, StageMemory& m);  // found; else slopes or h do not serve
 
   Index2System& s_;
   const int nq_, nv_, ns_, ny_;

@@ -176,7 +176,7 @@ def drift(sol: Solution) -> Drift:
     method, label = _names(sol)
     history = History(
         mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
-        error / (scale or 1.0),
+        error / (scale if 0 < scale < np.inf else 1.0),
     )  # fmt: skip
     where = mech.row_closure(int(np.unravel_index(gaps.argmax(), gaps.shape)[1])) if mech.positional.any() else ""
     return Drift(

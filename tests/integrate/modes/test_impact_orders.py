@@ -94,7 +94,7 @@ def test_what_knows_no_modes_refuses(four_bar, how, text):
 
 def test_runs_through_modes_have_no_derivatives_yet():
     mech = mbdae.load("pendulum_on_stop")
-    with pytest.raises(InputError, match="'rod stop' and others switch"):
+    with pytest.raises(InputError, match="'rod stop' opens and closes"):
         mbdae.sensitivity(mbdae.solve(mech, (0, 1)), ["body.rod.mass"])
 
 
