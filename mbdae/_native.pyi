@@ -73,6 +73,7 @@ class Radau:
         tolerance: float,
         near: float,
         further: int,
+        first: int,
         expected: float,
         reuse: float,
         share: float,

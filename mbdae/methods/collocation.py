@@ -27,6 +27,7 @@ from .radau_coefficients import RadauArrays, lagrange
 TOLERANCE = 1e-16  # Newton error that is aimed at, relative to the size of y: rounding
 NEAR = 1e-11  # changes below this are so near to rounding that what is left to do follows from those before
 FURTHER = 8  # iterations, at most, from there on
+FIRST = 3  # iterations that follow where the first change is as small already: their rate is not seen
 EXPECTED = 0.1  # how changes shrink, before anything is known; above REUSE: slopes whose rate is not known are not kept
 SHARE = 1e-3  # of the largest component: none counts for less
 REUSE = 0.03  # slopes and factors serve the next step of the same h while the iteration converges faster than this
@@ -173,7 +174,7 @@ class _Stages:
             if last > NEAR:
                 if k:
                     rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
-                left = max(_left(size, rate), 0 if k else 1)
+                left = _left(size, rate) if k else FIRST
             else:
                 left -= 1
             if size <= NEAR and (left <= 0 or k == self.patience - 1):

@@ -156,8 +156,8 @@ class RadauIIA:
         return native.Radau(
             a.c, a.A, modes, real, a.gamma, a.start, a.middle,
             patience=PATIENCE, short_patience=SHORT_PATIENCE, tolerance=collocation.TOLERANCE, near=collocation.NEAR,
-            further=collocation.FURTHER, expected=collocation.EXPECTED, reuse=collocation.REUSE,
-            share=collocation.SHARE,
+            further=collocation.FURTHER, first=collocation.FIRST, expected=collocation.EXPECTED,
+            reuse=collocation.REUSE, share=collocation.SHARE,
         )  # fmt: skip
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:

@@ -77,7 +77,7 @@ Radau make_radau(const Array& c, const Array& A, const nb::list& modes, int real
       if (!std::isfinite(v)) refuse("a method is finite");
   size_t known = 0;
 #define TAKE(name) r.name = get<decltype(r.name)>(given, #name), ++known
-  TAKE(patience), TAKE(short_patience), TAKE(further), TAKE(tolerance), TAKE(near), TAKE(expected);
+  TAKE(patience), TAKE(short_patience), TAKE(further), TAKE(first), TAKE(tolerance), TAKE(near), TAKE(expected);
   TAKE(reuse), TAKE(share);
 #undef TAKE
   if (given.size() != known) refuse("a threshold that is not known");

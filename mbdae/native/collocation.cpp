@@ -189,7 +189,7 @@ bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory&
     s_.counts.newton += 1;
     if (last > a.near) {
       if (k) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
-      left = std::max(iterations_left(a, size, rate), k ? 0 : 1);
+      left = k ? iterations_left(a, size, rate) : a.first;
     } else {
       --left;
     }

@@ -25,6 +25,7 @@ struct Radau {
   int errors = 0, middle = 0;
   int patience = 0, short_patience = 0;  // iterations for a given step, and where a smaller one can be taken
   int further = 0;                       // iterations behind a change that is near to rounding, at most
+  int first = 0;                         // and behind the first one
   double tolerance = 0, near = 0, expected = 0, reuse = 0, share = 0;
 };
 
