@@ -3,11 +3,11 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from bouncing import carried, empty
 
 import mbdae
 from mbdae import Mechanism, Solution, Stop
 from mbdae.errors import InputError
-from tests.bouncing import carried, empty
 
 T = 4.9
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from bouncing import dropped_chain, gaps
 
 import mbdae
 from mbdae.errors import STATUS
 from mbdae.solution.columns import residuals
-from tests.bouncing import dropped_chain, gaps
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -4,10 +4,10 @@ import mpmath as mp
 import numpy as np
 import pinocchio as pin
 import pytest
+from bouncing import G, ball, carried, empty, frame, gaps, pendulum, plane
 
 import mbdae
 from mbdae import Closure, Mechanism, Stop
-from tests.bouncing import G, ball, carried, empty, frame, gaps, pendulum, plane
 
 BACKENDS = ("native", "python")
 
