@@ -19,6 +19,7 @@ from itertools import product
 import numpy as np
 
 import mbdae
+from mbdae.errors import InputError
 from mbdae.studies.comparison.comparison import Comparison, Work
 
 METHODS = ("herk3", "herk5", "pherk4", "pherk5", "pherk6", "hedop5", "radau5")
@@ -61,7 +62,7 @@ def ratios(
     for model, study in result.items():
         try:
             found = study.ranking(target, work=work)
-        except mbdae.InputError as e:
+        except InputError as e:
             print(f"{model}: left out, {e}")
             continue
         works = {p.method.rpartition(":")[2]: p.work for p in found if p.work}

@@ -98,15 +98,18 @@ class Motion:
 
         A run is carried on from the step before each of them by the underlying ordinary differential equation, solved
         to rounding: what is measured is the error of its steps, and not that of an interpolation. Behind a singular
-        configuration, which that equation does not pass, it is interpolated.
+        configuration, which that equation does not pass, it is interpolated. Each time has the mode of its step.
         """
         m, (system, _) = self.mechanism, bind(self.mechanism, None, "index1", None, self.backend)
         assert isinstance(system, Index1System)
-        y = np.array([_carried(system, sol, t) for t in self.times])
-        lam = np.full((len(y), m.ng), np.nan)  # there is none in a singular configuration
-        for row, t, point in zip(lam, self.times, y, strict=True):
-            with suppress(StepError):
-                row[:] = system.derivative(t, point)[1]
+        points, lam = [], np.full((len(self.times), m.ng), np.nan)
+        for k, (t, node) in enumerate(zip(self.times, sol.before(self.times), strict=True)):
+            if sol.modes:
+                system.enter(sol.mode(int(node)))
+            points.append(_carried(system, sol, int(node), t))
+            with suppress(StepError):  # there is none in a singular configuration
+                lam[k] = system.derivative(t, points[-1])[1]
+        y = np.array(points)
         return Samples(y[:, : m.nq], y[:, m.nq : m.nq + m.nv], lam)
 
     def difference(self, a: Samples, b: Samples) -> Array:
@@ -158,10 +161,9 @@ class Motion:
         return [first, second], samples, np.maximum(self.difference(samples, others).max(axis=0), rounding)
 
 
-def _carried(system: Index1System, sol: Solution, t: float) -> Array:
-    """The point of a run at time t, from its last step end before t."""
+def _carried(system: Index1System, sol: Solution, i: int, t: float) -> Array:
+    """The point of a run at time t, from its last step end i before t."""
     ts, ys, _ = sol.nodes
-    i = int(np.searchsorted(ts, t, side="right")) - 1 if ts[-1] > ts[0] else int(np.sum(np.asarray(ts) >= t)) - 1
     if abs(t - ts[i]) <= 16 * np.spacing(abs(t)):
         return ys[i]
     if any(abs(x.t - ts[i]) <= abs(t - ts[i]) and (x.t - ts[i]) * (t - ts[i]) >= 0 for x in sol.singular):

@@ -122,6 +122,19 @@ def test_samples_are_not_interpolated(four_bar):
     assert error[1] > 1e-8
 
 
+@pytest.mark.parametrize("model", ["slider_crank_with_stop", "stick_slip_slider"])
+def test_every_sample_has_the_mode_of_its_step(model):
+    mech = mbdae.load(model)
+    study = mbdae.compare(mech, methods=["herk5"], rtol=[1e-6], reference=("pherk6", "herk5"), repeats=1)
+    assert study.uncertainty["q"] < 1e-10
+    assert study.uncertainty["lam"] < 1e-8
+    (point,) = study.points
+    runs = (("herk5", 1e-6), ("pherk6", 1e-12))
+    ends = [mbdae.solve(mech, (0, mech.duration), method=m, rtol=r, project=False).q[-1] for m, r in runs]
+    assert abs(point.end_q - np.abs(ends[0] - ends[1]).max()) < 1e-11
+    assert point.error_q < 1e-5
+
+
 def test_a_run_that_fails_is_kept_with_its_reason(four_bar):
     study = mbdae.compare(four_bar, (0, 1), methods=["herk1", "pherk5"], rtol=[1e-7], max_steps=100, repeats=0)
     failed, good = study.points
