@@ -3,11 +3,10 @@
 import numpy as np
 
 import mbdae
+from mbdae import differences
 from mbdae.mechanism.formats.remembered import number
 from mbdae.mechanism.formats.template import Template
 from mbdae.system import State
-
-SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
 
 def difference(mech, a, b):
@@ -19,11 +18,10 @@ def difference(mech, a, b):
 def quotient(run, value, width, mech=None):
     """Derivative of order six of run(value + k h), points (n, ...) or other numbers."""
     h = width * (abs(value) or 1.0)
-    found = {k: run(value + k * h) for k in (-3, -2, -1, 1, 2, 3)}
     if mech is None:
-        return sum(w / h * (found[k] - found[-k]) for k, w in SIXTH.items())
+        return differences.slope(lambda x: run(value + x), h)
     base = run(value)
-    return sum(w / h * (difference(mech, base, found[k]) - difference(mech, base, found[-k])) for k, w in SIXTH.items())
+    return differences.slope(lambda x: difference(mech, base, run(value + x)), h)
 
 
 def best(found, run, value, widths=(3e-4, 1e-3, 3e-3), mech=None):
@@ -45,6 +43,13 @@ def runs_of(model, name, T, **options):
         return sol
 
     return template, number(template, name), run
+
+
+def free_velocity(mech):
+    """A direction (nv,) in which closures let the start's velocity move; 0 where drivers leave no freedom."""
+    q, v = mech.start
+    free = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
+    return free / max(np.abs(free).max(), 1e-3)
 
 
 def retraced(trace, mech):

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.special import zeta
 
+from ..differences import slopes
 from ..errors import StepError
 from .frames import skew
 
@@ -24,7 +25,6 @@ SERIES = [-2 * (-1) ** k * float(zeta(2 * k)) / (2 * np.pi) ** (2 * k) for k in 
 SAME_POINT = 1e-15  # of 1 + |q|: configurations so near are one
 SERIES_END = 1e-17  # of a sum: smaller terms end it
 WIDTH = 1e-2  # of differences of the numbers of q, which are linear in x, or its sines and cosines
-WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # of central differences of order six
 
 Ad = Callable[[np.ndarray], np.ndarray]
 
@@ -177,14 +177,9 @@ class Manifold:
 
     def coordinate_slopes(self, q: np.ndarray) -> np.ndarray:
         """Return the slopes of the numbers of q (+) x with respect to x at x = 0, (nq, nv)."""
-        unit = np.eye(self.model.nv)
         if self.flat:
-            return unit
-
-        def moved(x: np.ndarray) -> np.ndarray:
-            return sum((w / WIDTH) * pin.integrate(self.model, q, k * WIDTH * x) for k, w in WEIGHTS.items())
-
-        return np.array([moved(e) - moved(-e) for e in unit]).T
+            return np.eye(self.model.nv)
+        return slopes(lambda x: pin.integrate(self.model, q, x), self.model.nv, WIDTH)
 
     def velocity(self, x: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """Return v = J(x)^-1 x', (nv,)."""

@@ -13,13 +13,13 @@ from typing import Annotated, Any, Literal, Union
 import numpy as np
 from pydantic import BeforeValidator, Field, field_validator, model_serializer, model_validator
 
+from .. import differences
 from ..errors import InputError
 from .callbacks import called, checked, function_name
 from .pieces import Interpolation, Pieces, Point, curve, increasing
 from .tables import Table
 
 SPACING = 3e-3  # s, of differences
-SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # weights of central differences of order six
 
 
 class _Signal(Table):
@@ -33,7 +33,7 @@ class _Signal(Table):
         """Return the derivative of the k-th derivative: a difference of order six where it is not given."""
         if k < 2 and self.known(k + 1):
             return self.at(t, k + 1)
-        return sum(w * (self.at(t + i * SPACING, k) - self.at(t - i * SPACING, k)) for i, w in SIXTH.items()) / SPACING
+        return float(differences.slope(lambda x: self.at(t + x, k), SPACING))
 
     def known(self, k: int) -> bool:
         """Whether the k-th derivative is given, k = 0, 1, 2."""

@@ -6,6 +6,7 @@ import pytest
 from scipy.integrate import simpson
 
 import mbdae
+from mbdae.differences import PLACES, quotient
 from mbdae.errors import UnknownNameError
 from mbdae.mechanism.signals import Harmonic
 from mbdae.solution.signal_value import signal_values, value
@@ -88,8 +89,7 @@ def test_frames_and_momentum_follow_their_definitions():
         for x in "xyz":
             for low, high in (("position", "velocity"), ("velocity", "acceleration")):
                 y = found[f"{low}.{frame}.{x}"]
-                rate = sum(w * (y[3 + k : len(y) - 3 + k] - y[3 - k : len(y) - 3 - k]) for k, w in
-                           {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}.items()) / h  # fmt: skip
+                rate = quotient({k: y[3 + k : len(y) - 3 + k] for k in PLACES}, h)
                 assert found[f"{high}.{frame}.{x}"][3:-3] == pytest.approx(rate, abs=1e-4)
     model = sol.mechanism.model
     data = model.createData()

@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import BeforeValidator, Field
 
+from ...differences import slope
 from ...errors import InputError, NotCompiled, StepError
 from ...system import Array
 from ..callbacks import called, checked, function_name
@@ -15,7 +16,6 @@ from .closure import Closure
 from .joint_part import JointPart
 
 STEP = 4e-3  # rad or m, of central differences of order 6: 3e-17 of the seventh derivative beside 1e-13 of rounding
-STENCIL = ((1, 0.75), (2, -0.15), (3, 1 / 60))
 FITS = 1e-5  # of 1 + |G|: what the slope of g may differ by
 
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda x: (x,) if isinstance(x, str) else x)]
@@ -156,15 +156,12 @@ class UserPart(JointPart):
 
     def _along(self, f: Callable[[Array], Any], q: Array, e: Array) -> Any:
         """The slope of f at q along a velocity e."""
-        return sum(
-            c * (f(pin.integrate(self._own, q, k * STEP * e)) - f(pin.integrate(self._own, q, -k * STEP * e)))
-            for k, c in STENCIL
-        ) / STEP
+        return slope(lambda x: f(pin.integrate(self._own, q, x * e)), STEP)
 
     def _check(self, q: Array, G: Array) -> None:
         for k, e in enumerate(np.eye(len(G))):
-            slope = float(self._along(lambda x: self._at(x)[0], q, e))
-            if abs(slope - G[k]) > FITS * (1 + abs(G[k])):
+            found = float(self._along(lambda x: self._at(x)[0], q, e))
+            if abs(found - G[k]) > FITS * (1 + abs(G[k])):
                 row = f" of row {self.number}" if self.rows.size > 1 else ""
-                what = f"G{row} is {G[k]:.6g} along velocity {k}, but the slope of g is {slope:.6g}"
+                what = f"G{row} is {G[k]:.6g} along velocity {k}, but the slope of g is {found:.6g}"
                 raise InputError(f"{self.what}: {what}")

@@ -2,12 +2,13 @@
 
 from typing import TYPE_CHECKING, Any
 
+from ...differences import WEIGHTS
 from ...errors import NotCompiled
 from ..forces.force import PairElement
 from ..frames import Pair, find_frame
 from .compiled_parts import constraints_of, laws_of
 from .inertial import LARGEST
-from .parameter import WEIGHTS, Parameter
+from .parameter import Parameter
 from .parameters import Parameters
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
+from ...differences import quotient
 from ...errors import InputError
 from ...system import Array
 from ..closures.constraints import Constraints
@@ -14,8 +15,6 @@ from .index2 import Index2System
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
-
-WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # of central differences of order six
 
 
 class Parameter:
@@ -51,7 +50,7 @@ class Parameter:
 
     def quotient(self, values: Mapping[int, Array]) -> Array:
         """Central difference of order six of values at k h; exactly zero where they do not change."""
-        return np.array(sum((w / self.h) * (values[k] - values[-k]) for k, w in WEIGHTS.items()))
+        return np.array(quotient(values, self.h))
 
     def rate(self, value: Callable[["Mechanism"], Array]) -> Array:
         """Derivative of what a mechanism is made of."""

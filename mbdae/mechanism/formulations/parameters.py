@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from ...differences import PLACES
 from ...errors import InputError
 from ...system import Array
 from ..frames import support
@@ -74,7 +75,7 @@ class Parameters:
         self.all: list[Parameter] = []
         for name, value in values.items():
             h = WIDTH * (abs(value) or 1.0)
-            near = {k: make({**rest, name: value + k * h}) for k in (-3, -2, -1, 1, 2, 3)}
+            near = {k: make({**rest, name: value + k * h}) for k in PLACES}
             self.all.append(Parameter(name, mech, near, h))
         self.laws = [ChangedLaws(p, s) for p in self.all]
         self.rows = [ChangedRows(p, s) for p in self.all]

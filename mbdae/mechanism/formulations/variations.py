@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from ...differences import slopes
 from ...errors import AssemblyError, InputError
 from ...system import Array, StageEquations
 from .corrections import Corrections
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from .index2 import Index2System
 
 JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are functions of the user
-SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
 
 class RateSlopes(NamedTuple):
@@ -140,11 +140,9 @@ class IndexTwoVariations(Corrections):
     def jumped(self, t: float, y: Array) -> Array:
         """Slopes of `mbdae.system.System.jump` at y, (ny, ny + k): differences of the controllers alone."""
         s, out = self.system, np.eye(self.ny, self.ny + self.k)
-        for i in range(self.ny - 1) if s.ns else ():
-            e = np.zeros(self.ny)
-            e[i] = JUMP_WIDTH
-            at = {k: s.inner(s.jump(t, s.add(y, k * e))) for k in (-3, -2, -1, 1, 2, 3)}
-            out[2 * s.nv : -1, i] = sum(w / JUMP_WIDTH * (at[k] - at[-k]) for k, w in SIXTH.items())
+        if s.ns:
+            moved = slopes(lambda x: s.inner(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, JUMP_WIDTH)
+            out[2 * s.nv : -1, : self.ny - 1] = moved
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
             if laws.near and len(laws.at):
                 (q, v), inner = s.split(y), s.inner(y)[laws.at]

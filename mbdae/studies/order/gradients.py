@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ...differences import PLACES, quotient
 from ...errors import InputError, require, several
 from ...integrate.binding import common
 from ...integrate.solve import solve
@@ -33,7 +34,6 @@ __all__ = ["check_gradients"]
 CLOSE = 1e-9  # of the derivative: what a tangent may differ from quotients
 UNSURE = 10.0  # times the spread of the quotients themselves: closer than that says nothing more
 WIDTHS = (3e-4, 1e-3, 3e-3)  # of quotients, relative to the parameter
-SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 FINER = 4  # times the coarsest number of steps, where no run with those ends
 SMALLEST = 1e-3  # of a random velocity that closures allow: with less there is none
 
@@ -192,16 +192,14 @@ class GradientMeasurement(Measurement):
     def _quotient(self, method: Method, n: int, width: float, sol: Solution) -> Array | None:
         """The derivative of order six by runs with other values, (n, 2 nv)."""
         h, nq = width * (abs(self.value) or 1.0), self.mech.nq
-        out = np.zeros((len(sol.t), 2 * self.mech.nv))
-        for k, w in SIXTH.items():
-            for sign in (1, -1):
-                other = self.run(method, n, self.value + sign * k * h)
-                if other is None or other.in_use != sol.in_use or len(other.t) != len(sol.t):
-                    return None
-                turns = [self.mech.manifold.difference(a, b) for a, b in zip(sol.q, other.q, strict=True)]
-                moves = np.hstack([np.array(turns), other.y[:, nq : nq + self.mech.nv] - sol.v])
-                out += sign * w / h * moves
-        return out
+        moves: dict[int, Array] = {}
+        for k in PLACES:
+            other = self.run(method, n, self.value + k * h)
+            if other is None or other.in_use != sol.in_use or len(other.t) != len(sol.t):
+                return None
+            turns = [self.mech.manifold.difference(a, b) for a, b in zip(sol.q, other.q, strict=True)]
+            moves[k] = np.hstack([np.array(turns), other.y[:, nq : nq + self.mech.nv] - sol.v])
+        return np.asarray(quotient(moves, h))
 
     def claims(self, tableau: Any) -> tuple[list[int], int]:
         """The claimed orders, and how many of the quantities are judged."""

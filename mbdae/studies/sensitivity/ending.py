@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...differences import slope, slopes
 from ...errors import InputError
 from ...integrate.trace import LinearPart, Part, Trace
 from ...system import Array
 
 WIDTH = 1e-3  # of differences of event functions, which are the user's
-SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,6 @@ def ending(trace: Trace, event: Callable[..., float] | None) -> Ending | None:
     def value(t: float, y: Array) -> float:
         return float(function(t, *s.split(y)))
 
-    by_t = sum(w * (value(t + k * WIDTH, y) - value(t - k * WIDTH, y)) for k, w in SIXTH.items()) / WIDTH
-    by_y = np.zeros(s.ny)
-    for i, e in enumerate(WIDTH * np.eye(s.ny)):
-        by_y[i] = sum(w * (value(t, s.add(y, k * e)) - value(t, s.add(y, -k * e))) for k, w in SIXTH.items()) / WIDTH
+    by_t = slope(lambda x: value(t + x, y), WIDTH)
+    by_y = slopes(lambda x: value(t, s.add(y, x)), s.ny, WIDTH)
     return Ending(list(trace.parts(len(trace.ts) - 2)), by_t, by_y)

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from ... import differences
 from ...integrate.trace import Trace
 from ...mechanism import point_loads
 from ...system import Array
 
 WIDTH = 1e-3  # rad, m, their rates, or s: of differences
-SIXTH = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
 
 def load_slopes(trace: Trace, t: float, y: Array) -> tuple[Array, Array]:
@@ -33,13 +33,9 @@ def load_slopes(trace: Trace, t: float, y: Array) -> tuple[Array, Array]:
 
     here = at(t, q, v)
     out = np.zeros((*here.shape, ny + slopes.k + 1))
-    for i, e in enumerate(WIDTH * np.eye(nv)):
-        for m, w in SIXTH.items():
-            turned = at(t, s.manifold.integrate(q, m * e), v) - at(t, s.manifold.integrate(q, -m * e), v)
-            out[..., i] += w / WIDTH * turned
-            out[..., nv + i] += w / WIDTH * (at(t, q, v + m * e) - at(t, q, v - m * e))
-    for m, w in SIXTH.items():
-        out[..., -1] += w / WIDTH * (at(t + m * WIDTH, q, v) - at(t - m * WIDTH, q, v))
+    out[..., :nv] = differences.slopes(lambda x: at(t, s.manifold.integrate(q, x), v), nv, WIDTH)
+    out[..., nv : 2 * nv] = differences.slopes(lambda x: at(t, q, v + x), nv, WIDTH)
+    out[..., -1] = differences.slope(lambda x: at(t + x, q, v), WIDTH)
     for i, (p, others) in enumerate(zip(slopes.parameters.all, near, strict=True)):
         out[..., ny + i] = p.quotient({m: at(t, q, v, system=other) for m, other in others.items()})
     for i, (dvdot, dlam) in enumerate(zip(moves.rate[nv : 2 * nv].T, moves.lam.T, strict=True)):

@@ -19,7 +19,7 @@ def test_every_model(model):
     signals = [f"q.{mech.joint_names[0]}", *(f"v.{name}" for name in mech.joint_names[-2:]), "energy"]
     known = sol.signals()
     names = [name for name in known if name.startswith((*signals, "s."))]
-    rows = [f"lam.{mech.row_closure(0)}.1"] if mech.ng else []
+    rows = [f"lam.{mech.row_names[0]}.1"] if mech.ng else []
     compare(sol, ["gravity.2"], [*names, *rows, "work"], start=True)
 
 

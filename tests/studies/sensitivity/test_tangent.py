@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from frozen import best, quotient, retraced, runs_of
+from frozen import best, free_velocity, quotient, retraced, runs_of
 from smooth import SMOOTH
 
 import mbdae
@@ -44,9 +44,7 @@ def test_every_model(model):
     """Gravity, and a velocity of the start that closures allow; projected."""
     mech = mbdae.load(model)
     T, step = SHORT.get(model, (0.2, 0.02))
-    q, v = mech.start
-    free = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
-    free /= max(np.abs(free).max(), 1e-3)  # drivers may leave no freedom
+    (q, v), free = mech.start, free_velocity(mech)
 
     def run(x):
         return mbdae.solve(mech, (0.0, T), q, v + x * free, step=step, method="pherk5", project=mech.ng > 0)
@@ -78,9 +76,8 @@ def test_rows_that_are_chosen_anew():
     mech = mbdae.load("bricard")
     sol = mbdae.solve(mech, (0.0, 6.0), step=0.05, method="pherk5")
     assert len(sol.in_use) > 1
-    q, v = mech.start
+    (q, v), free = mech.start, free_velocity(mech)
     found = mbdae.sensitivity(sol, start=True)
-    free = mech.assemble(q, v + np.random.default_rng(1).standard_normal(mech.nv))[1] - v
     along = found.dy[:, :, mech.nv : 2 * mech.nv] @ free
 
     def run(x):
