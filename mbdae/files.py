@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -33,6 +33,18 @@ def write_whole(path: str | Path) -> Iterator[Path]:
         raise InputError(f"cannot write {path}: {e.strerror}") from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_page(path: str | Path, page: Callable[[], str], what: str) -> None:
+    """Write what ``page`` returns as .html, whole or not at all.
+
+    Raises:
+        InputError: for another suffix, or if the folder is missing or not writable.
+    """
+    if Path(path).suffix != ".html":
+        raise InputError(f"{what} is saved as .html, got {str(path)!r}")
+    with write_whole(path) as draft:
+        draft.write_text(page(), "utf-8")
 
 
 def text_of(path: Path) -> str:

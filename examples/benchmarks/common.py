@@ -5,7 +5,9 @@ import os
 import platform
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from datetime import date
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
 from typing import TypeVar
@@ -13,6 +15,7 @@ from typing import TypeVar
 from mbdae import backend
 
 K = TypeVar("K", bound=Hashable)
+R = TypeVar("R")
 
 
 def backends() -> list[str]:
@@ -39,6 +42,16 @@ def machine(*packages: str) -> str:
         except PackageNotFoundError:
             found.append(f"{package} not installed")
     return f"{names[0] if names else platform.machine()}, {cores} cores, {', '.join(found)}, {date.today()}"
+
+
+def programs(
+    ours: Callable[[float], R], tolerances: Sequence[float], steps: Sequence[float], **others: Callable[[float], R]
+) -> dict[str, Callable[[], R]]:
+    """Runs by name and setting: ours by rtol, and those of other programs that are installed by step in s."""
+    out: dict[str, Callable[[], R]] = {f"mbdae, rtol {rtol:.0e}": partial(ours, rtol) for rtol in tolerances}
+    for h in steps:
+        out |= {f"{name}, step {h:.0e} s": partial(run, h) for name, run in others.items() if find_spec(name)}
+    return out
 
 
 def medians(runs: Mapping[K, Callable[[], float]], repeats: int) -> dict[K, float]:

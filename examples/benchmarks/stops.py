@@ -9,13 +9,12 @@ Run: python examples/benchmarks/stops.py [--brief]
 """
 
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from time import perf_counter
 from typing import NamedTuple
 
 import mpmath
 import numpy as np
-from common import brief, machine, table
+from common import brief, machine, programs, table
 
 import mbdae
 
@@ -118,14 +117,8 @@ def exudyn(h: float) -> Run:
 
 def solvers(short: bool) -> dict[str, Callable[[], Run]]:
     """What is installed, by name and setting."""
-    out: dict[str, Callable[[], Run]] = {}
-    for rtol in (1e-6,) if short else (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
-        out[f"mbdae, rtol {rtol:.0e}"] = lambda rtol=rtol: ours(rtol)  # type: ignore[misc]
-    for h in (1e-3,) if short else (1e-3, 1e-4, 1e-5):
-        for name, run in (("mujoco", mujoco), ("exudyn", exudyn)):
-            if find_spec(name):
-                out[f"{name}, step {h:.0e} s"] = lambda h=h, run=run: run(h)  # type: ignore[misc]
-    return out
+    tolerances, steps = ((1e-6,), (1e-3,)) if short else ((1e-4, 1e-6, 1e-8, 1e-10, 1e-12), (1e-3, 1e-4, 1e-5))
+    return programs(ours, tolerances, steps, mujoco=mujoco, exudyn=exudyn)
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Run]:

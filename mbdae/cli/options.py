@@ -48,7 +48,7 @@ plot_option = click.option("--plot", type=click.Path(dir_okay=False), help="Draw
 table_option = click.option(
     "-o", "--output", type=click.Path(dir_okay=False), help="Save as a table .csv, all as .json, or in LaTeX as .tex."
 )
-PICTURES, PAGES, TABLES, VIDEOS = (".png", ".svg", ".pdf"), (".html",), SUFFIXES, (".mp4", ".gif")
+PICTURES, PAGES, TABLES = (".png", ".svg", ".pdf"), (".html",), SUFFIXES
 
 
 def run_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -26,7 +26,7 @@ OF_METHOD, OF_CONTROL = ("formulation", "project", "baumgarte"), ("rtol", "atol"
 def completed(problem: Problem, given: Mapping[str, Any]) -> dict[str, Any]:
     """Settings of a run, of which those that are None are not given."""
     said = {name: x for name, x in given.items() if x is not None}
-    own = problem.settings.given if isinstance(problem, Mechanism) else {}
+    own = _own(problem)
     left = set(OF_METHOD if "method" in said or "formulation" in said else ())
     left |= set(OF_CONTROL if "step" in said else ())
     left |= {"step"} if any(name in said for name in OF_CONTROL) else set()
@@ -35,6 +35,10 @@ def completed(problem: Problem, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def with_tolerance(problem: Problem, given: Mapping[str, Any], rtol: float) -> dict[str, Any]:
     """Settings with a tolerance of one's own, where neither they nor the mechanism's file say a step or one."""
-    own = problem.settings.given if isinstance(problem, Mechanism) else {}
-    said = {name for name, x in given.items() if x is not None} | set(own)
+    said = {name for name, x in given.items() if x is not None} | set(_own(problem))
     return {**given, "rtol": rtol} if not said & {"step", "rtol"} else dict(given)
+
+
+def _own(problem: Problem) -> dict[str, Any]:
+    """Settings that a mechanism's file says."""
+    return problem.settings.given if isinstance(problem, Mechanism) else {}

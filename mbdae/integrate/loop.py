@@ -62,19 +62,19 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
             raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
         before, start = len(run.ts), run.state
         events.looked = False
-        leapt = run.singular is not None and run.singular.leap(run)
-        if not leapt:
+        began = None if run.singular is not None and run.singular.leap(run) else start
+        if began:
             run.stepper.advance(run, 1 if run.modes or not events.by_signal else left)
-        if len(run.ts) == before or too_long(run, None if leapt else start):
+        if len(run.ts) == before or too_long(run, began):
             continue
         if run.stiffness:
             run.stiffness.look(run)
         if events.stopped:
             end_events(run)
             return True
-        fired = ended(run, None if leapt else start) if run.modes else []
+        fired = ended(run, began) if run.modes else []
         if events.events and not events.looked:
-            step = StepMap(run, None if leapt else start)
+            step = StepMap(run, began)
             stop = events.step(step)
             if stop:
                 end_in_event(step, *stop)

@@ -6,46 +6,20 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import rod
+from four_bar_angles import COUPLER, CRANK, GROUND, ROCKER, angles, derivatives, normal, unit
 from scipy.integrate import solve_ivp
 
 import mbdae
 from mbdae import Closure, Mechanism
 
-CRANK, COUPLER, ROCKER, GROUND = 1.0, 2.0, 1.5, 2.0  # m; uniform thin rods of 1 kg/m
-GRAVITY, START, END = 9.81, 1.2, 10.0
-
-
-def unit(angle):
-    return np.array([np.cos(angle), np.sin(angle)])
-
-
-def normal(angle):
-    return np.array([-np.sin(angle), np.cos(angle)])
-
-
-def angles(theta):
-    """Coupler and rocker angles from the crossing of two circles, the upper one."""
-    tip, pivot = CRANK * unit(theta), np.array([GROUND, 0.0])
-    span = pivot - tip
-    length = np.linalg.norm(span)
-    bend = np.arccos((COUPLER**2 + length**2 - ROCKER**2) / (2 * COUPLER * length))
-    phi = np.arctan2(span[1], span[0]) + bend
-    top = tip + COUPLER * unit(phi) - pivot
-    return phi, np.arctan2(top[1], top[0])
+GRAVITY, START, END = 9.81, 1.2, 10.0  # uniform thin rods of 1 kg/m
 
 
 def motion(t, y):
-    """J theta'' + J_theta theta'^2 / 2 + V_theta = 0, with J and V of three rods as functions of the crank angle.
-
-    CRANK e(theta) + COUPLER e(phi) = (GROUND, 0) + ROCKER e(psi), differentiated twice with respect to theta, gives
-    the rates p, s of phi and psi and their derivatives.
-    """
+    """J theta'' + J_theta theta'^2 / 2 + V_theta = 0, with J and V of three rods as functions of the crank angle."""
     theta, rate = y
     phi, psi = angles(theta)
-    matrix = np.column_stack([COUPLER * normal(phi), -ROCKER * normal(psi)])
-    p, s = np.linalg.solve(matrix, -CRANK * normal(theta))
-    bend = CRANK * unit(theta) + COUPLER * unit(phi) * p**2 - ROCKER * unit(psi) * s**2
-    dp, ds = np.linalg.solve(matrix, bend)
+    p, s, dp, ds = derivatives(theta, phi, psi)
     masses = CRANK, COUPLER, ROCKER
     centre = CRANK * normal(theta) + COUPLER / 2 * p * normal(phi)  # of the coupler, per theta'
     dcentre = -CRANK * unit(theta) + COUPLER / 2 * (dp * normal(phi) - p**2 * unit(phi))

@@ -16,8 +16,6 @@ from ..variant import of as variant_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    pass
-
 __all__ = ["drift"]
 
 
@@ -178,7 +176,7 @@ def drift(sol: Solution) -> Drift:
         mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
         error / (scale if 0 < scale < np.inf else 1.0),
     )  # fmt: skip
-    where = mech.row_closure(int(np.unravel_index(gaps.argmax(), gaps.shape)[1])) if mech.positional.any() else ""
+    where = mech.row_names[int(np.unravel_index(gaps.argmax(), gaps.shape)[1])] if mech.positional.any() else ""
     return Drift(
         title=mech.title,
         method=method,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...files import write_whole
+from ...files import write_page
 from ...system import Array
 from ...tabular import Columns, Tabular
 
@@ -128,8 +128,7 @@ class Fit(Tabular):
             return
         from .page import page
 
-        with write_whole(path) as temporary:
-            temporary.write_text(page(self), encoding="utf-8")
+        write_page(path, lambda: page(self), "a fit")
 
     def tabulated(self) -> Columns:
         """Names, values and standard deviations of the parameters."""

@@ -16,6 +16,7 @@ from ...cli.options import (
 )
 from ...errors import InputError
 from ...solution.solution import Solution
+from .video import VIDEO
 
 
 @click.command()
@@ -38,7 +39,6 @@ def animate(
     **options: Any,
 ) -> None:
     """Write the replay of a saved solution as one HTML page or as a video; further solutions are shown as ghosts."""
-    from .replay import VIDEO
     from .replay import animate as write
 
     written = writable((output, PAGES), (video, tuple(VIDEO)), (glb, (".glb",)))

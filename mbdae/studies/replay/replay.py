@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError, UnknownNameError, require
-from ...files import write_whole
+from ...files import write_page, write_whole
 from ..figures import COLOURS
 from . import animation_tracks as tracks
 from .document import document, drawn, frame
 from .mode_tracks import HELD, STRUCK, switched
 from .plot_panels import Plot, PlotPanel, Signal, panes
 from .threejs import typed
+from .video import VIDEO, film
 
 __all__ = ["animate"]
 
@@ -25,7 +26,6 @@ MIN_FRAMES = 101  # what is short is often looked at slowly
 MAX_FRAMES = 6001  # unless asked for: 100 s of viewing; between frames the page interpolates
 VIEWING = 4.0  # s: a motion of less than half of it is shown in slow motion, for about so long
 CAMERAS = ("front", "top", "side", "3d")
-VIDEO = {".mp4": 30.0, ".gif": 20.0}  # frames per second
 NOTEBOOK = 20e6  # characters: more makes a notebook slow to open and to save
 
 
@@ -98,17 +98,13 @@ def animate(
     shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
     shown |= {"choices": choices, "camera": camera, "follow": follow, "closures": closures}
     if suffix in VIDEO:
-        from .video import film
-
-        rate = VIDEO[suffix] if fps is None else fps
+        rate = VIDEO[suffix].fps if fps is None else fps
         speed = pace(sol) if speed is None else speed
         film(page(sol, fps=rate, speed=speed, **shown), Path(path), rate, abs(sol.t[-1] - sol.t[0]) / speed, progress)
         return Path(path)
     if suffix != ".html":
         raise InputError(f"a replay is written as .html, .mp4, .gif or .glb, got {str(path)!r}")
-    text = page(sol, fps=fps, speed=speed, **shown)
-    with write_whole(path) as draft:
-        draft.write_text(text, "utf-8")
+    write_page(path, lambda: page(sol, fps=fps, speed=speed, **shown), "a replay")
     return Path(path)
 
 

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ...errors import InputError, MbdaeError
 from ...files import write_whole
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 FLAGS = "--headless --use-gl=swiftshader --enable-unsafe-swiftshader --disable-background-networking --dump-dom"
-SIZES = {".mp4": (1280, 720), ".gif": (960, 540)}
 BATCH = 40  # frames of one start of the browser, which holds them
 PATIENCE = 300.0  # s for a batch
 
@@ -39,19 +38,19 @@ def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[
         MbdaeError: the browser draws nothing.
     """
     browser = _browser()
-    pack = {".mp4": _mp4, ".gif": _gif}[path.suffix]
+    video = VIDEO[path.suffix]
     count = round(seconds * fps) + 1
 
     def drawn() -> Iterator["Image"]:
         for first in range(0, count, BATCH):
             last = min(count, first + BATCH)
-            for k, frame in enumerate(_frames(browser, page, first, last, count, SIZES[path.suffix]), first + 1):
+            for k, frame in enumerate(_frames(browser, page, first, last, count, video.size), first + 1):
                 yield frame
                 if progress:
                     progress(k / count)
 
     with write_whole(path) as draft:
-        pack(draft, drawn(), fps)
+        video.pack(draft, drawn(), fps)
 
 
 def still(page: str, share: float, size: tuple[int, int]) -> "Image":
@@ -109,3 +108,20 @@ def _gif(path: Path, frames: Iterator["Image"], fps: float) -> None:
     first = next(frames).quantize(255, kmeans=2)
     rest = [frame.quantize(palette=first) for frame in frames]
     first.save(path, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0, optimize=True)
+
+
+class Video(NamedTuple):
+    """A format of videos.
+
+    Attributes:
+        fps: frames per second where nothing is said.
+        size: (width, height) in pixels.
+        pack: writes frames to a path.
+    """
+
+    fps: float
+    size: tuple[int, int]
+    pack: Callable[[Path, Iterator["Image"], float], None]
+
+
+VIDEO = {".mp4": Video(30.0, (1280, 720), _mp4), ".gif": Video(20.0, (960, 540), _gif)}

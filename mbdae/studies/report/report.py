@@ -13,7 +13,7 @@ import numpy as np
 
 from ...backend import machine
 from ...errors import InputError, require
-from ...files import write_whole
+from ...files import write_page
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism, describe
@@ -83,12 +83,9 @@ class Report:
         Raises:
             InputError: for another suffix or an unwritable path.
         """
-        if Path(path).suffix != ".html":
-            raise InputError(f"a report is saved as .html, got {str(path)!r}")
         from .page import page
 
-        with write_whole(path) as temporary:
-            temporary.write_text(page(self), "utf-8")
+        write_page(path, lambda: page(self), "a report")
 
 
 def report(

@@ -9,7 +9,6 @@ from ...cli.model import ChosenModel, model_argument
 from ...cli.options import (
     PAGES,
     PICTURES,
-    VIDEOS,
     as_json,
     backend_option,
     emit,
@@ -29,6 +28,7 @@ from ...solution.signals import find
 from ...solution.solution import Solution
 from ...system import Array
 from ..drift.drift import drift as measure_drift
+from ..replay.video import VIDEO
 
 SHOWN = 5  # times of an event
 
@@ -73,7 +73,7 @@ def run(
     Events are signals of `mbdae run MODEL -o run.csv`, or force, torque and effort of closures and drivers by name,
     with = for both directions, > for rising above, < for falling below a number; a signal alone means its zeros.
     """
-    written = writable((output, (".npz", ".csv")), (html, PAGES), (video, VIDEOS), (plot, PICTURES))
+    written = writable((output, (".npz", ".csv")), (html, PAGES), (video, tuple(VIDEO)), (plot, PICTURES))
     if not (html or video) and (plots or traces or arrow or every):
         raise InputError("--plots, --trace and --arrows belong to a replay: --html run.html, or --video run.mp4")
     watched = [*events, *(Event(text, terminal=True) for text in until)]

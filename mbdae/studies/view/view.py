@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, require
-from ...files import write_whole
+from ...errors import require
+from ...files import write_page
 from ...mechanism import Mechanism
 from ...mechanism.frames import find_joint
 from ...system import Array
@@ -106,10 +106,7 @@ class View:
         Raises:
             InputError: for another suffix or an unwritable path.
         """
-        if Path(path).suffix != ".html":
-            raise InputError(f"a view is saved as .html, got {str(path)!r}")
-        with write_whole(path) as draft:
-            draft.write_text(self.page(), "utf-8")
+        write_page(path, self.page, "a view")
 
     def _repr_html_(self) -> str:
         return frame(self.page())

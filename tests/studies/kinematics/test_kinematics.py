@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pinocchio as pin
 import pytest
+from four_bar_angles import angles, derivatives
 from linkages import bar, four_bar, parallelogram, point
 
 import mbdae
@@ -14,30 +15,13 @@ from mbdae.errors import AssemblyError, InputError
 from mbdae.mechanism.frames import paths
 
 COMMANDS = ("kinematics four_bar --drive rocker --points 20", "kinematics four_bar --drive crank --modes")
-CRANK, COUPLER, ROCKER, GROUND = 1.0, 2.0, 1.5, 2.0
 LEGS = [f"piston_{i}" for i in range(2, 7)]
-
-
-def unit(angle):
-    return np.array([np.cos(angle), np.sin(angle)])
-
-
-def normal(angle):
-    return np.array([-np.sin(angle), np.cos(angle)])
 
 
 def closed_form(theta):
     """Angles of coupler and rocker, their rates and accelerations per unit of the crank, and the angle between them."""
-    tip, pivot = CRANK * unit(theta), np.array([GROUND, 0.0])
-    span = pivot - tip
-    length = np.linalg.norm(span)
-    phi = np.arctan2(span[1], span[0]) + np.arccos((COUPLER**2 + length**2 - ROCKER**2) / (2 * COUPLER * length))
-    top = tip + COUPLER * unit(phi) - pivot
-    psi = np.arctan2(top[1], top[0])
-    matrix = np.column_stack([COUPLER * normal(phi), -ROCKER * normal(psi)])
-    p, s = np.linalg.solve(matrix, -CRANK * normal(theta))
-    bend = CRANK * unit(theta) + COUPLER * unit(phi) * p**2 - ROCKER * unit(psi) * s**2
-    return phi, psi, p, s, *np.linalg.solve(matrix, bend), abs(np.sin(phi - psi))
+    phi, psi = angles(theta)
+    return phi, psi, *derivatives(theta, phi, psi), abs(np.sin(phi - psi))
 
 
 def test_four_bar_over_two_turns():

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from columns import column
 from motions import frozen
 from smooth import SMOOTH
 
@@ -86,41 +87,6 @@ def test_unstable_poses_are_left_or_told():
     assert CliRunner().invoke(cli, ["statics", "heavy_top"]).exit_code == 3
 
 
-ZIEGLER = """
-gravity = [0.0, 0.0, 0.0]
-[[body]]
-name = "lower"
-parent = "world"
-joint = "revolute"
-axis = [0.0, -1.0, 0.0]
-mass = 2.0
-com = [1.0, 0.0, 0.0]
-[[body]]
-name = "upper"
-parent = "lower"
-joint = "revolute"
-axis = [0.0, -1.0, 0.0]
-xyz = [1.0, 0.0, 0.0]
-mass = 1.0
-com = [1.0, 0.0, 0.0]
-[[frame]]
-name = "tip"
-parent = "upper"
-xyz = [1.0, 0.0, 0.0]
-[[force]]
-name = "springs"
-kind = "joint_spring"
-joint = ["lower", "upper"]
-stiffness = 1.0
-[[force]]
-name = "follower"
-kind = "wrench"
-frame = "tip"
-axes = "frame"
-force = [-1.0, 0.0, 0.0]
-"""
-
-
 def test_all_equilibria_of_a_branch():
     found = mbdae.equilibria(mbdae.load("four_bar"), "crank")
     assert sorted(e.stability for e in found) == ["stable", "unstable"]
@@ -159,15 +125,15 @@ def test_a_follower_force_flutters(tmp_path):
 
     H. Ziegler, Ing.-Arch. 20 (1952).
     """
-    (tmp_path / "column.toml").write_text(ZIEGLER)
+    (tmp_path / "column.toml").write_text(column({"lower": 2.0, "upper": 1.0}, stiffness=1.0, axes="frame"))
     model, critical = tmp_path / "column.toml", 3.5 - np.sqrt(2)
     for share, word in ((0.999, "stable"), (1.001, "unstable")):
-        mech = Template(model).make({"force.follower.force": [-share * critical, 0.0, 0.0]})
+        mech = Template(model).make({"force.load.force": [-share * critical, 0.0, 0.0]})
         found = mbdae.equilibrium(mech, {"lower": 0.0})
         assert found.stability == word
         assert found.verdict.by == "eigenvalues"
         assert np.linalg.det(found.mechanism.system().inertia(0.0, found.q)) > 0
-    path = mbdae.load_path(mbdae.load(model), "follower", (0, 3))
+    path = mbdae.load_path(mbdae.load(model), "load", (0, 3))
     assert not [e for e in path.critical if e.kind == "limit"]
 
 

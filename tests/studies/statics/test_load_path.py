@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from columns import column
 
 import mbdae
 from mbdae.__main__ import cli
@@ -12,30 +13,6 @@ from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.template import Template
 
 L0 = np.sqrt(1.25)
-COLUMN = """
-gravity = [0.0, 0.0, 0.0]
-[[body]]
-name = "bar"
-parent = "world"
-joint = "revolute"
-axis = [0.0, -1.0, 0.0]
-mass = 1.0
-com = [1.0, 0.0, 0.0]
-[[frame]]
-name = "tip"
-parent = "bar"
-xyz = [2.0, 0.0, 0.0]
-[[force]]
-name = "spring"
-kind = "joint_spring"
-joint = "bar"
-stiffness = 6.0
-[[force]]
-name = "load"
-kind = "wrench"
-frame = "tip"
-force = [-1.0, 0.0, 0.0]
-"""
 
 
 def press(z):
@@ -60,7 +37,7 @@ def test_the_toggle_snaps_through_where_its_force_is_largest():
 
 def test_a_column_buckles(tmp_path):
     """A bar of 2 m with a spring at its foot stands until P l = k."""
-    (tmp_path / "column.toml").write_text(COLUMN)
+    (tmp_path / "column.toml").write_text(column({"bar": 1.0}, stiffness=6.0, tip=2.0))
     path = mbdae.load_path(mbdae.load(tmp_path / "column.toml"), "load", (0, 5))
     assert [e.kind for e in path.critical] == ["branch"]
     assert path.critical[0].factor == pytest.approx(3.0, rel=1e-9)
