@@ -5,7 +5,7 @@ import numpy as np
 from ..mechanism.closures.closure_error import largest_error
 from ..mechanism.contacts import first_negative, rolling
 from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.reactions import scaled, span
+from ..mechanism.reactions import scaled
 from ..solution.columns import balance
 from ..solution.solution import Solution
 
@@ -64,7 +64,7 @@ def departed(sol: Solution, system: Index2System) -> str:
     size, left = np.linalg.norm(G, axis=1).max(), np.linalg.norm(G - G @ Q @ Q.T, axis=1)
     if not left.max() > APART * size:
         return ""
-    name = sol.mechanism.row_closure(int(left.argmax()))
+    name = sol.mechanism.row_names[int(left.argmax())]
     return f"{name!r} depended on other closures at the start and does not now: they cannot all be kept while it moves"
 
 
@@ -76,7 +76,7 @@ def lifts(sol: Solution) -> str:
     mech, (ts, _, zs) = sol.mechanism, sol.nodes
     found = []
     for closure in rolling(mech):
-        row = span(mech, closure.name).start
+        row = mech.rows_of(closure.name)[0]
         if closure.contact is False or not (zs[1:, row] < 0).any():
             continue
         normal = zs[:, row].copy()

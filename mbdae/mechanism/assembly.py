@@ -75,7 +75,7 @@ def close_position(system: "Index2System", q: Array, held: Array, t: float) -> A
     except StepError as e:
         raise InputError(f"the guess cannot be assembled: {e}") from e
     if not (np.isfinite(g).all() and np.isfinite(G).all()):
-        worst = mech.row_closure(int(np.argmin(np.isfinite(g) & np.isfinite(G).all(axis=1))))
+        worst = mech.row_names[int(np.argmin(np.isfinite(g) & np.isfinite(G).all(axis=1)))]
         raise InputError(f"closure {worst!r} is not finite: numbers in the model are too large")
     g, G = closures(system, q, t)
     if not len(g):

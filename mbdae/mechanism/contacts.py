@@ -10,7 +10,7 @@ from ..system import Array
 from .closures.closure import Closure
 from .closures.contact import ConvexBody, Grip, Height
 from .closures.line_rows import still
-from .reactions import NONE, NOT_UNIQUE, null_rows, sampled, span
+from .reactions import NONE, NOT_UNIQUE, null_rows, sampled
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
@@ -111,8 +111,8 @@ def contact(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Con
         StepError: where the body lies flat.
     """
     points = path(mech, name, q)
-    system, owned = mech.system(), span(mech, name)
-    turn = np.zeros((3, owned.stop - owned.start))
+    system, owned = mech.system(), mech.rows_of(name)
+    turn = np.zeros((3, len(owned)))
     for rows, kind, _ in system.constraints.frame_parts[name].rows:
         at = slice(rows.start - owned.start, rows.stop - owned.start)
         if isinstance(kind, Height):

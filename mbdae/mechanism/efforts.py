@@ -81,7 +81,7 @@ def drive_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
     """Return ``power.<driver>``, effort times u'(t), in W, (n,) each."""
     constraints = mech.system().constraints
     rates = np.array([constraints.motion(float(x))[1] for x in t]).reshape(len(t), -1)
-    rows = {d.name: mech.row_names.index(d.name) for d in mech.drivers}
+    rows = {d.name: mech.rows_of(d.name)[0] for d in mech.drivers}
     return {f"power.{name}": lam[:, i] * rates[:, i] for name, i in rows.items()}
 
 

@@ -39,6 +39,16 @@ def find_frame(model: pin.Model, name: str) -> pin.Frame:
     return model.frames[min(links, default=model.getFrameId(name))]
 
 
+def place(model: pin.Model, data: pin.Data, name: str) -> pin.SE3:
+    """Return where a frame stands in the world; the kinematics of the workspace stand.
+
+    Raises:
+        UnknownNameError: lists the names that exist.
+    """
+    frame = find_frame(model, name)
+    return data.oMi[frame.parentJoint] * frame.placement
+
+
 def frame_names(model: pin.Model) -> list[str]:
     """Names that `find_frame` knows, ``"world"`` first."""
     return list(dict.fromkeys([WORLD, *(f.name for f in model.frames if f.name != "universe")]))

@@ -107,10 +107,10 @@ class Mechanism(Quantities):
             found = ", ".join(joint_names(model))
             raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {found}")
         self.closure_anchors = [(c, anchors(model, c)) for c in self.closures if c.frames]
-        self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
-        self.ng = len(self.row_names)
         data = make_data(model)
         bound = Constraints(model, data, self.constraints)  # wrong names are refused here
+        self.ng, self._spans = bound.ng, bound.spans
+        self.row_names = [c.name for c in self.constraints for _ in range(c.m)]
         self.row_units, self.positional = bound.units(), bound.positional
         self.switches = switches_of(self)
         self.manifold = Manifold(model)
@@ -154,14 +154,15 @@ class Mechanism(Quantities):
         """Kind of a joint in Pinocchio's word, for instance ``"RX"`` or ``"Spherical"``."""
         return find_joint(self.model, name).shortname().removeprefix("JointModel")
 
-    @property
-    def gravity(self) -> Array:
-        """Gravity in m/s^2, (3,)."""
-        return self.model.gravity.linear.copy()
+    def rows_of(self, name: str) -> range:
+        """Numbers of the rows of a closure, driver or stop; the other way round it is ``row_names``.
 
-    def row_closure(self, i: int) -> str:
-        """Name of the closure or driver that row i of g belongs to."""
-        return self.row_names[i]
+        Raises:
+            UnknownNameError: lists the names that exist.
+        """
+        if name not in self._spans:
+            raise UnknownNameError("closure or driver", name, self._spans)
+        return range(self.ng)[self._spans[name]]
 
     @cached_property
     def scene(self) -> Scene:

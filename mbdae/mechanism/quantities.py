@@ -7,12 +7,17 @@ import pinocchio as pin
 
 from ..errors import InputError
 from ..system import Array
-from .frames import find_frame
+from .frames import place
 from .workspace import make_data
 
 
 class Quantities:
     """The terms of M(q) v' + nle(q, v) = tau + G(q)^T lam at a configuration (nq,) and a velocity (nv,)."""
+
+    @property
+    def gravity(self: Any) -> Array:
+        """Gravity in m/s^2, (3,)."""
+        return self.model.gravity.linear.copy()
 
     def mass_matrix(self: Any, q: Array) -> Array:
         """Return M(q), symmetric, armature included, (nv, nv), in kg, kg m and kg m^2.
@@ -50,10 +55,10 @@ class Quantities:
             UnknownNameError: for a frame that does not exist.
             InputError: for a q of another length, or off the manifold.
         """
-        found, data = find_frame(self.model, name), make_data(self.model)
+        data = make_data(self.model)
         pin.forwardKinematics(self.model, data, self._configuration(q))
-        place = data.oMi[found.parentJoint] * found.placement
-        return place.translation.copy(), place.rotation.copy()
+        found = place(self.model, data, name)
+        return found.translation.copy(), found.rotation.copy()
 
     def energy(self: Any, q: Array, v: Array) -> tuple[float, float]:
         """Kinetic energy v^T M v / 2 (armature included) and potential energy of gravity and springs, in J."""

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError
 from ..system import Array
 from .closures import independent_rows
 from .closures.driver import Driver
@@ -94,12 +94,12 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Re
         UnknownNameError: for a name that does not exist.
         InputError: for a coupling, or a driver of joints: they have an effort.
     """
-    system, rows = mech.system(), span(mech, name)
+    system, rows = mech.system(), mech.rows_of(name)
     part = system.constraints.frame_parts.get(name)
     if part is None:
         raise InputError(f"{name!r} joins joints and has no force at a point: ask for its effort")
     wrench, turns = np.empty((len(t), 6)), np.empty((len(t), 3, 3))
-    at_origin = np.empty((len(t), 6, rows.stop - rows.start))
+    at_origin = np.empty((len(t), 6, len(rows)))
     for i in range(len(t)):
         system.closures(q[i], t[i])
         W = system.constraints.W[:, rows].copy()
@@ -122,7 +122,7 @@ def effort(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Effo
         UnknownNameError: for a name that does not exist.
         InputError: for a closure between frames: it has a reaction.
     """
-    system, rows = mech.system(), span(mech, name)
+    system, rows = mech.system(), mech.rows_of(name)
     spec = next(c for c in mech.constraints if c.name == name)
     if not isinstance(spec, Driver) and spec.frames:
         raise InputError(f"{name!r} joins frames: ask for its reaction")
@@ -151,8 +151,7 @@ def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
     G = scaled(system, t, q)
     r, out = rank(G), {}
     for c in mech.constraints:
-        rows = span(mech, c.name)
-        out[c.name] = c.m - (r - rank(np.delete(G, rows, axis=0)))
+        out[c.name] = c.m - (r - rank(np.delete(G, mech.rows_of(c.name), axis=0)))
     return {name: n for name, n in out.items() if n}
 
 
@@ -172,18 +171,6 @@ def null_rows(system: "Index2System", t: float, q: Array) -> Array:
     U, G = system.inertia(t, q), system.closures()[1]
     r = len(system.choose_rows(t, U, G))
     return np.linalg.svd(G)[0][:, r:]
-
-
-def span(mech: "Mechanism", name: str) -> slice:
-    """Rows of a closure or driver.
-
-    Raises:
-        UnknownNameError: lists the names that exist.
-    """
-    if name not in mech.row_names:
-        raise UnknownNameError("closure or driver", name, [c.name for c in mech.constraints])
-    first = mech.row_names.index(name)
-    return slice(first, first + mech.row_names.count(name))
 
 
 def sampled(n: int) -> Array:

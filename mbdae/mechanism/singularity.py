@@ -70,7 +70,7 @@ def singular(
     if not rank or not small[rank - 1]:
         return None
     rows = _shares(there, int((~small).sum())) - _shares(here, rank)
-    names = [system.mechanism.row_closure(int(i)) for i in np.flatnonzero(rows > SHARE)]
+    names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(rows > SHARE)]
     found = tuple(q.tolist()), tuple(v.tolist()), rank, int((~small).sum()), tuple(dict.fromkeys(names))
     return Singular(t, *found)
 

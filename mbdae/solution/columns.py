@@ -95,13 +95,14 @@ def contact_forces(sol: "Solution") -> dict[str, Array]:
     return {f"{kind}.{name}": getattr(x, kind) for name, x in found.items() for kind in CONTACT}
 
 
-def pulls(mech: "Mechanism") -> dict[str, Array]:
+def pulls(mech: "Mechanism") -> dict[str, list[int]]:
     """Closures and driven distances between frames, with their rows that are forces along directions at right angles.
 
     Those in m; the length of their multipliers is that of the force.
     """
-    names = np.array(mech.row_names)
-    return {c.name: np.flatnonzero((names == c.name) & (mech.row_units == "m")) for c in mech.constraints if c.frames}
+    return {
+        c.name: [i for i in mech.rows_of(c.name) if mech.row_units[i] == "m"] for c in mech.constraints if c.frames
+    }
 
 
 def frame_columns(sol: "Solution") -> dict[str, Array]:
@@ -133,13 +134,7 @@ def moving_frames(mech: "Mechanism") -> list[str]:
 
 def row_names(mech: "Mechanism") -> list[str]:
     """Names ``lam.<closure>.<row>`` of the rows of all closures, rows counted from 1."""
-    counts: dict[str, int] = {}
-    names = []
-    for i in range(mech.ng):
-        closure = mech.row_closure(i)
-        counts[closure] = counts.get(closure, 0) + 1
-        names.append(f"lam.{closure}.{counts[closure]}")
-    return names
+    return [f"lam.{c.name}.{k + 1}" for c in mech.constraints for k in range(c.m)]
 
 
 def reaction_of(sol: "Solution", name: str) -> Reaction:

@@ -83,11 +83,10 @@ def signal_values(mech: Mechanism) -> dict[str, SignalValue]:
     out |= {name: SignalValue("lam", rows=(i,)) for i, name in enumerate(row_names(mech))}
     out |= {name: SignalValue("rate", nv + i) for i, name in enumerate(acceleration_units(mech))}
     for name, rows in pulls(mech).items():
-        every = tuple(i for i, closure in enumerate(mech.row_names) if closure == name)
-        out[f"force.{name}"] = SignalValue("force", rows=tuple(rows.tolist()))
-        out[f"torque.{name}"] = SignalValue("torque", rows=every)
+        out[f"force.{name}"] = SignalValue("force", rows=tuple(rows))
+        out[f"torque.{name}"] = SignalValue("torque", rows=tuple(mech.rows_of(name)))
     for c in rolling(mech):
-        first, grip = mech.row_names.index(c.name), int(c.contact is not False)
+        first, grip = mech.rows_of(c.name)[0], int(c.contact is not False)
         if c.contact is not False:
             out[f"normal.{c.name}"] = SignalValue("lam", rows=(first,))
         if c.grip in (None, "full"):

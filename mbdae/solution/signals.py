@@ -77,8 +77,7 @@ def _pulls(sol: "Solution") -> dict[str, Array]:
 
 def driven(mech: "Mechanism") -> dict[str, int]:
     """Couplings and drivers, which have an effort, each with its row."""
-    rows = mech.row_names
-    return {c.name: rows.index(c.name) for c in mech.constraints if isinstance(c, Driver) or not c.frames}
+    return {c.name: mech.rows_of(c.name)[0] for c in mech.constraints if isinstance(c, Driver) or not c.frames}
 
 
 def _drive_units(mech: "Mechanism") -> Units:

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from ...mechanism.modes.switches import Mode
 
 NEAR = 1e-10  # m or rad: rows nearer than that touch
-STILL = 1e-10  # of 1 + |v|: a row that opens no faster stays
 HELD = 1e-9  # of the accelerations that a limit makes: less is none
 LOADED = 1e-10  # of the largest multiplier: less is none
 
@@ -49,7 +48,7 @@ class Transition:
         mode, system = self.system.mode, self.system
         found = {s.at: s.strike(at, mode[s.at], NEAR) for s in self.switches}
         found = {i: strikes for i, strikes in found.items() if strikes}
-        rate, still = at.rate, STILL * (1 + float(np.abs(at.v).max()))
+        rate, still = at.rate, at.standstill
         if not any(s.sign * rate[s.row] < -still for strikes in found.values() for s in strikes if s.sign):
             return at.y, None
         hit = [i for i, strikes in found.items() if strikes[0].sign * rate[strikes[0].row] <= still or mode[i]]
@@ -90,11 +89,10 @@ class Transition:
         """
         before = self.system.mode
         at = self.point(t, y)
-        still = STILL * (1 + float(np.abs(at.v).max()))
         found: dict[int, tuple[Candidate, ...]] = {}
         for s in self.switches:
             candidates = s.candidate(at, before[s.at], NEAR)
-            if candidates and abs(at.rate[candidates[0].row]) <= still:
+            if candidates and abs(at.rate[candidates[0].row]) <= at.standstill:
                 found[s.at] = candidates
         mode, left = list(before), dict(found)
         for s in self.switches:

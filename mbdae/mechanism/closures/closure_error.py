@@ -32,14 +32,14 @@ class ClosureError(NamedTuple):
 
 def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureError:
     """Return the closure or driver with the largest residual (ng,); ``per`` follows the units, for instance "/s"."""
-    owners, units = np.array(mech.row_names), mech.row_units
-    sizes = {c.name: float(np.linalg.norm(residual[owners == c.name])) for c in mech.constraints}
+    sizes = {c.name: float(np.linalg.norm(residual[mech.rows_of(c.name)])) for c in mech.constraints}
     worst = max(sizes, key=lambda n: sizes[n] if np.isfinite(sizes[n]) else np.inf)
+    rows = mech.rows_of(worst)
+    of_it, units = residual[rows], mech.row_units[rows]
     parts = [
         f"{size:.3g} {unit}{per}"
-        for unit in dict.fromkeys(units[owners == worst])
-        if (size := float(np.linalg.norm(residual[(owners == worst) & (units == unit)])))
+        for unit in dict.fromkeys(units)
+        if (size := float(np.linalg.norm(of_it[units == unit])))
     ]
-    of_it = np.abs(np.where(owners == worst, residual, 0.0))
-    slips = bool(per) and not mech.positional[int(of_it.argmax())]
+    slips = bool(per) and not mech.positional[rows[int(np.abs(of_it).argmax())]]
     return ClosureError(worst, sizes[worst], " and ".join(parts) or "0", slips)

@@ -5,11 +5,11 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from ..tables import Table
+from .between_joints import BetweenJoints
 from .rows import Ratio, Teeth
 
 
-class Clutch(Table):
+class Clutch(BetweenJoints):
     """A joint runs ahead of another one, or of the ground, in one direction only.
 
         sign (v_i - ratio v_j) >= 0,  and the torque that locks it acts in that direction only
@@ -32,8 +32,6 @@ class Clutch(Table):
         UnknownNameError: when a mechanism is made, for a joint that it does not have.
     """
 
-    joint: str | None = None
-    joints: tuple[str, str] | None = None
     direction: Literal[1, -1] = 1
     ratio: float | None = None
     pitch: float | None = Field(default=None, gt=0)
@@ -51,16 +49,6 @@ class Clutch(Table):
         if not self.name:
             object.__setattr__(self, "name", "-".join(self.between) + " clutch")
         return self
-
-    @property
-    def frames(self) -> None:
-        """None: it is between joints."""
-        return None
-
-    @property
-    def between(self) -> tuple[str, ...]:
-        """Names of its joints."""
-        return self.joints or (self.joint or "",)
 
     @property
     def m(self) -> int:

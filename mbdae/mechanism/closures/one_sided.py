@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pydantic import Field, model_validator
 
 from ..tables import Table
+from .between_joints import BetweenJoints
 from .rows import Coordinate
 
 REST = 1e-6  # s: a flight that is shorter ends in rest
@@ -30,7 +31,7 @@ class OneSided(Table):
         return self
 
 
-class Stop(OneSided):
+class Stop(BetweenJoints, OneSided):
     """Ends of the way of a joint, or of what a coupling leaves open (backlash).
 
         lower <= q_i <= upper,   lower <= q_i - c_0 - c_1 q_j - c_2 q_j^2 - ... <= upper
@@ -53,8 +54,6 @@ class Stop(OneSided):
     """
 
     unilateral: bool | None = True
-    joint: str | None = None
-    joints: tuple[str, str] | None = None
     coefficients: tuple[float, ...] | None = Field(default=None, min_length=2)
     lower: float | None = None
     upper: float | None = None
@@ -80,16 +79,6 @@ class Stop(OneSided):
         if not self.name and self.between:
             object.__setattr__(self, "name", "-".join(self.between) + " stop")
         return self
-
-    @property
-    def frames(self) -> None:
-        """None: it is between joints."""
-        return None
-
-    @property
-    def between(self) -> tuple[str, ...]:
-        """Names of its joints."""
-        return (self.joint,) if self.joint else self.joints or ()
 
     @property
     def ends(self) -> tuple[tuple[float, float], ...]:

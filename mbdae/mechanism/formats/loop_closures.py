@@ -19,7 +19,7 @@ from pydantic import Field, ValidationError
 from ...errors import InputError
 from ...files import text_of
 from ..closures.closure import Axis, Closure
-from ..frames import find_frame, find_joint
+from ..frames import find_joint, place
 from ..part import Part
 from ..places import Places, refused
 from ..start import Motor
@@ -74,20 +74,15 @@ def with_loops(part: Part, path: Path, places: Places) -> Part:
     pin.forwardKinematics(model, data, pin.neutral(model))
     frames, closures = [], []
     for i, cut in enumerate(loops.closures, 1):
-        at = _place(model, data, _base(model)) * pin.SE3(np.eye(3), np.array(cut.point))
+        at = place(model, data, _base(model)) * pin.SE3(np.eye(3), np.array(cut.point))
         names = tuple(f"loop {i} on {link}" for link in (cut.link_a, cut.link_b))
         for name, link in zip(names, (cut.link_a, cut.link_b), strict=True):
-            here = _place(model, data, link).actInv(at)
+            here = place(model, data, link).actInv(at)
             xyz, rpy = here.translation.tolist(), pin.rpy.matrixToRpy(here.rotation).tolist()
             frames.append(Frame(name=name, parent=link, xyz=xyz, rpy=rpy))
         closures.append(Closure(kind="revolute", name=f"loop {i}", frames=names, axis=cut.axis))
     motors = tuple(Motor(n, n) for n in loops.independent)
     return replace(part, frames=(*part.frames, *frames), closures=(*part.closures, *closures), motors=motors)
-
-
-def _place(model: pin.Model, data: pin.Data, name: str) -> pin.SE3:
-    frame = find_frame(model, name)
-    return data.oMi[frame.parentJoint] * frame.placement
 
 
 def _base(model: pin.Model) -> str:

@@ -130,7 +130,7 @@ class GGLChart(Index2Chart):
     def _watch(self, t: float, g: Array) -> None:
         gap = float(np.abs(g).max(initial=0.0))
         if gap > OPEN:
-            name = self.system.mechanism.row_closure(int(np.abs(g).argmax()))
+            name = self.system.mechanism.row_names[int(np.abs(g).argmax())]
             raise StepError("rank", f"closure {name!r} opens by {gap:.2g} at t = {t:.17g}: other rows keep it no more")
 
     def start(self) -> tuple[Array, Array]:

@@ -250,7 +250,7 @@ class Index2System(System):
         self.reason.now = ratio = pivot[i] / largest
         self.least_pivot_ratio = min(self.least_pivot_ratio, ratio)
         if info or not ratio > independent_rows.SMALLEST_PIVOT:
-            name = self.mechanism.row_closure(int(self.rows[i] if self.rows is not None else 0))
+            name = self.mechanism.row_names[int(self.rows[i] if self.rows is not None else 0)]
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
         return (X[r] + lam.dot(X[:r]), lam) if f.ndim == 1 else (X[r:] + lam.T.dot(X[:r]), lam.T)
 

@@ -7,18 +7,17 @@ import numpy as np
 
 from ..closures.clutch import Clutch
 from ..frames import find_joint
-from .switch import Candidate, Guard, Strike, Switch, Value
+from .switch import Candidate, Guard, OneSidedRow, Strike, Switch, Value
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
     from .point import ModePoint
 
 FREE, LOCKED, BACK = 0, 1, 2
-STILL = 1e-10  # of 1 + |v|: slower, its acceleration says where it goes
 AT_TOOTH = 1e-9  # of a pitch: nearer, the pawl is in the tooth
 
 
-class OneWay(Switch):
+class OneWay(OneSidedRow):
     """sign (G v) >= 0, sign lam >= 0, and one of them 0.
 
     Args:
@@ -29,13 +28,12 @@ class OneWay(Switch):
     states: tuple[str, ...] = ("runs free", "locks")
 
     def __init__(self, spec: Clutch, row: int) -> None:
-        super().__init__(spec.name)
-        self.row, self.sign = row, float(spec.direction)
+        super().__init__(spec.name, row, float(spec.direction))
 
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         return [
-            cls(c, mechanism.row_names.index(c.name))
+            cls(c, mechanism.rows_of(c.name)[0])
             for c in mechanism.constraints
             if isinstance(c, Clutch) and c.pitch is None
         ]
@@ -47,30 +45,16 @@ class OneWay(Switch):
     def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
         return self.rows if state == LOCKED else ()
 
-    def speed(self, point: "ModePoint") -> float:
-        """Return how fast it runs free."""
-        return self.sign * float(point.rate[self.row])
-
-    def acceleration(self, point: "ModePoint") -> float:
-        """Return the rate of `speed`."""
-        vdot = point.derivative[0][len(point.v) : 2 * len(point.v)]
-        return self.sign * float(point.G[self.row] @ vdot + point.gamma[self.row])
-
-    def drive(self, point: "ModePoint") -> float:
-        """Return what it transmits, positive while it does."""
-        return self.sign * float(point.lam[self.row])
-
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == LOCKED:
-            return (Guard("let go", self.name, self.at, self.drive, loads=True),)
+            return (Guard("let go", self.name, self.at, self.load, loads=True),)
         return (Guard("rest", self.name, self.at, self.speed, self.acceleration),)
 
     def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
         return (Strike(self.row, self.sign),)
 
     def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
-        low, high = (0.0, np.inf) if self.sign > 0 else (-np.inf, 0.0)
-        return (Candidate(self.row, low, high),)
+        return (Candidate.pressing(self.row, self.sign),)
 
 
 class Ratchet(OneWay):
@@ -92,7 +76,7 @@ class Ratchet(OneWay):
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         return [
-            cls(c, mechanism.row_names.index(c.name), [find_joint(mechanism.model, n).idx_q for n in c.between])
+            cls(c, mechanism.rows_of(c.name)[0], [find_joint(mechanism.model, n).idx_q for n in c.between])
             for c in mechanism.constraints
             if isinstance(c, Clutch) and c.pitch is not None
         ]
@@ -135,7 +119,7 @@ class Ratchet(OneWay):
         if held:
             return LOCKED
         speed = self.speed(point)
-        if abs(speed) > STILL * (1 + float(np.abs(point.v).max())):
+        if abs(speed) > point.standstill:  # slower, its acceleration says where it goes
             return FREE if speed > 0 else BACK
         if len(rates) or point.system.mode[self.at] == LOCKED:
             return FREE

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..forces.coulomb_friction import CoulombFriction
-from .switch import Candidate, Guard, Switch, Value
+from .switch import AT_LIMIT, Candidate, Guard, Switch, Value
 
 if TYPE_CHECKING:
     from ...system import Array
@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from .point import ModePoint
 
 IDLE, GRIPS, SLIDES = 0, 1, 2
-AT_LIMIT = 1e-9  # of the limit: a load that is nearer has reached it
-STILL = 1e-10  # of 1 + |v|: a slower slip is none
 
 
 class Gripping(Switch):
@@ -38,12 +36,7 @@ class Gripping(Switch):
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
-        names = mechanism.row_names
-        return [
-            cls(f, [i for i, name in enumerate(names) if name == f.closure], k)
-            for k, f in enumerate(found)
-            if f.sticks
-        ]
+        return [cls(f, mechanism.rows_of(f.closure), k) for k, f in enumerate(found) if f.sticks]
 
     @property
     def rows(self) -> tuple[int, ...]:  # noqa: D102
@@ -75,7 +68,7 @@ class Gripping(Switch):
     def direction(self, point: "ModePoint") -> "Array":
         """Return the direction of the slip, or where it will go."""
         slip, size = point.rate[self.grip], float(np.linalg.norm(point.rate[self.grip]))
-        if size > STILL * (1 + float(np.abs(point.v).max())):
+        if size > point.standstill:
             return slip / size
         return point.system.sliding.heading[self.which]
 
@@ -87,7 +80,7 @@ class Gripping(Switch):
 
     def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
         slip = np.abs(point.rate[self.grip]).max()
-        if slip > STILL * (1 + float(np.abs(point.v).max())) or (state == GRIPS and self.margin(point) < AT_LIMIT):
+        if slip > point.standstill or (state == GRIPS and self.margin(point) < AT_LIMIT):
             return ()
         system, before = point.system, point.system.mode
         system.enter(tuple(GRIPS if i == self.at else k for i, k in enumerate(before)))
@@ -96,7 +89,7 @@ class Gripping(Switch):
         if np.linalg.norm(self.share(lam)) > 1.0:
             self._head(point, lam)
             return ()
-        return tuple(Candidate(row, -np.inf, np.inf) for row in self.grip)
+        return tuple(Candidate(row) for row in self.grip)
 
     def _head(self, point: "ModePoint", lam: "Array") -> None:
         size = float(np.linalg.norm(lam[self.grip]))

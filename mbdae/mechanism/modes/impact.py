@@ -41,6 +41,11 @@ class Blow(NamedTuple):
     work: float
 
 
+def standstill(v: Array) -> float:
+    """Return the speed below which nothing moves beside velocities v (nv,)."""
+    return STILL * (1 + float(np.abs(v).max()))
+
+
 def strike(U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array) -> Blow:
     """Return what happens where rows touch.
 
@@ -63,7 +68,7 @@ def strike(U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: 
     Q, pinv = _range(BG)
     for k in range(ROUNDS + 1):
         speed = BU.T @ x + c
-        still = STILL * (1 + float(np.abs(v).max()))
+        still = standstill(v)
         last = k == ROUNDS
         if k and not (speed < -still).any():
             break

@@ -10,6 +10,7 @@ from ...system import Array
 from ..closures.constraints import Constraints
 from ..closures.independent_rows import RANK_TOLERANCE
 from ..workspace import make_data
+from .impact import standstill
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -100,3 +101,17 @@ class ModePoint:
     def lam(self) -> Array:
         """Return lam, (ng,)."""
         return self.derivative[1]
+
+    @property
+    def vdot(self) -> Array:
+        """Return v' in the mode of the workspace, (nv,)."""
+        return self.derivative[0][len(self.v) : 2 * len(self.v)]
+
+    def acceleration(self, row: int) -> float:
+        """Return G v' + gamma of a row."""
+        return float(self.G[row] @ self.vdot + self.gamma[row])
+
+    @cached_property
+    def standstill(self) -> float:
+        """The speed below which a row does not move."""
+        return standstill(self.v)

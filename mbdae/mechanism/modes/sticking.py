@@ -7,7 +7,7 @@ from ..closures.brake import Brake
 from ..forces.joint_friction import DryElement
 from ..frames import find_joint
 from .share import share
-from .switch import Candidate, Guard, Switch
+from .switch import AT_LIMIT, Candidate, Guard, Switch
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from .point import ModePoint
 
 IDLE, STUCK, AHEAD, BACK = 0, 1, 2, 3
-AT_LIMIT = 1e-9  # of the limit: a load that is nearer has reached it
 LESS = 1e-6  # of the limit where static and kinetic friction are one: at the limit itself nothing would move
 
 
@@ -37,9 +36,8 @@ class Sticking(Switch):
 
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
-        at = {name: i for i, name in enumerate(mechanism.row_names)}
         brakes = [c for c in mechanism.constraints if isinstance(c, Brake)]
-        out = tuple(cls(c, at[c.name], find_joint(mechanism.model, c.joint).idx_v) for c in brakes)
+        out = tuple(cls(c, mechanism.rows_of(c.name)[0], find_joint(mechanism.model, c.joint).idx_v) for c in brakes)
         for switch in out:
             switch.others = out
         return out
@@ -71,7 +69,7 @@ class Sticking(Switch):
                     self.name,
                     self.at,
                     lambda x: sign * float(x.v[self.column]),
-                    lambda x: sign * float(x.derivative[0][len(x.v) + self.column]),
+                    lambda x: sign * float(x.vdot[self.column]),
                 ),
             )
         return ()

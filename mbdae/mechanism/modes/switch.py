@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .point import ModePoint
 
 Value = Callable[["ModePoint"], float]
+AT_LIMIT = 1e-9  # of the limit: a load that is nearer has reached it
 
 
 class Guard(NamedTuple):
@@ -57,8 +58,13 @@ class Candidate(NamedTuple):
     """A row that may carry load: its number, and the least and the largest multiplier."""
 
     row: int
-    lower: float
-    upper: float
+    lower: float = -np.inf
+    upper: float = np.inf
+
+    @classmethod
+    def pressing(cls, row: int, sign: float) -> "Candidate":
+        """A row whose multiplier has a sign, 1 or -1."""
+        return cls(row, lower=0.0) if sign > 0 else cls(row, upper=0.0)
 
     @property
     def slips(self) -> bool:
@@ -121,3 +127,29 @@ class Switch:
 
     def enter(self, system: "Index2System", state: int) -> None:
         """Set what else depends on the state in a workspace."""
+
+
+class OneSidedRow(Switch):
+    """What switches a row that works on one side: sign (G v + g_t) is free to grow, sign lam >= 0.
+
+    Args:
+        name: of the switch.
+        row: number of the row.
+        sign: 1 or -1.
+    """
+
+    def __init__(self, name: str, row: int, sign: float) -> None:
+        super().__init__(name)
+        self.row, self.sign = row, sign
+
+    def speed(self, point: "ModePoint") -> float:
+        """Return how fast it opens, or runs free."""
+        return self.sign * float(point.rate[self.row])
+
+    def acceleration(self, point: "ModePoint") -> float:
+        """Return the rate of `speed`."""
+        return self.sign * point.acceleration(self.row)
+
+    def load(self, point: "ModePoint") -> float:
+        """Return the force with which it presses, or the torque that it transmits; positive while it does."""
+        return self.sign * float(point.lam[self.row])

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ..closures.closure import Closure
 from ..closures.one_sided import REST, OneSided, Stop
-from .switch import Candidate, Guard, Strike, Switch
+from .switch import Candidate, Guard, OneSidedRow, Strike, Switch
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -17,7 +15,7 @@ SIDES = {"distance": -1.0}  # kind: on which side of g = 0 a body moves freely, 
 OPEN, CLOSED = 0, 1
 
 
-class Unilateral(Switch):
+class Unilateral(OneSidedRow):
     """A row with a gap: sign g >= 0, sign lam >= 0, and one of them 0; others of its closure come and go with it.
 
     Args:
@@ -29,15 +27,14 @@ class Unilateral(Switch):
     """
 
     def __init__(self, spec: OneSided, name: str, row: int, sign: float, others: tuple[int, ...] = ()) -> None:
-        super().__init__(name)
-        self.row, self.sign, self.others = row, sign, others
-        self.restitution, self.rest = spec.restitution or 0.0, spec.rest or REST
+        super().__init__(name, row, sign)
+        self.others, self.restitution, self.rest = others, spec.restitution or 0.0, spec.rest or REST
 
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         out: list[Switch] = []
         for spec in mechanism.constraints:
-            rows = [i for i, name in enumerate(mechanism.row_names) if name == spec.name]
+            rows = mechanism.rows_of(spec.name)
             if isinstance(spec, Stop):
                 words = {1.0: "lower", -1.0: "upper"}
                 out += [
@@ -59,23 +56,10 @@ class Unilateral(Switch):
         """Return the gap, positive where it is open."""
         return self.sign * float(point.g[self.row])
 
-    def speed(self, point: "ModePoint") -> float:
-        """Return the rate of the gap."""
-        return self.sign * float(point.rate[self.row])
-
-    def bend(self, point: "ModePoint") -> float:
-        """Return the second derivative of the gap."""
-        vdot = point.derivative[0][len(point.v) : 2 * len(point.v)]
-        return self.sign * float(point.G[self.row] @ vdot + point.gamma[self.row])
-
-    def pressure(self, point: "ModePoint") -> float:
-        """Return the force that presses, positive while it does."""
-        return self.sign * float(point.lam[self.row])
-
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == OPEN:
-            return (Guard("touch", self.name, self.at, self.gap, self.speed, self.bend),)
-        return (Guard("let go", self.name, self.at, self.pressure, loads=True),)
+            return (Guard("touch", self.name, self.at, self.gap, self.speed, self.acceleration),)
+        return (Guard("let go", self.name, self.at, self.load, loads=True),)
 
     def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
         if state != CLOSED and self.gap(point) > near:
@@ -85,5 +69,4 @@ class Unilateral(Switch):
     def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
         if state != CLOSED and self.gap(point) > near:
             return ()
-        low, high = (0.0, np.inf) if self.sign > 0 else (-np.inf, 0.0)
-        return (Candidate(self.row, low, high), *(Candidate(row, -np.inf, np.inf) for row in self.others))
+        return (Candidate.pressing(self.row, self.sign), *(Candidate(row) for row in self.others))

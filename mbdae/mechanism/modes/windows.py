@@ -42,8 +42,7 @@ class Window(Switch):
                 joint = find_joint(mechanism.model, c.within.joint)
                 if (joint.nq, joint.nv) != (1, 1):
                     raise InputError(f"{c.name!r}: joint {c.within.joint!r} of within needs one bounded coordinate")
-                rows = [i for i, name in enumerate(mechanism.row_names) if name == c.name]
-                out.append(cls(c.name, c.within, rows, (joint.idx_q, joint.idx_v)))
+                out.append(cls(c.name, c.within, mechanism.rows_of(c.name), (joint.idx_q, joint.idx_v)))
         return out
 
     @property

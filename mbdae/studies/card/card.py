@@ -149,7 +149,6 @@ def card(mech: Mechanism) -> Card:
     g, Gv = mech.residual(q, v)
     loaded, gap = mech.given[0], mech.gap_as_given
     switching = {row for switch in mech.switches for row in switch.rows}
-    of = [mech.row_closure(i) for i in range(mech.ng)]
     closures = []
     for c in mech.constraints:
         closures.append(
@@ -158,7 +157,7 @@ def card(mech: Mechanism) -> Card:
                 "kind": c.kind if isinstance(c, Closure) else type(c).__name__.lower(),
                 "joins": list(c.between),
                 "rows": c.m,
-                "dependent": 0 if of.index(c.name) in switching else shared.get(c.name, 0),
+                "dependent": 0 if mech.rows_of(c.name)[0] in switching else shared.get(c.name, 0),
             }
         )
     return Card(

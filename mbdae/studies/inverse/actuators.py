@@ -11,7 +11,6 @@ from ...mechanism.forces.dc_motor import DCMotor
 from ...mechanism.forces.joint_pid import JointPID
 from ...mechanism.forces.joint_torque import JointTorque
 from ...mechanism.frames import find_joint
-from ...mechanism.reactions import span
 from ...mechanism.units import coordinate_units
 from ...system import Array
 
@@ -68,7 +67,7 @@ def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str 
         driver = drivers.get(name) or next((d for d in mech.drivers if d.joint == name), None)
         if driver is not None and not driver.joint:
             kind = "N" if driver.frames else _unit(mech, driver.between[0])
-            found.append((name, kind, np.zeros(mech.nv), span(mech, driver.name).start))
+            found.append((name, kind, np.zeros(mech.nv), mech.rows_of(driver.name)[0]))
             continue
         joint = (driver.joint if driver else None) or forces.get(name) or motors.get(name) or name
         if joint not in mech.joint_names:

@@ -36,7 +36,7 @@ def driven(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
         InputError: for a joint of several coordinates, or one that is both driven and held.
     """
     if not mech.positional.all():
-        name = mech.row_closure(int(np.flatnonzero(~mech.positional)[0]))
+        name = mech.row_names[int(np.flatnonzero(~mech.positional)[0])]
         raise InputError(f"{name!r} has rows of velocity: where it rolls to depends on the way, not on the input alone")
     own = {d.name: d for d in mech.drivers}
     if drive not in own and drive not in mech.joint_names:

@@ -181,12 +181,12 @@ def test_equalities_have_the_residuals_and_jacobians_of_mujoco(name):
     for q, v in random_states(mech, 3):
         T, _ = at(mech, m, d, q, v)
         g, G = system.closures(q, 0.0)
-        J, names = d.efc_J.reshape(d.nefc, m.nv), [mech.row_closure(i) for i in range(mech.ng)]
+        J = d.efc_J.reshape(d.nefc, m.nv)
         for closure in mech.constraints:
             i = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_EQUALITY, closure.name)
             theirs = np.flatnonzero(d.efc_id[: d.ne] == i)
             p, dp = d.efc_pos[theirs], J[theirs] @ np.linalg.inv(T)
-            mine = np.array([k for k, name in enumerate(names) if name == closure.name])
+            mine = np.array(mech.rows_of(closure.name))
             if not closure.frames:
                 np.testing.assert_allclose(g[mine], p, atol=EXACT)
                 np.testing.assert_allclose(G[mine], dp, atol=EXACT)
