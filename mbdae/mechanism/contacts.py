@@ -13,6 +13,7 @@ from .closures.line_rows import still
 from .reactions import NONE, NOT_UNIQUE, null_rows, sampled
 
 if TYPE_CHECKING:
+    from .formulations.index2 import Index2System
     from .mechanism import Mechanism
 
 FORCES = ("normal", "longitudinal", "lateral")
@@ -112,13 +113,7 @@ def contact(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Con
     """
     points = path(mech, name, q)
     system, owned = mech.system(), mech.rows_of(name)
-    turn = np.zeros((3, len(owned)))
-    for rows, kind, _ in system.constraints.frame_parts[name].rows:
-        at = slice(rows.start - owned.start, rows.stop - owned.start)
-        if isinstance(kind, Height):
-            turn[0, at] = 1.0
-        elif isinstance(kind, Grip):
-            turn[1:, at] = kind.share
+    turn = force_shares(system, name)
     force = np.asarray(lam)[:, owned] @ turn.T
     if not turn[0].any():
         force[:, 0] = np.nan
@@ -128,6 +123,19 @@ def contact(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Con
     normal, ahead, left = force.T
     known = bool(unique[0]), bool(unique[1]), bool(unique[2])
     return Contact(name, np.asarray(t), normal, ahead, left, points, known)
+
+
+def force_shares(system: "Index2System", name: str) -> Array:
+    """What the multipliers of a rolling closure are of its normal, longitudinal and lateral force, (3, m)."""
+    owned = system.constraints.spans[name]
+    out = np.zeros((3, owned.stop - owned.start))
+    for rows, kind, _ in system.constraints.frame_parts[name].rows:
+        at = slice(rows.start - owned.start, rows.stop - owned.start)
+        if isinstance(kind, Height):
+            out[0, at] = 1.0
+        elif isinstance(kind, Grip):
+            out[1:, at] = kind.share
+    return out
 
 
 def path(mech: "Mechanism", name: str, q: Array) -> Array:

@@ -31,7 +31,7 @@ def effort_units(mech: "Mechanism") -> dict[str, str]:
     """Names and units of the columns of `efforts`."""
     out: dict[str, str] = {}
     along = _coordinates(mech)
-    for name, law in _named(mech, mech.system().laws).items():
+    for name, law in named_laws(mech, mech.system().laws).items():
         if law.tension:
             out[f"force.{name}"] = "N"
         elif isinstance(law, PairElement):
@@ -61,7 +61,7 @@ def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[s
     """
     names = list(effort_units(mech))
     system = mech.system()
-    laws = list(_named(mech, system.laws).values())
+    laws = list(named_laws(mech, system.laws).values())
     alone = [ForceElements([law], mech.model) for law in laws]
     at = dict((id(law), where) for law, where in system.laws.bound)
     out = np.empty((len(t), len(names)))
@@ -98,7 +98,7 @@ def _given(law: ForceElement, t: float, v: Array, tau: Array) -> list[float]:
     return [x for part in (force, torque) for x in (float(np.linalg.norm(part)), *part.tolist())]
 
 
-def _named(mech: "Mechanism", laws: ForceElements) -> dict[str, ForceElement]:
+def named_laws(mech: "Mechanism", laws: ForceElements) -> dict[str, ForceElement]:
     """The forces by names of their own."""
     taken = {*joint_names(mech.model), *(c.name for c in mech.constraints)}
     out: dict[str, ForceElement] = {}

@@ -109,6 +109,15 @@ class PairElement(ForceElement):
         """Return the wrenches of the conservative and the other part; the pair is located, V = V_b - V_a (6,)."""
         raise NotImplementedError
 
+    def rising(self, t: float) -> Array | float:
+        """Return the rate of the wrench in time alone, (6,), or 0; the pair is located."""
+        return 0.0
+
+    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
+        self.pair.locate()
+        tau = self.pair.torque(self.rising(t) + np.zeros(6))
+        return np.append(tau, tau @ v)
+
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         self.pair.locate()
         here, nv = PairSlopes(self.pair, v), len(v)

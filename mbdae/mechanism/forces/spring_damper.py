@@ -71,10 +71,8 @@ class SpringDamperElement(PairElement):
         spring = Turning(-pull * w, stretch - pull * Da, -stretch - pull * Db, np.zeros((6, 6)))
         return spring, Turning(push * w, push * Da + damper * V.dot(Da), push * Db + damper * V.dot(Db), damper * w)
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
-        self.pair.locate()
-        tau = self.spec.force.slope(t) * self.pair.torque(line_slopes(self.pair)[0])
-        return np.append(tau, tau @ v)
+    def rising(self, t: float) -> Array:  # noqa: D102
+        return self.spec.force.slope(t) * line_slopes(self.pair)[0]
 
     def potential(self, q: Array) -> float:  # noqa: D102
         self.pair.locate()

@@ -53,11 +53,9 @@ class WrenchElement(PairElement):
         moment = self.pair.torque(np.concatenate([np.zeros(3), m])) if m.any() else np.zeros_like(v)
         return (force, moment) if self.steady else (0.0, force + moment)
 
-    def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
-        self.pair.locate()
+    def rising(self, t: float) -> Array:  # noqa: D102
         n, m = self.vectors(t, slope=True)
-        tau = self.pair.torque(np.concatenate([n, m + skew(self.pair.pb) @ n]))
-        return np.append(tau, tau @ v)
+        return np.concatenate([n, m + skew(self.pair.pb) @ n])
 
     def vectors(self, t: float, *, slope: bool = False) -> tuple[Array, Array]:
         """Return force and torque in the axes of the world, or their slopes in time, (3,) each."""

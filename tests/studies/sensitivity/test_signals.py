@@ -1,0 +1,99 @@
+"""Derivatives of every signal of several models beside difference quotients of order six of runs."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frozen import compare, quotient, runs_of
+
+import mbdae
+from mbdae.errors import InputError
+from mbdae.solution.signals import signals as columns
+from mbdae.solution.signals import units
+from mbdae.studies.sensitivity.signal_slopes import SignalSlopes
+
+ALL_SORTS = str(Path(__file__).parents[2] / "data" / "all_sorts.toml")
+WITHOUT = ("g", "Gv")  # a largest magnitude has no derivative
+WIDTHS = (1e-3, 1e-2)
+
+
+def wrong(model, name, T, **options):
+    """Signals whose derivatives miss the quotients of runs, with the relative error; and how many there are."""
+    template, value, run = runs_of(model, name, T, step=T / 2, method="pherk5", **options)
+    sol = run(value)
+    known = [x for x in units(sol.mechanism) if x not in WITHOUT]
+    here = columns(sol, known)
+    known = [x for x in known if np.isfinite(here[x]).all()]
+    moves = mbdae.sensitivity(sol, [name], model=template)
+
+    def at(x):
+        found = columns(run(x), known)
+        return np.array([found[key] for key in known])
+
+    size = np.maximum(1.0, np.abs([here[key] for key in known]).max(axis=1))
+    slopes = SignalSlopes(moves.trace, known)
+    variations = np.hstack([moves.dy[..., 0], np.ones((len(sol.t), 1)), moves.dt])
+    moved = np.array([slopes.rows(i, sol.t[i], y) @ variations[i] for i, y in enumerate(sol.y)]).T
+    errors = []
+    for width in WIDTHS:
+        expected = quotient(at, value, width)
+        errors.append(np.abs(moved - expected).max(axis=1) / np.maximum(size, np.abs(expected).max(axis=1)))
+    least = np.min(errors, axis=0)
+    assert np.abs(moved).max() > 0
+    return {key: e for key, e in zip(known, least, strict=True) if not e < 1e-9}, len(known)
+
+
+@pytest.mark.parametrize(
+    ("model", "name", "T"),
+    [
+        ("four_bar", "frame.coupler_tip.xyz.0", 0.2),
+        ("heavy_top", "gravity.2", 0.02),
+        ("stewart_platform", "gravity.2", 0.04),
+        ("andrews_squeezer", "force.spring.stiffness", 2e-3),
+        ("car_axis", "force.left spring.stiffness", 0.05),
+        ("rolling_disc", "gravity.2", 0.02),
+        ("rattleback", "gravity.2", 0.02),
+        ("delta_robot", "gravity.2", 0.02),
+    ],
+)
+def test_every_signal(model, name, T):
+    missed, n = wrong(model, name, T)
+    assert not missed
+    assert n > 20
+
+
+NAMES = (
+    "body.arm.mass", "body.hand.com.2", "body.rotor.inertia.1", "body.hand.xyz.1", "frame.tip.rpy.0",
+    "frame.post.xyz.2", "gravity.0", "closure.rod.length", "driver.turntable.motion.amplitude", "force.bush.stiffness.1",
+    "force.bush.damping.4", "force.gust.force.1.amplitude", "force.jet.torque.1.value", "force.strut.length",
+    "force.coil.rest", "force.motor.constant", "force.servo.ki", "force.grease.friction",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_signal_of_all_sorts_of_forces(name):
+    missed, n = wrong(ALL_SORTS, name, 0.02)
+    assert not missed
+    assert n > 250
+
+
+def test_signals_go_backwards():
+    sol = mbdae.solve(mbdae.load(ALL_SORTS), (0.0, 0.02), step=0.01)
+    names = [name for name in units(sol.mechanism) if name not in WITHOUT]
+    compare(sol, ["body.arm.mass", "frame.tip.xyz.0"], names[:: len(names) // 7], start=True)
+
+
+@pytest.mark.parametrize("name", WITHOUT)
+def test_what_has_no_gradient_says_why(name):
+    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.01), step=0.01)
+    with pytest.raises(InputError, match=f"signal {name!r} has no gradient: it is the largest magnitude"):
+        mbdae.sensitivity(sol, ["gravity.2"]).signal(name)
+
+
+def test_a_force_that_nothing_tells_is_named():
+    """Joints keep the height of a wheel: no row presses it."""
+    mech = mbdae.load("differential_drive")
+    lost = [name for name, x in mbdae.solve(mech, (0.0, 0.01)).signals().items() if np.isnan(x).all()]
+    assert lost
+    with pytest.raises(InputError, match="it is not a number there"):
+        mbdae.sensitivity(mbdae.solve(mech, (0.0, 0.01)), start=True).signal(lost[0])
