@@ -1,73 +1,113 @@
-"""mbdae: constrained mechanisms as index-2 DAEs, stepped by half-explicit Runge-Kutta methods and Radau IIA."""
+"""mbdae: constrained mechanisms as index-2 DAEs, stepped by half-explicit Runge-Kutta methods and Radau IIA.
 
+Names are imported when they are used: Pinocchio, numpy and scipy take a second, which the command line does not have
+when it completes a word.
+"""
+
+from functools import cache
 from importlib import import_module
-from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .cli import interrupt  # noqa: F401, before all that takes a second to import
 
 # isort: split
-from .errors import MbdaeError
-from .integrate.events import Event
-from .integrate.solve import solve
-from .mechanism import (
-    Closure,
-    Clutch,
-    Driver,
-    Function,
-    Mechanism,
-    Stop,
-    load,
-    model_names,
-)
-from .mechanism.forces import NAMES as _FORCES
-from .members import public
-from .methods import METHODS, Tableau
-from .solution.solution import Solution
-from .textbook.hessenberg import Hessenberg
+from .members import classes, public
 
-_STUDIES = public("mbdae.studies", "*/*.py")  # loaded when used: plotting and viewing are slow to import
+if TYPE_CHECKING:  # what editors and type checkers see of the names that `_places` finds
+    from .errors import MbdaeError as MbdaeError
+    from .integrate.events import Event as Event
+    from .integrate.solve import solve as solve
+    from .mechanism import Closure as Closure
+    from .mechanism import Clutch as Clutch
+    from .mechanism import Driver as Driver
+    from .mechanism import Function as Function
+    from .mechanism import Mechanism as Mechanism
+    from .mechanism import Stop as Stop
+    from .mechanism import load as load
+    from .mechanism import model_names as model_names
+    from .mechanism.forces.actuator import Actuator as Actuator
+    from .mechanism.forces.bushing import Bushing as Bushing
+    from .mechanism.forces.coulomb_friction import CoulombFriction as CoulombFriction
+    from .mechanism.forces.dc_motor import DCMotor as DCMotor
+    from .mechanism.forces.joint_damping import JointDamping as JointDamping
+    from .mechanism.forces.joint_friction import JointFriction as JointFriction
+    from .mechanism.forces.joint_pid import JointPID as JointPID
+    from .mechanism.forces.joint_spring import JointSpring as JointSpring
+    from .mechanism.forces.joint_torque import JointTorque as JointTorque
+    from .mechanism.forces.sampled import Sampled as Sampled
+    from .mechanism.forces.spring_damper import SpringDamper as SpringDamper
+    from .mechanism.forces.wrench import Wrench as Wrench
+    from .methods import METHODS as METHODS
+    from .methods import Tableau as Tableau
+    from .solution.solution import Solution as Solution
+    from .studies.card.card import card as card
+    from .studies.comparison.compare import compare as compare
+    from .studies.drift.drift import drift as drift
+    from .studies.fit.fit import fit as fit
+    from .studies.inverse.inverse import inverse_dynamics as inverse_dynamics
+    from .studies.kinematics.kinematics import kinematics as kinematics
+    from .studies.kinematics.modes import assembly_modes as assembly_modes
+    from .studies.modes.linear_system import linearize as linearize
+    from .studies.modes.modes import modes as modes
+    from .studies.modes.root_locus import root_locus as root_locus
+    from .studies.optimize.optimize import optimize as optimize
+    from .studies.order.gradients import check_gradients as check_gradients
+    from .studies.order.order import check_order as check_order
+    from .studies.replay.replay import animate as animate
+    from .studies.report.report import report as report
+    from .studies.schema.json_schema import json_schema as json_schema
+    from .studies.sensitivity.cost import Squares as Squares
+    from .studies.sensitivity.gradient import gradient as gradient
+    from .studies.sensitivity.sensitivity import sensitivity as sensitivity
+    from .studies.statics.equilibria import equilibria as equilibria
+    from .studies.statics.equilibrium import equilibrium as equilibrium
+    from .studies.statics.load_path import load_path as load_path
+    from .studies.sweep.plan import Random as Random
+    from .studies.sweep.sweep import sweep as sweep
+    from .studies.sweep.table import Sweep as Sweep
+    from .studies.view.view import view as view
+    from .textbook.hessenberg import Hessenberg as Hessenberg
 
-globals().update(_FORCES)
+    __version__: str
+
+_CORE = {
+    "errors": ["MbdaeError"],
+    "integrate.events": ["Event"],
+    "integrate.solve": ["solve"],
+    "mechanism": ["Closure", "Clutch", "Driver", "Function", "Mechanism", "Stop", "load", "model_names"],
+    "methods": ["METHODS", "Tableau"],
+    "solution.solution": ["Solution"],
+    "textbook.hessenberg": ["Hessenberg"],
+}
 
 
-def _study(name: str, function: str) -> Any:
-    return getattr(import_module(f"mbdae.studies.{name}"), function)
+@cache
+def _places() -> dict[str, str]:
+    """The module of each public name: of the core, of forces, and of studies by their ``__all__``."""
+    core = {name: f"mbdae.{module}" for module, names in _CORE.items() for name in names}
+    forces = classes("mbdae.mechanism.forces", "Force", "PythonForce")
+    return core | forces | public("mbdae.studies", "*/*.py")
 
 
-# solutions and mechanisms know nothing of studies: what shows them is handed down, and loaded when used
-Solution.viewer = lambda sol: _study("replay.replay", "notebook")(sol)  # type: ignore[assignment]
-Solution.drawer = lambda sol, path, names: _study("figures", "given")(  # type: ignore[assignment]
-    _study("run.figure", "motion")(sol, names), path
-)
-Mechanism.viewer = lambda mech: _study("card.card", "card")(mech)._repr_html_()  # type: ignore[assignment]
-Mechanism.view = lambda mech, q=None: _study("view.view", "view")(mech, q)  # type: ignore[attr-defined]
-
-
-def __getattr__(name: str) -> Any:
+def _value(name: str) -> Any:
+    if name == "__all__":
+        return sorted(_places())
     if name == "__version__":
-        return version("mbdae")
-    if name in _STUDIES:
-        return getattr(import_module(_STUDIES[name]), name)
+        return import_module("importlib.metadata").version("mbdae")
+    if name in _places():
+        return getattr(import_module(_places()[name]), name)
+    if name[0].isupper():  # a class of forces that another package adds
+        forces = import_module("mbdae.mechanism.forces").NAMES
+        if name in forces:
+            return forces[name]
     raise AttributeError(f"module 'mbdae' has no attribute {name!r}")
 
 
-__all__ = [
-    "METHODS",
-    "Closure",
-    "Clutch",
-    "Driver",
-    "Event",
-    "Function",
-    "Hessenberg",
-    "MbdaeError",
-    "Mechanism",
-    "Solution",
-    "Tableau",
-    "Stop",
-    "load",
-    "model_names",
-    "solve",
-    *_FORCES,
-    *_STUDIES,
-]
+if not TYPE_CHECKING:  # to a type checker every name would be one of mbdae's
+
+    def __getattr__(name: str) -> Any:
+        globals()[name] = value = _value(name)
+        return value
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *_places(), "__version__"})

@@ -5,7 +5,7 @@ import warnings
 
 import click
 
-from .cli.interrupt import CODE, release
+from .cli.interrupt import CODE
 from .cli.options import FAILED, HOLDS, USAGE
 from .errors import InputError, MbdaeError, printable
 from .members import members
@@ -23,7 +23,6 @@ for command in members("mbdae.studies", click.Command, files="*/command.py"):
 
 def main() -> None:
     """Entry point: errors are one line on stderr; exit codes as in `mbdae.cli.options`, 130 for Ctrl-C."""
-    release()
     warnings.showwarning = lambda message, *_: _say(f"warning: {message}")  # type: ignore[assignment]
     try:
         sys.exit(cli(standalone_mode=False) or HOLDS)

@@ -8,7 +8,6 @@ import platform
 import warnings
 from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -109,6 +108,8 @@ def _built_for(file: Path) -> str:
 
 def _installed() -> str:
     """The exact version of Pinocchio, if the package that is imported and its library's are the same."""
+    from importlib.metadata import PackageNotFoundError, version
+
     import pinocchio
 
     try:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from .errors import InputError
 
+TABLE_SUFFIXES = (".csv", ".json", ".tex")  # what results of studies are saved as
+
 
 @contextmanager
 def write_whole(path: str | Path) -> Iterator[Path]:

@@ -1,13 +1,20 @@
-"""Families are folders: their members are found by looking, never typed into a list."""
+"""Families are folders: their members are found by looking, never typed into a list.
+
+What only has to be named, on a command line or for `dir`, is found in the text of files: nothing is imported.
+"""
 
 import ast
 import re
 import warnings
 from collections.abc import Callable, Iterator
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
+
+from .errors import InputError
+
+OWN = ("mechanism.toml", "mechanism.py")  # in the folder of a model that comes with mbdae
+PACKAGE = Path(__file__).resolve().parent
 
 
 def members(package: str, *kinds: type, files: str = "*.py") -> Iterator[Any]:
@@ -31,7 +38,7 @@ def plugins(group: str, fits: Callable[[Any], bool], what: str) -> dict[str, Any
         what: what it should be, in words.
     """
     out: dict[str, Any] = {}
-    for point in entry_points(group=group):
+    for point in added(group):
         where = f"entry point {point.name!r} of {group} in {point.dist.name if point.dist else 'a package'}"
         try:
             value = point.load()
@@ -45,17 +52,65 @@ def plugins(group: str, fits: Callable[[Any], bool], what: str) -> dict[str, Any
     return out
 
 
+def added(group: str) -> Any:
+    """Return the entry points of a group, see `plugins`, of which none is imported."""
+    from importlib.metadata import entry_points  # slow to import, and seldom asked for
+
+    return entry_points(group=group)
+
+
 def public(package: str, files: str = "*.py") -> dict[str, str]:
     """Return the names that files list in ``__all__``, with their modules, of which none is imported."""
-    out: dict[str, str] = {}
+    lists = _written(package, r"^__all__ = (\[[^]]*\])", files)
+    return {name: module for text, module in lists for name in ast.literal_eval(text)}
+
+
+def classes(package: str, *bases: str) -> dict[str, str]:
+    """Return the names of classes of these bases, by name, with their modules, of which none is imported."""
+    return dict(_written(package, rf"^class (\w+)\((?:{'|'.join(bases)})\):"))
+
+
+def instances(package: str, *kinds: str) -> list[str]:
+    """Return the names of values that files make of classes, by name: ``herk1 = Tableau(``; none is imported."""
+    written = _written(package, rf"^(\w+(?:, \w+)*) = \(?(?:{'|'.join(kinds)})\(")
+    return [name for names, _ in written for name in names.split(", ")]
+
+
+def models_directory() -> Path:
+    """The folder of the models: ``mbdae/models`` when installed, ``models`` beside ``mbdae`` in a checkout."""
+    found = [d for d in (PACKAGE / "models", PACKAGE.parent / "models") if d.is_dir()]
+    if not found:
+        raise InputError(f"the models folder is missing beside {PACKAGE}")
+    return found[0]
+
+
+def model_names() -> list[str]:
+    """Names of the models that come with mbdae."""
+    return sorted({file.parent.name for own in OWN for file in models_directory().glob(f"*/{own}")})
+
+
+def later(module: str, name: str) -> Callable[..., Any]:
+    """Return a function that is imported when it is called: results are shown by studies, of which they know no more.
+
+    Args:
+        module: dotted name of its module.
+        name: its name there.
+    """
+
+    def call(*args: Any, **named: Any) -> Any:
+        return getattr(import_module(module), name)(*args, **named)
+
+    return call
+
+
+def _written(package: str, pattern: str, files: str = "*.py") -> Iterator[tuple[str, str]]:
+    """The first group of a pattern, wherever it is in files, and the module where it is."""
     for module, path in _modules(package, files).items():
-        found = re.search(r"^__all__ = (\[[^]]*\])", path.read_text("utf-8"), re.MULTILINE)
-        out |= dict.fromkeys(ast.literal_eval(found[1]), module) if found else {}
-    return out
+        yield from ((found[1], module) for found in re.finditer(pattern, path.read_text("utf-8"), re.MULTILINE))
 
 
 def _modules(package: str, files: str) -> dict[str, Path]:
-    """Modules of a folder by dotted name; those with an underscore are nobody's members."""
-    folder = Path(str(import_module(package).__file__)).parent
+    """Modules of a folder of mbdae by dotted name; those with an underscore are nobody's members."""
+    folder = PACKAGE.joinpath(*package.split(".")[1:])
     paths = sorted(path for path in folder.glob(files) if not path.stem.startswith("_"))
     return {".".join([package, *path.relative_to(folder).with_suffix("").parts]): path for path in paths}

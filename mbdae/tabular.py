@@ -14,9 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .errors import InputError
-from .files import write_whole
+from .files import TABLE_SUFFIXES, write_whole
 
-SUFFIXES = (".csv", ".json", ".tex")
 POWER = re.compile(r"(<?)(-?[\d.]+)e([+-]?\d+)")
 SPECIAL = {c: rf"\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}"} | {
     "^": r"\textasciicircum{}", "|": "$|$", "<": "$<$", ">": "$>$"
@@ -108,8 +107,8 @@ class Tabular:
             InputError: for another suffix, a result without columns or table, or an unwritable path.
         """
         suffix = Path(path).suffix
-        if suffix not in SUFFIXES:
-            raise InputError(f"{type(self).__name__} is saved as {' or '.join(SUFFIXES)}, got {str(path)!r}")
+        if suffix not in TABLE_SUFFIXES:
+            raise InputError(f"{type(self).__name__} is saved as {' or '.join(TABLE_SUFFIXES)}, got {str(path)!r}")
         if suffix == ".csv":
             write_csv(self.tabulated().values, path)
             return

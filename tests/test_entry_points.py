@@ -66,6 +66,7 @@ import warnings
 with warnings.catch_warnings(record=True) as said:
     warnings.simplefilter("always")
     import mbdae
+    mbdae.METHODS, mbdae.load
 print(*(str(w.message) for w in said if "entry point" in str(w.message)), sep="\\n")
 mech = mbdae.load("a.chain", forces=[mbdae.JointDrag(joint="b1", drag=2.0)])
 sol = mbdae.solve(mech, (0, 0.1), method="ralston3", step=0.01, backend="python")

@@ -1,7 +1,7 @@
-"""Ctrl-C while the command line is still being imported: one line, and the exit code of shells for it.
+"""Ctrl-C on the command line: an error that commands catch; in the middle of an import one line, and the end.
 
-Imported first; the handler stands until `release`, where errors can be caught. An exception will not do: it would come
-out of the middle of other packages' imports, as whatever they make of it.
+Imported first, and imports go on while commands begin. An exception would come out of the middle of other packages'
+imports, as whatever they make of it.
 """
 
 import os
@@ -11,17 +11,16 @@ from pathlib import Path
 from types import FrameType
 
 CODE = 130  # 128 and the number of SIGINT
+IMPORTS = "<frozen importlib"  # the file of the functions that import, as Python calls it
 
 
-def release() -> None:
-    """Let Ctrl-C be a KeyboardInterrupt again."""
-    if signal.getsignal(signal.SIGINT) is _end:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def _end(number: int, frame: FrameType | None) -> None:
-    os.write(2, b"mbdae: stopped by the user\n")
-    os._exit(CODE)
+def _stop(number: int, frame: FrameType | None) -> None:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith(IMPORTS):
+            os.write(2, b"mbdae: stopped by the user\n")
+            os._exit(CODE)
+        frame = frame.f_back
+    raise KeyboardInterrupt
 
 
 def _command_line() -> bool:
@@ -31,4 +30,4 @@ def _command_line() -> bool:
 
 
 if _command_line() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    signal.signal(signal.SIGINT, _end)
+    signal.signal(signal.SIGINT, _stop)

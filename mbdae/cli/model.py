@@ -2,17 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import wraps
-from typing import Any
+from functools import partial, wraps
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from ..errors import InputError
-from ..mechanism import Mechanism, load
-from ..mechanism.formats.template import START, with_start
-from ..solution.solution import Problem
-from ..textbook.problems import TEXTBOOK
+from ..members import model_names, public
+from .completion import completed, problems
 from .options import values_by_name
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+    from ..solution.solution import Problem
 
 start_option = click.option(
     "--start", "started", multiple=True, metavar="q.JOINT=X", help="A start value: q, v, guess or guess_v of a joint."
@@ -32,28 +34,38 @@ class ChosenModel:
     name: str
     start: dict[str, Any]
 
-    def load(self) -> Mechanism:
+    def load(self) -> "Mechanism":
         """Load it.
 
         Raises:
             UnknownNameError, InputError: as `mbdae.load`; for a start value of a joint that it has not.
         """
+        from ..mechanism import load
+        from ..mechanism.formats.template import with_start
+
         return with_start(load(self.name), self.start)
 
-    def problem(self) -> Problem:
+    def problem(self) -> "Problem":
         """Load it, or make the textbook problem of that name.
 
         Raises:
             UnknownNameError, InputError: as `load`; for a start value of a textbook problem.
         """
-        if self.name not in TEXTBOOK:
+        if not self.textbook:
             return self.load()
+        from ..textbook.problems import TEXTBOOK
+
         if self.start:
             raise InputError(f"start values are those of mechanisms, {self.name!r} is a textbook problem")
         return TEXTBOOK[self.name]()
 
     @property
-    def source(self) -> str | Mechanism:
+    def textbook(self) -> bool:
+        """Whether it is a problem of textbooks."""
+        return self.name in public("mbdae.textbook.problems")
+
+    @property
+    def source(self) -> "str | Mechanism":
         """The name, or the mechanism where it starts elsewhere."""
         return self.load() if self.start else self.name
 
@@ -70,13 +82,15 @@ def chosen_model(name: str, started: tuple[str, ...], chosen: tuple[str, ...]) -
             raise InputError(f"--set takes name=value, got {text!r}")
         name += f"{'&' if '?' in name else '?'}{text}"
     start = values_by_name(started, "--start")
+    from ..mechanism.formats.template import START
+
     return ChosenModel(name, {START + key: x for key, x in start.items()})
 
 
-def model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
-    """An argument MODEL with ``--start`` and ``--set``, handed on as a `ChosenModel`."""
+def model_argument(command: Callable[..., Any], names: Callable[[], list[str]] = model_names) -> Callable[..., Any]:
+    """An argument MODEL with ``--start`` and ``--set``, handed on as a `ChosenModel`; completed to one of ``names``."""
 
-    @click.argument("model")
+    @click.argument("model", shell_complete=completed(names))
     @start_option
     @set_option
     @wraps(command)
@@ -84,3 +98,7 @@ def model_argument(command: Callable[..., Any]) -> Callable[..., Any]:
         return command(model=chosen_model(model, started, chosen), **options)
 
     return inner
+
+
+problem_argument = partial(model_argument, names=problems)
+"""The same, where it may be a problem of textbooks."""

@@ -7,31 +7,31 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
-from rich.text import Text
 
 from ..backend import BACKENDS
 from ..errors import InputError, printable
-from ..integrate.defaults import completed, with_tolerance
-from ..integrate.solve import solve
-from ..integrate.span import checked_span
-from ..solution.solution import Problem, Solution
-from ..tabular import SUFFIXES, finite
+from ..files import TABLE_SUFFIXES
+from .completion import FORMULATIONS, completed, methods
+
+if TYPE_CHECKING:
+    from ..solution.solution import Problem, Solution
 
 RTOL = 1e-8  # of a run on the command line
 HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
 as_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
-method_option = click.option("-m", "--method", help="A name of `mbdae methods`; the model's own, or pherk6.")
+methods_completed = completed(methods)
+method_option = click.option(
+    "-m", "--method", help="A name of `mbdae methods`; the model's own, or pherk6.", shell_complete=methods_completed
+)
 rtol_option = click.option("--rtol", type=float, help="Relative tolerance; the model's own, or 1e-8.")
 atol_option = click.option("--atol", type=float, help="Absolute tolerance; 0.01 rtol when left out.")
 step_option = click.option("--step", type=float, help="Fixed step in s, instead of tolerances.")
 formulation_option = click.option(
     "--formulation",
+    shell_complete=completed(lambda: FORMULATIONS, files=False),
     help="index2; ggl: positions of closures kept too; index1: accelerations, -m dop853, or scipy's RK45, ...",
 )
 project_option = click.option(
@@ -43,12 +43,15 @@ backend_option = click.option(
 SPEEDS = click.FloatRange(min=0, min_open=True)
 speed_option = click.option("--speed", type=SPEEDS, help="Replay at this speed.  [default: 1, slower if short]")
 time_option = click.option("-t", "--time", "end", type=float, help="End time in s; the model's own when left out.")
-methods_option = click.option("-m", "--method", "names", multiple=True, help="A method; several times for several.")
+methods_option = click.option(
+    "-m", "--method", "names", multiple=True, help="A method; several times for several.",
+    shell_complete=methods_completed,
+)  # fmt: skip
 plot_option = click.option("--plot", type=click.Path(dir_okay=False), help="Draw a figure as .png, .svg or .pdf.")
 table_option = click.option(
     "-o", "--output", type=click.Path(dir_okay=False), help="Save as a table .csv, all as .json, or in LaTeX as .tex."
 )
-PICTURES, PAGES, TABLES = (".png", ".svg", ".pdf"), (".html",), SUFFIXES
+PICTURES, PAGES, TABLES = (".png", ".svg", ".pdf"), (".html",), TABLE_SUFFIXES
 
 
 def run_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -96,23 +99,28 @@ def writable(*paths: tuple[str | None, tuple[str, ...]]) -> list[str]:
     return [path for path, _ in named]
 
 
-def span(mech: Problem, end: float | None) -> tuple[float, float]:
+def span(mech: "Problem", end: float | None) -> tuple[float, float]:
     """The time span from 0 to an end, or to the model's own.
 
     Raises:
         InputError: for an end that is not positive.
     """
+    from ..integrate.span import checked_span
+
     return checked_span(mech.duration if end is None else end, end=True)
 
 
 def simulate(
-    mech: Problem, *, method: str | None, end: float | None, rtol: float | None, step: float | None, **options: Any
-) -> Solution:
+    mech: "Problem", *, method: str | None, end: float | None, rtol: float | None, step: float | None, **options: Any
+) -> "Solution":
     """Run a model from its start with a progress bar; settings that are None are those of its file, or the defaults.
 
     Raises:
         InputError: for tolerances beside a fixed step, and as `mbdae.solve`.
     """
+    from ..integrate.defaults import completed, with_tolerance
+    from ..integrate.solve import solve
+
     if step is not None and (rtol is not None or options.get("atol") is not None):
         raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
     given = with_tolerance(mech, {"method": method, "rtol": rtol, "step": step, **options}, RTOL)
@@ -120,7 +128,7 @@ def simulate(
         return solve(mech, span(mech, end), progress=tell, **given)
 
 
-def finish(sol: Solution) -> None:
+def finish(sol: "Solution") -> None:
     """Exit 1, with the reason on stderr, when a run did not come to its end."""
     if not sol.success:
         click.echo(printable(f"mbdae: {sol.status}: {sol.message}"), err=True)
@@ -129,11 +137,17 @@ def finish(sol: Solution) -> None:
 
 def emit(data: Any, text: str, as_json: bool) -> None:
     """Print a result as one JSON document, numbers that are not finite as null, or as text."""
+    from ..tabular import finite
+
     click.echo(json.dumps(finite(data), allow_nan=False) if as_json else printable(text))
 
 
 def show(rows: list[dict[str, Any]], as_json: bool) -> None:
     """Print rows as a table, or as JSON."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
     if as_json:
         emit(rows, "", as_json)
         return
@@ -182,6 +196,9 @@ def values_by_name(texts: tuple[str, ...], option: str) -> dict[str, Any]:
 @contextmanager
 def bar(label: str, total: float | None) -> Iterator[Callable[..., None]]:
     """A progress bar on stderr when that is a terminal; it is told a fraction, a text, or both."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
     console = Console(stderr=True, force_terminal=sys.stderr.isatty())
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:

@@ -1,13 +1,13 @@
 """What moves: mechanisms over Pinocchio models. The only place that imports pinocchio."""
 
 from ..errors import NotCompiled
+from ..members import model_names
 from .closures.closure import Closure
 from .closures.clutch import Clutch
 from .closures.driver import Driver
 from .closures.one_sided import Stop
 from .contacts import Contact, contact
 from .forces import NAMES
-from .formats.library import model_names
 from .formats.load import describe, load, restore
 from .formats.mjcf.states import from_mujoco, to_mujoco
 from .formats.tree import depth_first

@@ -3,12 +3,13 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from types import ModuleType
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from ..errors import InputError, UnknownNameError
+from ..members import later
 from ..system import Array
 from .appearance import appearance
 from .assembly import START, assemble, refuse_inconsistent
@@ -70,8 +71,6 @@ class Mechanism(Quantities):
         >>> mech = Mechanism(model, closures=[Closure.point("left_tip", "right_tip")])   # doctest: +SKIP
     """
 
-    viewer: ClassVar[Callable[["Mechanism"], str]]  # `mbdae.card` for notebooks, set by the package
-
     def __init__(
         self,
         model: pin.Model,
@@ -125,7 +124,11 @@ class Mechanism(Quantities):
         return f"<Mechanism {self.title}: nq {self.nq}, nv {self.nv}, {self.ng} closure rows>"
 
     def _repr_html_(self) -> str:
-        return type(self).viewer(self)
+        return later("mbdae.studies.card.card", "card")(self)._repr_html_()
+
+    def view(self, q: Array | None = None) -> Any:
+        """Return a page on which sliders move it from q (nq,), or from its start: see `mbdae.view`."""
+        return later("mbdae.studies.view.view", "view")(self, q)
 
     # -- sizes and names -----------------------------------------------------------------------------------------
 

@@ -1,17 +1,18 @@
 """What a run returns: times, states, multipliers, statistics, and the solution between the steps."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .. import backend
 from ..errors import InputError
 from ..mechanism import Contact, Effort, Mechanism, NotCompiled, Reaction, Singular, contact, effort, redundant
+from ..members import later
 from ..system import Array
 from ..tabular import Columns, Tabular
 from ..textbook.hessenberg import Hessenberg
@@ -24,7 +25,6 @@ from .signals import signals, units
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
 
 
 class Sample(NamedTuple):
@@ -69,8 +69,6 @@ class Solution(DenseOutput, Tabular):
     in_use: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
     modes: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
     impacts: list[Impact] = field(default_factory=list, repr=False)
-    viewer: ClassVar[Callable[["Solution"], str]]  # the page for notebooks, set by the package; so is what draws
-    drawer: ClassVar[Callable[..., Any]]
 
     def __post_init__(self) -> None:
         super().__init__()
@@ -227,7 +225,8 @@ class Solution(DenseOutput, Tabular):
             UnknownNameError: for a signal that does not exist.
             InputError: for another format, an unwritable path, or a textbook problem.
         """
-        return type(self).drawer(self, path, names)
+        figure = later("mbdae.studies.run.figure", "motion")(self, names)
+        return later("mbdae.studies.figures", "given")(figure, path)
 
     def save(self, path: str | Path) -> None:
         """Write a .npz file without pickles (arrays; mechanism, settings and versions as JSON text), or a .csv table.
@@ -262,7 +261,7 @@ class Solution(DenseOutput, Tabular):
     def _repr_html_(self) -> str | None:
         """How a notebook shows a motion."""
         seen = isinstance(self.problem, Mechanism) and len(self.t)
-        return type(self).viewer(self) if seen else super()._repr_html_()
+        return later("mbdae.studies.replay.replay", "notebook")(self) if seen else super()._repr_html_()
 
 
 Problem = Mechanism | Hessenberg

@@ -13,6 +13,7 @@ from commands import found
 
 import mbdae
 from mbdae import __main__ as command_line
+from mbdae.cli import interrupt
 from mbdae.cli import options as console
 
 PIN = 'title = "t"\n[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ncom = [0, 0, -1]\naxis = [0, 1, 0]\n'
@@ -182,13 +183,28 @@ def test_a_stopped_run_is_written(tmp_path):
     assert (tmp_path / "run.html").exists()
 
 
-@pytest.mark.parametrize("module", ["pinocchio", "scipy", "click"])
-def test_ctrl_c_during_the_imports_is_one_line(module, tmp_path):
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [
+        *((name, "models") for name in ("pinocchio", "scipy", "click")),
+        ("matplotlib", "run pendulum -t 0.1 --plot a.png"),
+    ],
+)
+def test_ctrl_c_during_the_imports_is_one_line(module, arguments, tmp_path):
     (tmp_path / f"{module}.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
     paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    command = [sys.executable, "-m", "mbdae", "models"]
-    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": paths}, capture_output=True, timeout=60)
+    command, environment = [sys.executable, "-m", "mbdae", *arguments.split()], os.environ | {"PYTHONPATH": paths}
+    done = subprocess.run(command, env=environment, capture_output=True, timeout=60, cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"mbdae: stopped by the user\n")
+
+
+def test_ctrl_c_between_the_imports_can_be_caught():
+    before = signal.signal(signal.SIGINT, interrupt._stop)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_damaged_tableau_is_refuted(monkeypatch, capsys):

@@ -1,4 +1,4 @@
-"""Where files are: the models that come with mbdae, and the robots of example-robot-data."""
+"""Where files are: the models that come with mbdae, and robots of other packages."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ...errors import InputError, UnknownNameError, require
-from ...members import plugins
+from ...members import OWN, model_names, models_directory, plugins
 
 ROBOTS, DESCRIPTIONS = "example-robot-data:", "robot_descriptions"
 MECHANISM, PARAMETRIC = ".toml", ".py"
@@ -18,22 +18,7 @@ READERS: dict[str, Callable[[Path], str]] = {  # of installed packages: suffix, 
     if f".{name}" not in (MECHANISM, PARAMETRIC, *SOURCES)
 }
 SUFFIXES = ", ".join((MECHANISM, PARAMETRIC, *SOURCES[:-1])) + f" or {SOURCES[-1]}"
-OWN = ("mechanism.toml", "mechanism.py")
 IN_FOLDER = (*OWN, "robot.yaml", "robot.urdf")
-
-
-def models_directory() -> Path:
-    """The folder of the models: ``mbdae/models`` when installed, ``models`` beside ``mbdae`` in a checkout."""
-    package = Path(__file__).resolve().parents[2]
-    found = [d for d in (package / "models", package.parent / "models") if d.is_dir()]
-    if not found:
-        raise InputError(f"the models folder is missing beside {package}")
-    return found[0]
-
-
-def model_names() -> list[str]:
-    """Names of the models that come with mbdae."""
-    return sorted({file.parent.name for own in OWN for file in models_directory().glob(f"*/{own}")})
 
 
 def find(name: str) -> Path:

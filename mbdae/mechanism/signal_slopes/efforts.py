@@ -30,7 +30,7 @@ def drive_power_slopes(motion: VariedMotion) -> Array:
     _, rates, bends = constraints.motion(motion.t)
     names, out = [c.name for c in mech.constraints], []
     for driver in mech.drivers:
-        i = mech.row_names.index(driver.name)
+        i = mech.rows_of(driver.name).start
         lam, row = motion.lam[i], rates[i] * motion.d.lam[i] + motion.lam[i] * bends[i] * motion.d.t
         for p, changed, dp in zip(parameters.all, parameters.rows, motion.d.p, strict=True):
             if names.index(driver.name) in p.specs:

@@ -1,19 +1,16 @@
 """The sub-commands ``info`` and ``models``: what there is."""
 
-
 import click
 
 from ... import backend
+from ...cli.completion import completed
 from ...cli.model import chosen_model, set_option, start_option
 from ...cli.options import as_json, emit, show
-from ...mechanism import load, model_names
-from ...solution.archive import versions
-from ...textbook.problems import TEXTBOOK
-from .card import card
+from ...members import model_names
 
 
 @click.command()
-@click.argument("model", required=False)
+@click.argument("model", required=False, shell_complete=completed(model_names))
 @start_option
 @set_option
 @as_json
@@ -22,6 +19,9 @@ def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], a
 
     The card has sizes, joints, closures, degrees of freedom, start, and what is not modelled.
     """
+    from ...solution.archive import versions
+    from .card import card
+
     if model:
         result = card(chosen_model(model, started, chosen).load())
         data, lines = result.to_dict(), [str(result)]
@@ -36,6 +36,9 @@ def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], a
 @as_json
 def models(textbook: bool, as_json: bool) -> None:
     """List the models that come with mbdae."""
+    from ...mechanism import load
+    from ...textbook.problems import TEXTBOOK
+
     if textbook:
         problems = [(name, make()) for name, make in TEXTBOOK.items()]
         show([{"name": n, "title": p.title, "ny": len(p.y0), "nz": len(p.z0)} for n, p in problems], as_json)

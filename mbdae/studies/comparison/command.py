@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from ...cli.completion import COMPARED, completed
 from ...cli.model import ChosenModel, model_argument
 from ...cli.options import (
     FAILED,
@@ -28,7 +29,8 @@ from ...errors import InputError
 @click.command()
 @model_argument
 @methods_option
-@click.option("--formulation", "formulations", multiple=True, help="For methods without one: index2, project, ggl.")
+@click.option("--formulation", "formulations", multiple=True, help="For methods without one: index2, project, ggl.",
+              shell_complete=completed(lambda: COMPARED, files=False))  # fmt: skip
 @time_option
 @click.option("--rtol", multiple=True, help="Relative tolerances, 1e-3 to 1e-10 when left out: --rtol 1e-4,1e-6.")
 @click.option("--steps", multiple=True, help="Numbers of fixed steps, instead of tolerances.")

@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from ...cli.completion import completed, problems
 from ...cli.model import chosen_model, set_option, start_option
 from ...cli.options import (
     FAILED,
@@ -22,13 +23,10 @@ from ...cli.options import (
     writable,
 )
 from ...errors import InputError
-from ...solution.solution import Solution
-from ..variant import variants
-from .drift import drift as measure_drift
 
 
 @click.command()
-@click.argument("targets", nargs=-1, required=True, metavar="MODEL|RUN.npz...")
+@click.argument("targets", nargs=-1, required=True, metavar="MODEL|RUN.npz...", shell_complete=completed(problems))
 @start_option
 @set_option
 @methods_option
@@ -54,6 +52,10 @@ def drift(
 
     Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m index1:dop853.
     """
+    from ...solution.solution import Solution
+    from ..variant import variants
+    from .drift import drift as measure_drift
+
     written = writable((output, TABLES), (plot, PICTURES))
     if output and len(targets) * max(1, len(listed(names))) > 1:
         raise InputError("-o takes the drift of one run")

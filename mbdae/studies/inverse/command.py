@@ -8,8 +8,6 @@ from ...cli.model import ChosenModel, model_argument
 from ...cli.options import PICTURES, TABLES, as_json, emit, listed, plot_option, table_option, writable
 from ...errors import InputError
 from ..kinematics.command import held
-from ..kinematics.kinematics import kinematics
-from .inverse import inverse_dynamics
 
 
 @click.command()
@@ -44,6 +42,9 @@ def inverse(
     as_json: bool,
 ) -> None:
     """Tell what actuators must give for a motion: a saved run, a table of q(t), or a drive at constant speed."""
+    from ..kinematics.kinematics import kinematics
+    from .inverse import inverse_dynamics
+
     written = writable((output, TABLES), (plot, PICTURES))
     if (motion is None) == (drive is None):
         raise InputError("give a motion (RUN.npz or TABLE.csv), or --drive and --speed")

@@ -7,8 +7,6 @@ import click
 from ...cli.model import ChosenModel, model_argument
 from ...cli.options import PAGES, PICTURES, TABLES, as_json, emit, listed, plot_option, speed_option, writable
 from ...errors import InputError
-from .kinematics import kinematics as follow
-from .modes import assembly_modes
 
 
 @click.command()
@@ -47,6 +45,9 @@ def kinematics(
     as_json: bool,
 ) -> None:
     """Follow the poses of a mechanism with one freedom over an input: rates, dead points, branches, assembly modes."""
+    from .kinematics import kinematics as follow
+    from .modes import assembly_modes
+
     written = writable((path, TABLES), (html, PAGES), (plot, PICTURES))
     if last is not None and first is None and not modes:
         raise InputError("give --from and --to, or --turns")

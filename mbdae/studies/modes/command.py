@@ -1,17 +1,16 @@
 """The sub-command ``modes``."""
 
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
 from ...cli.model import ChosenModel, model_argument
 from ...cli.options import FAILED, PAGES, PICTURES, as_json, emit, listed, plot_option, values_by_name, writable
 from ...errors import InputError
-from .linear_system import LinearSystem, linearize
-from .modes import modes as find_modes
-from .root_locus import read_range, root_locus
+
+if TYPE_CHECKING:
+    from .linear_system import LinearSystem
 
 
 @click.command()
@@ -45,6 +44,10 @@ def modes(
     eigenvalues are followed over a parameter of the model or over a speed; with --response outputs answer to
     inputs: gain and phase over the frequency.
     """
+    from .linear_system import linearize
+    from .modes import modes as find_modes
+    from .root_locus import read_range, root_locus
+
     written = writable((html, PAGES), (plot, PICTURES))
     given: dict[str, Any] = {"q": values_by_name(at, "--at") or None, "v": values_by_name(speed, "--speed") or None}
     given |= options | {"hold": listed(hold)}
@@ -73,7 +76,9 @@ def _once(pairs: tuple[tuple[str, str], ...], side: int) -> list[str]:
     return list(dict.fromkeys(pair[side] for pair in pairs))
 
 
-def _respond(system: LinearSystem, plot: str | None, as_json: bool) -> None:
+def _respond(system: "LinearSystem", plot: str | None, as_json: bool) -> None:
+    import numpy as np
+
     hertz = system.band()
     H = system.response(2 * np.pi * hertz)
     if plot:

@@ -1,11 +1,11 @@
 """The sub-commands ``order`` and ``methods``: what is observed, and what is claimed."""
 
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from ...cli.model import ChosenModel, model_argument
+from ...cli.model import ChosenModel, problem_argument
 from ...cli.options import (
     FAILED,
     HOLDS,
@@ -16,23 +16,22 @@ from ...cli.options import (
     bar,
     emit,
     listed,
+    methods_completed,
     plot_option,
     show,
     table_option,
     writable,
 )
 from ...errors import InputError
-from ...methods import METHODS, method
-from ...methods.order.conditions import check_conditions
-from ...textbook.problems import TEXTBOOK
-from .gradients import check_gradients
-from .order import check_order
-from .result import OrderStudy
+
+if TYPE_CHECKING:
+    from .result import OrderStudy
 
 
 @click.command()
-@model_argument
-@click.option("-m", "--method", "names", multiple=True, help="A method; several times for several; all when left out.")
+@problem_argument
+@click.option("-m", "--method", "names", multiple=True, help="A method; several times for several; all when left out.",
+              shell_complete=methods_completed)  # fmt: skip
 @click.option("-t", "--time", "T", type=float, help="End time in s; the model's own when left out.")
 @click.option("--steps", type=int, help="Coarsest number of steps, at least ten.")
 @click.option("--gradients", is_flag=True, help="Of derivatives, and those beside difference quotients of runs.")
@@ -55,10 +54,13 @@ def order(
 
     For up to three methods it shows step sizes, errors, and the rates between them.
     """
+    from .gradients import check_gradients
+    from .order import check_order
+
     if parameter is not None and not gradients:
         raise InputError("a parameter belongs to --gradients")
     written = writable((output, TABLES), (plot, PICTURES))
-    if gradients and model.name in TEXTBOOK:
+    if gradients and model.textbook:
         raise InputError(f"gradients are those of mechanisms, {model.name!r} is a textbook problem")
     problem = model.problem()
     with bar("order", None) as tell:
@@ -77,10 +79,13 @@ def order(
 
 @click.command()
 @click.option("--check", is_flag=True, help="Prove the claimed orders on index-2 trees.")
-@click.argument("names", nargs=-1)
+@click.argument("names", nargs=-1, shell_complete=methods_completed)
 @as_json
 def methods(check: bool, names: tuple[str, ...], as_json: bool) -> None:
     """List the methods with their claims, or check their order conditions exactly."""
+    from ...methods import METHODS, method
+    from ...methods.order.conditions import check_conditions
+
     chosen = [method(n) for n in names or METHODS]
     if check:
         reports = [check_conditions(m) for m in chosen]

@@ -15,8 +15,6 @@ from ...cli.options import (
     writable,
 )
 from ...errors import InputError
-from ...solution.solution import Solution
-from .video import VIDEO
 
 
 @click.command()
@@ -39,7 +37,9 @@ def animate(
     **options: Any,
 ) -> None:
     """Write the replay of a saved solution as one HTML page or as a video; further solutions are shown as ghosts."""
+    from ...solution.solution import Solution
     from .replay import animate as write
+    from .video import VIDEO
 
     written = writable((output, PAGES), (video, tuple(VIDEO)), (glb, (".glb",)))
     if not written:

@@ -1,11 +1,10 @@
 """The sub-command ``run``."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
-from ...cli.model import ChosenModel, model_argument
+from ...cli.model import ChosenModel, problem_argument
 from ...cli.options import (
     PAGES,
     PICTURES,
@@ -22,19 +21,15 @@ from ...cli.options import (
     writable,
 )
 from ...errors import InputError
-from ...integrate.events import Event
-from ...mechanism import Mechanism
-from ...solution.signals import find
-from ...solution.solution import Solution
-from ...system import Array
-from ..drift.drift import drift as measure_drift
-from ..replay.video import VIDEO
+
+if TYPE_CHECKING:
+    from ...solution.solution import Solution
 
 SHOWN = 5  # times of an event
 
 
 @click.command()
-@model_argument
+@problem_argument
 @method_option
 @run_options
 @backend_option
@@ -73,6 +68,12 @@ def run(
     Events are signals of `mbdae run MODEL -o run.csv`, or force, torque and effort of closures and drivers by name,
     with = for both directions, > for rising above, < for falling below a number; a signal alone means its zeros.
     """
+    from ...integrate.events import Event
+    from ...mechanism import Mechanism
+    from ...solution.signals import find
+    from ..drift.drift import drift as measure_drift
+    from ..replay.video import VIDEO
+
     written = writable((output, (".npz", ".csv")), (html, PAGES), (video, tuple(VIDEO)), (plot, PICTURES))
     if not (html or video) and (plots or traces or arrow or every):
         raise InputError("--plots, --trace and --arrows belong to a replay: --html run.html, or --video run.mp4")
@@ -114,14 +115,14 @@ def run(
     finish(sol)
 
 
-def _impacts(sol: Solution) -> str:
+def _impacts(sol: "Solution") -> str:
     """What was struck, when, and what it cost."""
     struck = ", ".join(dict.fromkeys(name for x in sol.impacts for name in x.where))
-    times, loss = np.array([x.t for x in sol.impacts]), sum(x.loss for x in sol.impacts)
+    times, loss = [x.t for x in sol.impacts], sum(x.loss for x in sol.impacts)
     return f"  impacts on {struck}: {_times(times)}, {loss:.4g} J lost"
 
 
-def _times(times: Array) -> str:
+def _times(times: Any) -> str:
     """Times of an event, the first of many."""
     some = ", ".join(f"{t:.9g}" for t in times[:SHOWN])
     return f"t = {some}{', ...' if len(times) > SHOWN else ''} s ({len(times)})" if len(times) else "never"

@@ -5,16 +5,17 @@ import json
 import click
 
 from ...cli.options import as_json, emit
-from .json_schema import FILES, json_schema
 
 
 @click.command()
-@click.argument("file", type=click.Choice(list(FILES)), default="mechanism")
+@click.argument("file", type=click.Choice(["mechanism", "sweep"]), default="mechanism")
 @as_json
 def schema(file: str, as_json: bool) -> None:
     """Print the JSON Schema of mechanism files or of sweep files, by which editors complete and check them.
 
     mbdae schema > mechanism.schema.json; the first line of a file then says: #:schema mechanism.schema.json
     """
+    from .json_schema import json_schema
+
     found = json_schema(file)
     emit(found, json.dumps(found, indent=1), as_json)

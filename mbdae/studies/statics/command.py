@@ -8,10 +8,8 @@ import click
 from ...cli.model import ChosenModel, model_argument
 from ...cli.options import FAILED, PICTURES, UNJUDGED, as_json, emit, listed, plot_option, values_by_name, writable
 from ...errors import InputError
-from .equilibria import equilibria
-from .equilibrium import FIND, equilibrium
-from .load_path import load_path
 
+FIND = ("stable", "any")
 CODES = {"stable": 0, "rigid": 0, "unstable": FAILED, "neutral": UNJUDGED, "singular": UNJUDGED}
 
 
@@ -46,6 +44,10 @@ def statics(
     Exit code 0 stable, 1 unstable or none found, 3 neutral or not to be judged. With --load and --to the equilibrium is
     followed while a force is scaled: load-deflection curve, snap-through, loss of stability.
     """
+    from .equilibria import equilibria
+    from .equilibrium import equilibrium
+    from .load_path import load_path
+
     writable((plot, PICTURES))
     if drive is None and ((load_name is None) != (end is None) or (plot and end is None)):
         raise InputError("a path of equilibria takes --load and --to; --plot draws it")

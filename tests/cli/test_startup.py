@@ -1,0 +1,96 @@
+"""What stands between a key and an answer: words are completed, versions and help told, without numpy or Pinocchio."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+from click.shell_completion import ShellComplete
+
+import mbdae
+from mbdae.__main__ import cli
+from mbdae.cli import completion
+from mbdae.mechanism.mechanism import SYSTEMS
+from mbdae.methods import EXPLICIT, METHODS
+from mbdae.studies.schema.json_schema import FILES
+from mbdae.studies.statics import equilibrium
+from mbdae.studies.variant import FORMULATIONS
+from mbdae.textbook.problems import TEXTBOOK
+
+HEAVY = {"numpy", "scipy", "pinocchio", "pydantic", "matplotlib", "meshcat", "rich"}
+PROGRAM = """
+import os, sys
+try:
+    sys.argv[0] = "mbdae"
+    from mbdae.__main__ import main
+    main()
+finally:
+    print(*sorted({name.partition(".")[0] for name in sys.modules}), file=sys.stderr)
+"""
+
+
+def imported(*arguments, **environment):
+    """What a call of mbdae prints, and the packages that it imports."""
+    command = [sys.executable, "-c", PROGRAM, *arguments]
+    done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, timeout=60)
+    return done.stdout, set(done.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [(["--version"], mbdae.__version__), (["--help"], "Simulate a model"), (["run", "-h"], "--rtol")],
+)
+def test_help_and_version_import_no_numbers(arguments, word):
+    out, packages = imported(*arguments)
+    assert word in out
+    assert "click" in packages
+    assert not packages & HEAVY
+
+
+@pytest.mark.parametrize(
+    ("typed", "words"),
+    [
+        ("ru", ["run"]),
+        ("run slid", ["slider_crank"]),
+        ("run --for", ["--formulation"]),
+        ("run --formulation in", ["index1", "index2"]),
+        ("order pendulum -m herk", ["herk1", "herk2", "herk3", "herk4", "herk5"]),
+        ("drift fek", ["fekete"]),
+    ],
+)
+def test_completion_imports_no_numbers(typed, words):
+    *before, last = ["mbdae", *typed.split()]
+    asked = {"COMP_WORDS": " ".join([*before, last]), "COMP_CWORD": last}
+    for shell, given in (("zsh", {"COMP_CWORD": str(len(before))}), ("fish", {})):
+        out, packages = imported(**asked | given, _MBDAE_COMPLETE=f"{shell}_complete")
+        assert sorted({*re.split(r"[,\t\n]", out)} & {*words}) == words, out
+        assert "click" in packages
+        assert not packages & HEAVY
+
+
+def suggested(*words):
+    """Names that the last of some words is completed to; files are left to the shell."""
+    found = ShellComplete(cli, {}, "mbdae", "_MBDAE_COMPLETE").get_completions(list(words[:-1]), words[-1])
+    return [item.value for item in found if item.type == "plain"]
+
+
+def test_every_name_is_completed():
+    assert completion.methods() == sorted({*METHODS, *EXPLICIT})
+    assert suggested("run", "-m", "") == suggested("compare", "pendulum", "-m", "") == completion.methods()
+    assert suggested("info", "") == suggested("view", "") == mbdae.model_names()
+    assert suggested("run", "") == suggested("drift", "") == [*mbdae.model_names(), *sorted(TEXTBOOK)]
+    assert set(suggested("run", "--formulation", "")) == set(SYSTEMS)
+    assert set(suggested("compare", "--formulation", "")) < set(FORMULATIONS)
+    assert suggested("schema", "") == list(FILES)
+    assert suggested("statics", "pendulum", "--find", "") == list(equilibrium.FIND)
+
+
+def test_words_in_lists_and_behind_formulations_are_completed():
+    assert suggested("compare", "pendulum", "-m", "herk5,arn") == ["herk5,arnold4"]
+    assert suggested("compare", "pendulum", "-m", "ggl:rad") == ["ggl:radau1", "ggl:radau3", "ggl:radau5"]
+
+
+def test_a_model_may_be_a_file():
+    found = ShellComplete(cli, {}, "mbdae", "_MBDAE_COMPLETE").get_completions(["run"], "./mod")
+    assert [(item.type, item.value) for item in found] == [("file", "./mod")]
