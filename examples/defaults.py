@@ -96,13 +96,13 @@ def main(
         print("  geometric mean   " + " ".join(f"{means[work, target][m]:7.2f}" for m in methods))
         print("  worst            " + " ".join(f"{max(columns[m], default=np.nan):7.2f}" for m in methods))
         print("  not reached      " + " ".join(f"{len(by_model) - len(columns[m]):7d}" for m in methods))
-    for what, name in (("at the end", "end_q"), ("largest of 20 times", "error_q")):
+    for what, name in (("at the end", "ends"), ("largest of 20 times", "errors")):
         print(f"\nerror of q over rtol, {what}: least, median, largest over the models")
         for rtol in tolerances:
             cells = []
             for m in methods:
                 points = [p for s in result.values() for p in s.of(f"project:{m}") if p.rtol == rtol]
-                found = np.quantile([getattr(p, name) / rtol for p in points], SHARES) if points else ()
+                found = np.quantile([getattr(p, name)["q"] / rtol for p in points], SHARES) if points else ()
                 cells.append(f"{m} " + (" ".join(f"{x:.1g}" for x in found) or "-"))
             print(f"  rtol {rtol:g}: " + ", ".join(cells))
     return means

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import InputError
+from ..errors import InputError, UnknownNameError
 from ..members import model_names, public
 from .completion import completed, problems
 from .options import values_by_name
@@ -51,10 +51,15 @@ class ChosenModel:
         Raises:
             UnknownNameError, InputError: as `load`; for a start value of a textbook problem.
         """
-        if not self.textbook:
-            return self.load()
         from ..textbook.problems import TEXTBOOK
 
+        if not self.textbook:
+            try:
+                return self.load()
+            except UnknownNameError as e:
+                if e.kind != "model":
+                    raise
+                raise UnknownNameError("model", e.name, [*e.valid[:-1], *TEXTBOOK, e.valid[-1]]) from None
         if self.start:
             raise InputError(f"start values are those of mechanisms, {self.name!r} is a textbook problem")
         return TEXTBOOK[self.name]()

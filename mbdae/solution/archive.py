@@ -20,7 +20,7 @@ from ..files import write_whole
 from ..mechanism import Mechanism, Singular, describe, restore
 from ..mechanism.tables import one_line
 from ..tabular import write_csv
-from ..textbook.problems import TEXTBOOK
+from ..textbook.problems import TEXTBOOK, listed
 from .impact import Impact
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def write(sol: "Solution", path: str | Path) -> None:
         return
     meta = {
         "format": FORMAT,
-        "mechanism": _described(sol.problem),
+        "mechanism": described(sol.problem),
         "settings": sol.settings,
         "stats": sol.stats,
         "status": sol.status,
@@ -116,11 +116,15 @@ def write(sol: "Solution", path: str | Path) -> None:
         np.savez_compressed(temporary, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
 
 
-def _described(problem: Any) -> dict[str, Any]:
-    """What makes the problem again."""
+def described(problem: Any) -> dict[str, Any]:
+    """What makes a problem again, as data for JSON.
+
+    Raises:
+        InputError: for a textbook problem of the user's.
+    """
     if isinstance(problem, Mechanism):
         return describe(problem)
-    if problem.name not in TEXTBOOK:
+    if not listed(problem):
         known = ", ".join(TEXTBOOK)
         raise InputError(f"the functions of {problem.title!r} cannot be written; by name those of {known} are")
     return {"textbook": problem.name}

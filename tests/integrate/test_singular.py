@@ -167,7 +167,7 @@ def test_comparisons_pass_singular_configurations():
     study = mbdae.compare(mech, (0, 1), methods=["project:pherk5", "pherk5"], rtol=[1e-5], repeats=1)
     kept, drifted = study.points
     assert study.uncertainty["q"] < 1e-7
-    assert kept.error_q < 1e-3
+    assert kept.errors["q"] < 1e-3
     assert drifted.status in ("rank", "finished")
 
 

@@ -61,7 +61,7 @@ def test_studies_take_it(ralston, tmp_path):
     one = mbdae.compare(mech, (0, 0.2), methods=[ralston, "herk2"], **options)
     two = mbdae.compare(mech, (0, 0.2), methods=[str(tmp_path / "mine.toml"), "herk2"], workers=2, **options)
     assert one.methods == ["ralston3", "herk2"]
-    assert [p.error_q for p in one.points] == pytest.approx([p.error_q for p in two.points], rel=1e-9)
+    assert [p.errors["q"] for p in one.points] == pytest.approx([p.errors["q"] for p in two.points], rel=1e-9)
     one.plot(tmp_path / "a.svg")
 
 

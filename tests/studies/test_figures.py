@@ -12,8 +12,9 @@ from mbdae.errors import InputError
 from mbdae.integrate.steppers.scipy_ivp import SCIPY
 from mbdae.solution.signals import units
 from mbdae.studies import figures
-from mbdae.studies.comparison.comparison import Comparison, Point
+from mbdae.studies.comparison.comparison import Comparison
 from mbdae.studies.comparison.figure import work_precision
+from mbdae.studies.comparison.point import Point
 from mbdae.studies.drift.figure import drifts
 from mbdae.studies.order.figure import convergence
 from mbdae.studies.order.result import OrderStudy, Slope
@@ -21,6 +22,7 @@ from mbdae.studies.run.figure import motion
 from mbdae.studies.sweep.figure import spread
 
 NAMES = ("pherk5", "ggl:pherk5", "herk3", "index1:DOP853")
+QVLAM = ("q", "v", "lam")
 
 
 @pytest.fixture(scope="module")
@@ -35,10 +37,10 @@ def comparison(uncertainty=1e-11):
         for k in range(1, 6):
             error, work = 10.0 ** (-2 * k - 0.5 * i), int(200 * 10 ** (0.4 * k))
             points.append(
-                Point(name, 10.0**-k, None, "finished", error, error, error, solves=work, times=(work * 1e-4,))
+                Point(name, 10.0**-k, None, "finished", dict.fromkeys(QVLAM, error), solves=work, times=(work * 1e-4,))
             )
     points.append(Point("herk1", 1e-3, None, "max_steps"))
-    return Comparison("Test", (0.0, 1.0), tuple(points), "a", "b", dict.fromkeys(("q", "v", "lam"), uncertainty))
+    return Comparison("Test", (0.0, 1.0), tuple(points), "a", "b", dict.fromkeys(QVLAM, uncertainty))
 
 
 def orders():
@@ -171,8 +173,9 @@ def test_unknown_errors_are_bounds_and_not_joined():
 
 
 def test_times_that_were_not_taken_are_not_drawn():
-    points = tuple(Point("herk3", r, None, "finished", r, r, r, solves=int(1 / r)) for r in (1e-2, 1e-3))
-    result = Comparison("Test", (0.0, 1.0), points, "a", "b", dict.fromkeys(("q", "v", "lam"), 1e-12))
+    runs = [(r, dict.fromkeys(QVLAM, r)) for r in (1e-2, 1e-3)]
+    points = tuple(Point("herk3", r, None, "finished", errors, solves=int(1 / r)) for r, errors in runs)
+    result = Comparison("Test", (0.0, 1.0), points, "a", "b", dict.fromkeys(QVLAM, 1e-12))
     solves, seconds = work_precision(result).axes
     assert len(solves.lines[0].get_xdata()) == 2
     assert not seconds.lines

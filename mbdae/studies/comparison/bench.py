@@ -11,13 +11,15 @@ from typing import Any, NamedTuple
 
 from ...backend import machine
 from ...errors import InputError
-from ...mechanism import Mechanism, describe
+from ...mechanism import Mechanism
 from ...methods import Tableau
-from ...solution.archive import versions
+from ...solution.archive import described, versions
+from ...solution.solution import Problem
 from ..variant import Variant
 from ..workers import Stop, pool
-from .comparison import Comparison, Point, in_order
+from .comparison import Comparison
 from .motion import Motion, Samples, Trial
+from .point import Point, in_order
 
 LONG = 2.0  # s: a run that takes longer is timed once
 Progress = Callable[[float, str], None]
@@ -58,7 +60,7 @@ class Bench:
         fresh: leave the file unread.
 
     Raises:
-        InputError: for a file with another comparison.
+        InputError: for a file with another comparison, or of a problem that no file can name.
     """
 
     def __init__(
@@ -85,11 +87,23 @@ class Bench:
             self._read(path)
 
     def key(self) -> str:
-        """What two comparisons must share to have points in common: mechanism, start, times, reference, version."""
+        """What two comparisons must share to have points in common: problem, start, times, reference, version.
+
+        Empty for a textbook problem of the user's: its functions cannot be told from others.
+
+        Raises:
+            InputError: for such a problem, when there is a file.
+        """
         c = self.motion
         own = [t.variant.method.to_dict() for t in self.trials if isinstance(t.variant.method, Tableau)]
+        try:
+            problem = described(c.problem)
+        except InputError:
+            if self.path:
+                raise
+            return ""
         what = (
-            *own, describe(c.mechanism), c.q.tolist(), c.v.tolist(), c.t_span, c.times.tolist(),
+            *own, problem, *(x.tolist() for x in c.start), c.t_span, c.times.tolist(),
             [str(v) for v in self.pair], self.rtol, c.max_steps, c.backend, versions()["mbdae"],
         )  # fmt: skip
         return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()
@@ -110,9 +124,7 @@ class Bench:
         """Compute the reference, if any run is still to be held against it."""
         if self.open():
             self.tell(0.0, "reference")
-            runs, self.samples, u = self.motion.reference(self.pair, self.rtol)
-            self.reference, self.witness = str(runs[0]), str(runs[1])
-            self.uncertainty = dict(zip(("q", "v", "lam"), u.tolist(), strict=True))
+            (self.reference, self.witness), self.samples, self.uncertainty = self.motion.reference(self.pair, self.rtol)
 
     def measure(self, workers: int, *, clock: bool) -> None:
         """Make the runs that are missing, here or in processes."""
@@ -156,7 +168,7 @@ class Bench:
                 self._say(len(finished) / len(trials), f"{what}{trial} done")
                 keep(trial, found)
 
-            sent = job._replace(motion=replace(job.motion, mechanism=light(job.motion.mechanism)))
+            sent = job._replace(motion=replace(job.motion, problem=light(job.motion.problem)))
             with pool("processes", workers, function, sent, "workers=1") as there:
                 there.work(trials, kept)
         self.passed += 1
@@ -180,16 +192,18 @@ class Bench:
         c, labels = self.motion, [t.label for t in self.trials]
         points = in_order(self.points.values(), list(dict.fromkeys([*labels, *more])))
         about = (self.reference, self.witness, self.uncertainty)
-        return Comparison(c.mechanism.title, c.t_span, points, *about, complete, self.meta)
+        return Comparison(c.problem.title, c.t_span, points, *about, complete, self.meta)
 
 
 def _again(point: Point) -> bool:
     return point.success and not (point.times and point.times[0] > LONG)
 
 
-def light(mech: Mechanism) -> Mechanism:
-    """The mechanism without its shapes, which can be hundreds of megabytes, and without what made it."""
-    out = copy(mech)
+def light(problem: Problem) -> Problem:
+    """The problem, without the shapes of a mechanism, which can be hundreds of megabytes, and without what made it."""
+    if not isinstance(problem, Mechanism):
+        return problem
+    out = copy(problem)
     out.visuals = out.source = None
     out.__dict__.pop("scene", None)
     return out

@@ -23,7 +23,8 @@ from ...cli.options import (
     time_option,
     writable,
 )
-from ...errors import InputError
+from ...errors import InputError, UnknownNameError
+from ...mechanism import Mechanism
 
 
 @click.command()
@@ -36,7 +37,7 @@ from ...errors import InputError
 @click.option("--steps", multiple=True, help="Numbers of fixed steps, instead of tolerances.")
 @click.option("--repeats", type=int, default=3, show_default=True, help="Runs for the median of the wall time.")
 @click.option("--workers", type=int, default=1, show_default=True, help="Processes; times are still taken one by one.")
-@click.option("--quantity", type=click.Choice(["q", "v", "lam"]), default="q", show_default=True, help="To be drawn.")
+@click.option("--quantity", help="To be drawn: q, v or lam; y or z of a textbook problem.  [default: q or y]")
 @click.option(
     "-o", "--output", "outputs", type=click.Path(dir_okay=False), multiple=True,
     help="Keep the runs here, .csv or .json, and go on from there; or write the table in LaTeX, .tex. Twice for both.",
@@ -52,7 +53,7 @@ def compare(
     end: float | None,
     rtol: tuple[str, ...],
     steps: tuple[str, ...],
-    quantity: Any,
+    quantity: str | None,
     outputs: tuple[str, ...],
     fresh: bool,
     plot: str | None,
@@ -64,20 +65,23 @@ def compare(
     Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m project:herk5 -m index1:dop853
     -m baumgarte=20,20:RK45. Ctrl-C keeps what is finished; with -o the same command goes on from there.
     """
-    from .compare import METHODS
     from .compare import compare as study
+    from .comparison import OF_TEXTBOOK, QUANTITIES
 
     written = writable(*((path, TABLES) for path in outputs), (plot, PICTURES))
     tables, kept = ([p for p in outputs if p.endswith(".tex") is tex] for tex in (True, False))
     output = kept[0] if kept else None
     if len(kept) > 1:
         raise InputError(f"the runs are kept in one file, got {' and '.join(kept)}")
-    mech = model.load()
+    problem = model.problem()
+    known = tuple(QUANTITIES) if isinstance(problem, Mechanism) else OF_TEXTBOOK
+    if quantity is not None and quantity not in known:
+        raise UnknownNameError("quantity", quantity, known)
     with bar("compare", 1.0) as tell:
         result = study(
-            mech,
-            span(mech, end),
-            methods=listed(names) or METHODS,
+            problem,
+            span(problem, end),
+            methods=listed(names) or None,
             formulations=listed(formulations) or None,
             rtol=numbers(rtol, float, "--rtol"),
             steps=numbers(steps, int, "--steps"),

@@ -1,4 +1,4 @@
-"""One mechanism, many methods and tolerances: errors against a reference, work, and time."""
+"""One problem, many methods and tolerances: errors against a reference, work, and time."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -11,6 +11,7 @@ from ...integrate.binding import common
 from ...integrate.span import checked_span
 from ...integrate.steppers.scipy_ivp import find
 from ...mechanism import Mechanism
+from ...solution.solution import Problem
 from ...system import Array
 from ..variant import Variant, variants
 from .bench import Bench, Progress
@@ -25,12 +26,12 @@ REFERENCE = ("pherk6", "radau9")
 
 
 def compare(
-    mech: Mechanism,
+    problem: Problem,
     t_span: Sequence[float] | None = None,
     q: Array | None = None,
     v: Array | None = None,
     *,
-    methods: str | Iterable[str | Variant] = METHODS,
+    methods: str | Iterable[str | Variant] | None = None,
     formulations: str | Iterable[str] | None = None,
     rtol: Sequence[float] | None = None,
     steps: Sequence[int] | None = None,
@@ -46,21 +47,23 @@ def compare(
     fresh: bool = False,
     backend: str = "auto",
 ) -> Comparison:
-    """Run many methods on one mechanism and measure errors, drift, work and time.
+    """Run many methods on one mechanism or textbook problem and measure errors, drift, work and time.
 
     Errors are the largest differences to a reference over common times, of q in the tangent, v, and lam from the hidden
-    constraint. The reference is a tight run; a second one of another family says how far it can be trusted.
+    constraint; of y and z of a textbook problem. The reference is the exact solution where it is known, else a tight
+    run; a second one of another family says how far it can be trusted.
 
     Stopped by Ctrl-C, it returns what was finished. With ``resume``, every finished run is kept in that file, and the
     same call goes on from there.
 
     Args:
-        mech: the mechanism.
+        problem: a mechanism (see `mbdae.load`) or a textbook problem.
         t_span: start and end in s; from 0 to the model's duration when left out.
         q: consistent start configuration (nq,); the model's when left out.
         v: consistent start velocity (nv,); the model's when left out.
-        methods: names, alone or with a formulation in front: ``"pherk5"``, ``"project:pherk5"``, ``"ggl:radau5"``,
-            ``"index1:dop853"``, ``"baumgarte=20,20:dop853"``, see `mbdae.studies.variant`.
+        methods: names, or tableaus, alone or with a formulation in front: ``"pherk5"``, ``"project:pherk5"``,
+            ``"ggl:radau5"``, ``"index1:dop853"``, ``"baumgarte=20,20:dop853"``, see `mbdae.studies.variant`; a textbook
+            problem has none but index 2. `METHODS` when left out, as far as the problem has their formulation.
         formulations: for the names without one: each of these; ``"index2"`` when left out.
         rtol: relative tolerances, 1e-3 to 1e-10 when left out; atol is 0.01 rtol.
         steps: numbers of fixed steps over the span, instead of tolerances.
@@ -82,12 +85,13 @@ def compare(
         InputError: for wrong arguments, a reference that cannot be computed, or a file with another comparison.
         UnknownNameError: for a method or formulation that does not exist.
     """
-    require(mech, Mechanism, "compare takes a Mechanism (see mbdae.load)")
-    motion = _motion(mech, t_span, q, v, outputs, max_steps)
-    trials = _trials(variants(methods, formulations), rtol, steps)
+    require(problem, Problem, "compare takes a Mechanism (see mbdae.load) or a Hessenberg problem")
+    motion = _motion(problem, t_span, q, v, outputs, max_steps)
+    usual = METHODS if isinstance(problem, Mechanism) else tuple(m for m in METHODS if ":" not in m)
+    trials = _trials(variants(usual if methods is None else methods, formulations), rtol, steps)
     kinds = {str(t.variant): t.variant for t in trials}.values()
     runs = [(find(v.formulation, v.method), v.formulation, v.baumgarte) for v in kinds]
-    chosen, because = common(mech, runs, backend)
+    chosen, because = common(problem, runs, backend)
     motion = replace(motion, backend=chosen, because=because)
     pair = variants(reference)
     if len(pair) != 2 or not 1e-14 < reference_rtol < 1e-5:
@@ -110,14 +114,15 @@ def compare(
 
 
 def _motion(
-    mech: Mechanism, t_span: Sequence[float] | None, q: Array | None, v: Array | None, outputs: int, max_steps: int
+    problem: Problem, t_span: Sequence[float] | None, q: Array | None, v: Array | None, outputs: int, max_steps: int
 ) -> Motion:
-    t0, t1 = checked_span(mech.duration if t_span is None else t_span)
+    t0, t1 = checked_span(problem.duration if t_span is None else t_span)
     if outputs < 1 or max_steps < 1:
         raise InputError(f"expected at least one output and one step, got {outputs = }, {max_steps = }")
-    y = mech.point(q, v)
+    y, n = problem.point(q, v), problem.nq if isinstance(problem, Mechanism) else 0
+    start = (y[:n], y[n : n + problem.nv]) if isinstance(problem, Mechanism) else ()
     times = np.linspace(t0, t1, outputs + 1)[1:]
-    return Motion(mech, y[: mech.nq], y[mech.nq : mech.nq + mech.nv], (t0, t1), times, max_steps)
+    return Motion(problem, start, (t0, t1), times, max_steps)
 
 
 def _trials(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequence[int] | None) -> list[Trial]:

@@ -5,22 +5,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..figures import WIDTH, logarithmic, look, plain, settled, sheet
-from .comparison import Comparison, Point, Quantity
+from .comparison import QUANTITIES, Comparison
+from .point import Point
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SYMBOLS = {"q": "q", "v": "v", "lam": r"\lambda"}
-UNITS = {"q": "rad, m", "v": "rad/s, m/s", "lam": "N, N m"}
+SYMBOLS = {"lam": r"\lambda"}
 
 
 @settled
-def work_precision(result: Comparison, quantity: Quantity = "q") -> "Figure":
+def work_precision(result: Comparison, quantity: str | None = None) -> "Figure":
     """Draw the error over linear solves and over wall time; errors that the reference does not tell are bounds.
 
     A bound is drawn at the upper edge of the grey band, with an arrow down and without a line to it.
     """
+    quantity = result.quantity(quantity)
     figure = sheet(WIDTH, 3.5)
     axes = figure.subplots(1, 2, sharey=True)
     time = f"wall time, {result.meta.get('backend', 'unknown')} back end (s)"
@@ -30,7 +31,8 @@ def work_precision(result: Comparison, quantity: Quantity = "q") -> "Figure":
         for name in result.methods:
             _curve(ax, result, result.of(name), work, quantity)
         ax.set_xlabel(label)
-    axes[0].set_ylabel(rf"max $|{SYMBOLS[quantity]} - {SYMBOLS[quantity]}_\mathrm{{ref}}|$ ({UNITS[quantity]})")
+    symbol, unit = SYMBOLS.get(quantity, quantity), f" ({QUANTITIES[quantity]})" if quantity in QUANTITIES else ""
+    axes[0].set_ylabel(rf"max $|{symbol} - {symbol}_\mathrm{{ref}}|${unit}")
     if any(p.success and not result.known(p, quantity) for p in result.points):
         floor, high = result.floor(quantity), axes[0].get_ylim()[1]
         for ax in axes:
@@ -43,13 +45,13 @@ def work_precision(result: Comparison, quantity: Quantity = "q") -> "Figure":
     return figure
 
 
-def _curve(ax: "Axes", result: Comparison, points: list[Point], work: str, quantity: Quantity) -> None:
+def _curve(ax: "Axes", result: Comparison, points: list[Point], work: str, quantity: str) -> None:
     """The known errors of a method as a line, the others as bounds."""
     points = [p for p in points if getattr(p, work) is not None]
     if not points:
         return
     style = look(points[0].method)
-    known = [(getattr(p, work), p.error(quantity)) for p in points if result.known(p, quantity)]
+    known = [(getattr(p, work), p.errors[quantity]) for p in points if result.known(p, quantity)]
     ax.plot(*zip(*known, strict=True) if known else ([], []), **style, label=points[0].method)
     below = [getattr(p, work) for p in points if not result.known(p, quantity)]
     if below:

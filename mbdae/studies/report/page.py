@@ -107,11 +107,10 @@ def _orders(report: "Report") -> str:
 
 
 def _comparison(report: "Report") -> str:
-    result, u = report.comparison, report.comparison.uncertainty
+    result = report.comparison
     heads, rows = comparison_rows(result)
     text = (
-        f"<p>Errors are the largest differences to {escape(result.reference)} over common times. "
-        f"{escape(result.witness)} differs from it by {u['q']:.1e} in q, {u['v']:.1e} in v, {u['lam']:.1e} in lam; "
+        f"<p>Errors are the largest differences over common times to {escape(result.trust)}; "
         f"what is below five times that is marked &lt; and not known. All runs: {escape(result.computed_by)}.</p>"
     )
     ranking = "<li>Each point is one run; the section Ranking reads the work to an accuracy between them.</li>"

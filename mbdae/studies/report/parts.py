@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from ...mechanism import Mechanism
 from ..comparison.comparison import Work
-from ..comparison.ranking import Place, targets
+from ..comparison.ranking import Place
 
 if TYPE_CHECKING:
     from ..comparison.comparison import Comparison
@@ -34,9 +34,7 @@ def parts(mech: Mechanism) -> str:
 
 def ranking(result: "Comparison") -> str:
     """Methods over accuracies: the work that each takes to an error in q, the best of a column in bold."""
-    bound = result.floor() + result.uncertainty["q"]
-    goals = targets([[p.error("q") or 0.0 for p in result.of(name)] for name in result.methods], bound)
-    out = []
+    goals, out = result.targets(), []
     for work in get_args(Work):
         places = [{p.method: p for p in result.ranking(goal, work=work)} for goal in goals]
         least = [min((p.work for p in found.values() if p.work is not None), default=0.0) for found in places]
