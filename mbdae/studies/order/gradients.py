@@ -25,8 +25,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ..sensitivity.numbers import maker
 from ..sensitivity.sensitivity import sensitivity
-from .measurement import Measurement, Progress
-from .order import LEAST_OUTPUTS
+from .measurement import LEAST_OUTPUTS, Measurement, Progress
 from .result import OrderStudy
 
 __all__ = ["check_gradients"]
@@ -205,9 +204,9 @@ class GradientMeasurement(Measurement):
         """The claimed orders, and how many of the quantities are judged."""
         return [self.system.order_of(tableau)] * 2, 2
 
-    def sample(self, sol: Solution) -> tuple[Array, ...]:
-        """The derivatives of q and of v at the common times, one row each."""
-        found, nv = self.derivative(sol)[self.places(sol)], self.mech.nv
+    def sample(self, sol: Solution, every: int = 1) -> tuple[Array, ...]:
+        """The derivatives of q and of v at the common times, or at every second, ..., one row each."""
+        found, nv = self.derivative(sol)[self.places(sol, every)], self.mech.nv
         return found[:, :nv], found[:, nv:]
 
     def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:

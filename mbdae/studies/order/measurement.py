@@ -3,7 +3,9 @@
 The error is the largest over the ends of the coarsest run's steps, ten or more; the slope is a least-squares fit over
 the four finest halvings of the step whose errors lie above 100 times the uncertainty of the reference plus the rounding
 floor; the floor of the own multipliers is eps / (h min |ahat_ii|), apart from that of q and v; the reference comes
-from two methods other than the one judged, their disagreement is its uncertainty. What cannot be judged is said so.
+from two methods other than the one judged, their disagreement is its uncertainty. Where these are fewer than four
+halvings, coarser steps are added, down to ten; a slope below the claim that needs them refutes it only where its rates
+agree with each other. What cannot be judged is said so.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,6 +23,7 @@ from ...system import Array
 from .result import Slope
 
 HALVINGS, MARGIN, ABOVE = 4, 0.2, 100.0
+LEAST_OUTPUTS = 10
 LARGEST_RUN = 120_000  # solves in one run of the study
 SETTLED = 0.1  # the spread of the last slopes below which finer steps would not say more
 EPS = float(np.finfo(float).eps)
@@ -32,9 +35,11 @@ class Measurement:
 
     Attributes:
         largest: solves in one run.
+        lower: add coarser steps where slopes cannot be judged without.
     """
 
     largest = LARGEST_RUN
+    lower = False
 
     def __init__(
         self,
@@ -58,18 +63,18 @@ class Measurement:
         sol = solve(self.problem, (0.0, self.T), *self.start, method=method, step=self.T / n, backend=self.backend)
         return sol if sol.ended else None
 
-    def sample(self, sol: Solution) -> tuple[Array, ...]:
-        """The quantities at the common times, one row each; configurations as points."""
-        at = self.places(sol)
+    def sample(self, sol: Solution, every: int = 1) -> tuple[Array, ...]:
+        """The quantities at each of the common times, or every second, ..., one row each; configurations as points."""
+        at = self.places(sol, every)
         hidden = np.array([sol.at(int(i)).derivative(sol.t[i], sol.y[i], sol.z_own[i])[1] for i in at])
         own = sol.z_own[at]
         if self.mechanical:
             return sol.q[at], sol.v[at], own, hidden
         return sol.y[at], own, hidden
 
-    def places(self, sol: Solution) -> Array:
-        """The nodes at the common times: behind a jump, where there is one."""
-        times = np.arange(1, self.steps + 1) * self.T / self.steps
+    def places(self, sol: Solution, every: int = 1) -> Array:
+        """The nodes at the common times, or every second, ...: behind a jump, where there is one."""
+        times = np.arange(every, self.steps + 1, every) * self.T / self.steps
         return np.searchsorted(sol.t, times * (1 + 1e-12), side="right") - 1
 
     def difference(self, a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
@@ -141,32 +146,56 @@ class Measurement:
         return found, len(found) if self.system.nz else len(found) - 2
 
     def judge(self, tableau: Method) -> tuple[Slope, ...]:
-        """Halve the steps of a method until its slopes can be judged, or never will."""
+        """Halve the steps of a method until its slopes can be judged, or never will; then try coarser ones."""
         reference, uncertainty = self.reference(tableau.name)
-        claims, number = self.claims(tableau)
-        judged = self.names[:number]
-        ns: list[int] = []
-        errors: list[Array] = []
-        floors: list[Array] = []
-        n = self.steps
+        samples: dict[int, tuple[Array, ...]] = {}
+        n, every = self.steps, 1
         while n * tableau.solves <= self.largest:
             sol = self.run(tableau, n)
             if sol is not None:
-                ns.append(n)
-                errors.append(self.difference(self.sample(sol), reference))
-                floors.append(self.floors(tableau, n, reference, uncertainty))
-                quantities = list(zip(np.array(errors).T, np.array(floors).T, strict=True))[: len(judged)]
-                if all(done(e, f) for e, f in quantities):
+                samples[n] = self.sample(sol)
+                if all(done(s.errors, s.floors) for s in self._slopes(tableau, samples, reference, uncertainty)):
                     break
             n *= 2
+        slopes = self._slopes(tableau, samples, reference, uncertainty)
+        while self.lower and self.steps % (2 * every) == 0 and self.steps // (2 * every) >= LEAST_OUTPUTS:
+            every *= 2
+            if all(s.judged for s in slopes) or (sol := self.run(tableau, self.steps // every)) is None:
+                break
+            reference, *seen = (tuple(x[1::2] for x in found) for found in (reference, *samples.values()))
+            ns = [self.steps // every, *samples]
+            samples = dict(zip(ns, [self.sample(sol, every), *seen], strict=True))
+            slopes = self._slopes(tableau, samples, reference, uncertainty, self.steps)
+        return slopes
+
+    def _slopes(
+        self,
+        tableau: Method,
+        samples: dict[int, tuple[Array, ...]],
+        reference: tuple[Array, ...],
+        uncertainty: Array,
+        least: int = 0,
+    ) -> tuple[Slope, ...]:
+        """The slope of each quantity that is judged, from samples by number of steps; see `_fit` for ``least``."""
+        claims, number = self.claims(tableau)
+        errors = [self.difference(x, reference) for x in samples.values()]
+        floors = [self.floors(tableau, n, reference, uncertainty) for n in samples]
         return tuple(
-            self._fit(q, claims[i], ns, [e[i] for e in errors], [f[i] for f in floors], float(uncertainty[i]))
-            for i, q in enumerate(judged)
+            self._fit(q, claims[i], [*samples], [e[i] for e in errors], [f[i] for f in floors], u, least)
+            for i, (q, u) in enumerate(zip(self.names[:number], uncertainty.tolist()[:number], strict=True))
         )
 
     def _fit(
-        self, quantity: str, claimed: int, ns: list[int], errors: list[float], floors: list[float], uncertainty: float
+        self,
+        quantity: str,
+        claimed: int,
+        ns: list[int],
+        errors: list[float],
+        floors: list[float],
+        uncertainty: float,
+        least: int = 0,
     ) -> Slope:
+        """Fit a slope; one that takes fewer steps than ``least`` and misses its claim must have rates that agree."""
         end = above(errors, floors)
         window = slice(max(0, end - HALVINGS - 1), end)
         record = (tuple(ns), tuple(float(e) for e in errors), tuple(float(f) for f in floors))
@@ -181,6 +210,11 @@ class Measurement:
             return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
         slope = -float(np.polyfit(np.log2(ns[window]), np.log2(errors[window]), 1)[0])
         verdict = "holds" if slope >= claimed - MARGIN else "misses"
+        if verdict == "misses" and ns[window.start] < least:
+            rates = -np.diff(np.log2(errors[window]))
+            if np.ptp(rates) > 2 * SETTLED:
+                what = f"rates from {rates.min():.1f} to {rates.max():.1f} with fewer steps than {least}"
+                return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
         return Slope(quantity, claimed, slope, verdict, *record, (window.start, end))
 
 

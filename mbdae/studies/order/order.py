@@ -9,12 +9,10 @@ from ...mechanism import Mechanism
 from ...methods import METHODS
 from ...methods import method as find_method
 from ...solution.solution import Problem
-from .measurement import Measurement, Progress
+from .measurement import LEAST_OUTPUTS, Measurement, Progress
 from .result import OrderStudy
 
 __all__ = ["check_order"]
-
-LEAST_OUTPUTS = 10
 
 
 def check_order(
@@ -35,7 +33,8 @@ def check_order(
         problem: a mechanism (started from its model file's state) or a textbook problem.
         methods: a name or several, or tableaus; all of them when left out.
         T: end time in s; from the model file when left out.
-        steps: coarsest number of steps, at least ten; from the model file when left out.
+        steps: coarsest number of steps, at least ten; when left out that of the model file, or fewer for methods that
+            cannot be judged otherwise.
         progress: called with the name of each run.
 
     Raises:
@@ -47,12 +46,13 @@ def check_order(
     chosen = {m.name: m for m in map(find_method, names)}
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None
-    _, T = checked_span(T if T is not None else (settings.T if settings else 1.0), end=True)
-    steps = steps if steps is not None else (settings.steps if settings else 40)
+    _, T = checked_span(T if T is not None else (settings.T if settings else problem.duration), end=True)
+    lower, steps = steps is None, steps if steps is not None else (settings.steps if settings else 40)
     if steps < LEAST_OUTPUTS:
         raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
     start = mech.assemble(mech.order.q, mech.order.v) if mech and (mech.order.q or mech.order.v) else None
     backend, because = common(problem, [(m, "index2", None) for m in chosen.values()], "auto")
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
+    measure.lower = lower
     slopes = {name: measure.judge(m) for name, m in chosen.items()}
     return OrderStudy(problem.title, T, slopes, backend, because)

@@ -25,5 +25,6 @@ def circle() -> Hessenberg:
         z0=(0.0,),
         name="circle",
         title="Point on a circle",
+        duration=6.0,
         exact=lambda t: (np.array([np.cos(t), np.sin(t)]), np.zeros(1)),
     )

@@ -9,8 +9,7 @@ import pytest
 
 import mbdae
 from mbdae.methods import Tableau
-from mbdae.studies.order.measurement import Measurement, above, done
-from mbdae.studies.order.order import LEAST_OUTPUTS
+from mbdae.studies.order.measurement import LEAST_OUTPUTS, Measurement, above, done
 from mbdae.textbook.problems import hessenberg_a
 
 REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")
@@ -57,6 +56,40 @@ def test_what_cannot_be_judged_is_said_so():
     process = subprocess.run(run, capture_output=True, text=True, timeout=300)
     assert process.returncode == 3
     assert json.loads(process.stdout)["holds"] is False
+
+
+def test_coarser_steps_are_tried_where_finer_ones_do_not_tell():
+    """From 160 steps on too few errors of pherk6 stand above rounding: the study goes down to ten, and no further."""
+    mech = mbdae.load("pendulum")
+    fixed = mbdae.check_order(mech, ["pherk6"], steps=160).slopes["pherk6"]
+    assert not all(s.judged for s in fixed)
+    assert fixed[0].steps[0] == 160, "what the user says stands"
+    measure = Measurement(mech, 2.0, 160, mech.assemble(mech.order.q, mech.order.v), lambda name: None, "auto")
+    measure.lower = True
+    slopes = measure.judge(mbdae.METHODS["pherk6"])
+    assert [s.verdict for s in slopes] == ["holds"] * 4
+    assert {s.steps for s in slopes} == {slopes[0].steps}
+    assert slopes[0].steps[0] in (10, 20, 40, 80)
+    direct = mbdae.check_order(mech, ["pherk6"], T=2.0, steps=slopes[0].steps[0]).slopes["pherk6"]
+    for found, known in zip(slopes, direct, strict=True):
+        n = min(len(found.errors), len(known.errors), 4)
+        np.testing.assert_allclose(found.errors[:n], known.errors[:n], rtol=1e-3)
+    measure = Measurement(mech, 1e-3, 40, mech.assemble(mech.order.q, mech.order.v), lambda name: None, "auto")
+    measure.lower = True
+    assert measure.judge(mbdae.METHODS["pherk6"])[0].steps[0] == 10
+
+
+@pytest.mark.parametrize(
+    ("rates", "verdict"), [((2, 2, 2, 2), "misses"), ((1, 2, 1.5, 3), "cannot"), ((5,) * 4, "holds")]
+)
+def test_coarse_steps_refute_a_claim_only_if_their_rates_agree(rates, verdict):
+    errors = [*2.0 ** -np.cumsum([0, *rates]), 1e-12]
+    ns = [10 * 2**i for i in range(6)]
+    measure = Measurement(hessenberg_a(), 1.0, 40, None, print, "python")
+    found = measure._fit("q", 5, ns, errors, [1e-9] * 6, 0.0, 40)
+    assert found.verdict.startswith(verdict)
+    settled = measure._fit("q", 5, ns, errors, [1e-9] * 6, 0.0, 10)
+    assert settled.verdict == ("holds" if verdict == "holds" else "misses"), "from ten steps on they count as they are"
 
 
 def test_rules():
