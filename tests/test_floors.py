@@ -18,7 +18,8 @@ SECRETS = {  # heavy or special imports, and the only places that may know them
     "coal": "mechanism/**/*.py",
     "mujoco": "mechanism/formats/mjcf/*.py",
     "matplotlib": "studies/figures.py studies/*/figure.py",
-    "meshcat": "studies/replay/*.py",
+    "meshcat": "",  # its viewer is a file
+    "umsgpack": "studies/replay/*.py",
     "click": "cli/*.py studies/*/command.py __main__.py",
     "rich": "cli/options.py",
     "pyarrow": "studies/sweep/file.py",

@@ -7,20 +7,17 @@ import base64
 import gzip
 import html
 import re
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import umsgpack
 
+from ...errors import InputError
 from .threejs import mesh_data, node, scene_object
-
-with warnings.catch_warnings():  # meshcat imports its server, unused here, and that a deprecated module
-    warnings.simplefilter("ignore", DeprecationWarning)
-    import meshcat
 
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene, Shape
@@ -70,7 +67,10 @@ def _layers(scene: "Scene") -> Iterator[tuple["Shape", int]]:
 
 @cache
 def _viewer() -> str:
-    return _compressed(Path(meshcat.viewer_assets_path(), "dist", "main.min.js").read_bytes())
+    found = find_spec("meshcat")  # not imported: it would start with the parts of a server, which take a second
+    if found is None or not found.submodule_search_locations:
+        raise InputError("a replay takes the viewer of the package 'meshcat', which is not there: pip install meshcat")
+    return _compressed(Path(found.submodule_search_locations[0], "viewer", "dist", "main.min.js").read_bytes())
 
 
 def _compressed(data: bytes) -> str:

@@ -120,7 +120,8 @@ def test_wrong_input_is_refused_by_name_and_leaves_the_file(fourbar, tmp_path):
 def test_nothing_is_printed_and_nothing_left_running(tmp_path):
     code = (
         "import mbdae; from mbdae.studies.replay.replay import animate; mech = mbdae.load('pendulum');"
-        f"animate(mbdae.solve(mech, (0, 1), method='herk3'), {str(tmp_path / 'run.html')!r})"
+        f"animate(mbdae.solve(mech, (0, 1), method='herk3'), {str(tmp_path / 'run.html')!r});"
+        "import sys; assert not {'meshcat', 'tornado', 'zmq', 'IPython'} & {*sys.modules}"
     )
     # run() waits until the last process that holds its pipes has ended: a server would keep it waiting
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60, check=True)
