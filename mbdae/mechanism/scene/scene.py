@@ -97,6 +97,7 @@ class Scene:
 
     Attributes:
         shapes: what is drawn, n of them.
+        anchors: of each shape, one: fixed to a joint; two: from the first towards the second.
         width: how thick generated links are: their radius [m].
         marks: the closures between frames; both of their ends are shapes of the role ``"closure"``.
         springs: what is drawn between two points, longer and shorter as they move, s of them.
@@ -104,7 +105,7 @@ class Scene:
 
     shapes: tuple[Shape, ...]
     _model: pin.Model
-    _anchors: tuple[tuple[Anchor, ...], ...]  # one: fixed to a joint; two: from the first towards the second
+    anchors: tuple[tuple[Anchor, ...], ...]
     width: float
     marks: tuple[Mark, ...] = ()
     springs: tuple[Strut, ...] = ()
@@ -113,7 +114,7 @@ class Scene:
     @property
     def carriers(self) -> list[tuple[int, ...]]:
         """The joints to which each shape is fixed: one, or two where it leads from one to the other."""
-        return [tuple(joint for joint, _ in anchors) for anchors in self._anchors]
+        return [tuple(joint for joint, _ in anchors) for anchors in self.anchors]
 
     def placements(self, q: np.ndarray) -> np.ndarray:
         """Where the shapes are in the world.
@@ -134,7 +135,7 @@ class Scene:
         out = np.empty((*q.shape[:-1], len(self.shapes), 7))
         for row, place in zip(np.atleast_2d(q), out.reshape(-1, len(self.shapes), 7), strict=True):
             pin.forwardKinematics(self._model, data, row)
-            for k, anchors in enumerate(self._anchors):
+            for k, anchors in enumerate(self.anchors):
                 ends = [data.oMi[joint] * placement for joint, placement in anchors]
                 here = ends[0] if len(ends) == 1 else _towards(ends[0], ends[1], self.shapes[k].size[1])
                 place[k] = pin.SE3ToXYZQUAT(here)
@@ -164,7 +165,7 @@ class Scene:
         Args:
             q: (m, nq) configurations of the motion.
         """
-        shapes, anchors = list(self.shapes), list(self._anchors)
+        shapes, anchors = list(self.shapes), list(self.anchors)
         for k, joint in self._rails.items():
             at = q[:, self._model.idx_qs[joint]]
             (radius, length), ((ground, middle),) = shapes[k].size, anchors[k]
@@ -174,7 +175,7 @@ class Scene:
             bounds = shapes[k].bounds * [1, 1, 2 * half / length]
             shapes[k] = replace(shapes[k], size=(radius, 2 * half), bounds=bounds)
             anchors[k] = ((ground, middle * pin.SE3(np.eye(3), np.array([0.0, 0.0, shift]))),)
-        return replace(self, shapes=tuple(shapes), _anchors=tuple(anchors))
+        return replace(self, shapes=tuple(shapes), anchors=tuple(anchors))
 
 
 def make_scene(

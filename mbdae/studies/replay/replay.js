@@ -7,11 +7,11 @@ const covered = () => Math.min(0.4, byId("caption").offsetHeight / byId("pane").
 function player(viewer, scene) {
   const {start, end, frames} = scene, direction = end < start ? -1 : 1, duration = Math.abs(end - start);
   const digits = duration > 0 ? Math.min(9, Math.max(2, Math.ceil(2.5 - Math.log10(duration)))) : 2;
-  const view = cameras(viewer, scene, byId("pane"), covered), place = stage(viewer, scene, view.state.extent);
+  const view = cameras(viewer, scene, byId("pane"), covered), {place, wound} = stage(viewer, scene, view.state.extent);
   const plots = plot(scene, t => { page.seek(t); });
   let offset = 0, shown = NaN, playing = false, before = null;
   const page = {
-    viewer, start, duration, plots, view, show, speed: scene.speed, loop: true, choice: 0,
+    viewer, start, duration, plots, view, wound, show, speed: scene.speed, loop: true, choice: 0,
     get t() { return start + direction * offset; },
     get playing() { return playing; },
     play() {

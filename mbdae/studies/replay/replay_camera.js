@@ -4,6 +4,9 @@
 const VIEWS = {front: [0, -1, 0], top: [0, 0, 1], side: [1, 0, 0], "3d": null};
 const FRAMES_SEEN = 60;
 
+// The least and the largest of many numbers.
+const extremes = numbers => numbers.reduce(([low, high], x) => [Math.min(low, x), Math.max(high, x)], [Infinity, -Infinity]);
+
 // Points that must be in sight: corners of boxes of what moves, less where the followed body is, at some frames; of
 // what rests as far as it lies near them. A body followed, what rests does not count.
 function sight(scene, path) {
@@ -22,8 +25,9 @@ function sight(scene, path) {
   };
   const counted = scene.poses.filter(pose => !/^\/mechanism\/(rail|closure)\//.test(pose.path));
   const moving = [...counted, ...scene.choices.flatMap(({poses}) => poses)].filter(pose => pose.values.length > 7 && pose.box);
-  for (let k = 0; k < FRAMES_SEEN; k++) {
-    const own = [], share = k / (FRAMES_SEEN - 1), frame = (values, width) => Math.round(share * (values.length / width - 1));
+  const count = Math.max(12, Math.round(FRAMES_SEEN / Math.max(1, scene.choices.length)));
+  for (let k = 0; k < count; k++) {
+    const own = [], share = k / (count - 1), frame = (values, width) => Math.round(share * (values.length / width - 1));
     for (const pose of moving) corners(pose, frame(pose.values, 7), own);
     for (const {ends} of scene.springs) {
       if (ends.length > 6) own.push(mixed(ends, 6, 0, frame(ends, 6)), mixed(ends, 6, 3, frame(ends, 6)));
@@ -72,7 +76,7 @@ function cameras(viewer, scene, pane, covered) {
     let distance = 0;
     if (camera.isOrthographicCamera) {
       const spans = [right, above].map(axis => {
-        const at = seen.points.map(p => p.dot(axis)), [low, high] = [Math.min(...at), Math.max(...at)];
+        const [low, high] = extremes(seen.points.map(p => p.dot(axis)));
         middle.addScaledVector(axis, (low + high) / 2 - middle.dot(axis));
         return Math.max(high - low, small);
       });
@@ -87,7 +91,7 @@ function cameras(viewer, scene, pane, covered) {
         const at = seen.points.map(p => { const d = p.clone().sub(middle); return [d.dot(right), d.dot(above), d.dot(back)]; });
         for (const [x, y, z] of at) distance = Math.max(distance, z + Math.abs(x) / tanX, z + Math.abs(y) / tanY);
         for (const [i, axis] of [[0, right], [1, above]]) {
-          const slopes = at.map(p => p[i] / (distance - p[2])), off = (Math.min(...slopes) + Math.max(...slopes)) / 2;
+          const [low, high] = extremes(at.map(p => p[i] / (distance - p[2]))), off = (low + high) / 2;
           if (k < 7) middle.addScaledVector(axis, off * distance);
         }
       }

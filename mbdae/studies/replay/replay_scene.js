@@ -254,10 +254,11 @@ function stage(viewer, scene, extent) {
   const timeOf = at => scene.start + (scene.end - scene.start) * at / Math.max(1, scene.frames - 1);
   const radius = Math.max(3 * scene.width, 0.02 * extent), flash = 0.25 * scene.speed;
   for (const data of scene.switched.each) put(switched(data, scene.switched, radius, timeOf, flash));
-  return (at, choice) => {
+  const place = (at, choice) => {
     for (const move of [...moves, ...(choices[choice] || [])]) move(at);
     viewer.set_dirty();
   };
+  return {place, wound};
 }
 
 // Closures are marked where their gap would be seen, or when that is asked for.

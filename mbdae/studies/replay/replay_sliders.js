@@ -1,13 +1,14 @@
 
-// Poses instead of a motion: one slider for each free coordinate, along all poses in which the loops stay closed.
+// Poses instead of a motion: a slider for each free coordinate, along all poses in which the loops stay closed while
+// the others stand at their start; of several that are moved together the page closes the loops.
 
 function sliders(page, scene) {
-  const box = byId("plots"), main = document.querySelector("main"), wraps = [];
+  const box = byId("plots"), main = document.querySelector("main"), wraps = [], linked = scene.linkage && linkage(scene.linkage);
   main.classList.add("still");
   main.classList.toggle("bare", scene.sliders.length === 0);
   const make = (tag, className, text = "") => Object.assign(document.createElement(tag), {className, textContent: text});
   scene.sliders.forEach((slider, k) => {
-    const {joint, unit, u, share, dead, says, beyond} = slider, wrap = make("div", "slider"), input = make("input", "");
+    const {joint, share, dead, says} = slider, wrap = make("div", "slider"), input = make("input", "");
     const head = make("div", "head"), value = make("output", ""), track = make("div", "track"), note = make("div", "note", says);
     Object.assign(input, {type: "range", min: 0, max: 1, step: "any", value: share, ariaLabel: joint});
     head.append(make("b", "", joint), value);
@@ -20,26 +21,66 @@ function sliders(page, scene) {
     }
     wrap.append(head, track, note);
     box.append(wrap);
-    const show = moved => {
-      const at = input.value * (u.length - 1), i = Math.min(Math.floor(at), u.length - 2), part = at - i;
-      value.textContent = `${number(u[i] + part * (u[i + 1] - u[i]))} ${unit}`;
-      const over = beyond[Math.round(at)];
-      note.textContent = over ? `beyond the limits of ${over}` : says;
-      wrap.classList.toggle("over", Boolean(over));
-      if (moved) page.said = `${joint} = ${value.textContent}${over ? `, beyond the limits of ${over}` : ""}`;
-    };
     input.oninput = () => page.slide(k);
-    wraps.push({input, show, share});
+    wraps.push({...slider, wrap, input, value, note, at: share});
   });
+  if (wraps.length > 1) {
+    const back = make("button", "back", "all to their start");
+    back.onclick = () => page.slide(0, true);
+    box.append(back);
+  }
   box.append(make("p", "note", scene.note));
-  // One coordinate moves; the others go back to where they start.
-  page.slide = k => {
-    wraps.forEach(({input, share, show}, j) => {
-      if (j !== k) input.value = share;
-      show(j === k);
+
+  const valueOf = ({u, at}) => {
+    const place = at * (u.length - 1), i = Math.min(Math.floor(place), u.length - 2), part = place - i;
+    return u[i] + part * (u[i + 1] - u[i]);
+  };
+  const show = (k, over) => {
+    wraps.forEach(({input, at, value, unit, wrap, note, says, ...slider}, j) => {
+      if (Number(input.value) !== at) input.value = at;
+      value.textContent = `${number(valueOf({at, ...slider}))} ${unit}`;
+      note.textContent = j === k && over || says;
+      wrap.classList.toggle("over", j === k && Boolean(over));
     });
+    page.said = `${wraps[k].joint} = ${wraps[k].value.textContent}${over ? `, ${over}` : ""}`;
+  };
+
+  // One away from its start: the pose computed for it. Several: from the pose that is shown, in small steps of one.
+  let state = null, alone = 0;
+  const along = (k, to) => {
+    const {curves, values} = scene.linkage, n = values.length, one = wraps[alone], all = () => wraps.map(valueOf);
+    if (!state) {
+      const nearest = Math.round(one.at * (one.u.length - 1));
+      state = linked.close(linked.stepped(linked.start, curves[alone].slice(n * nearest, n * (nearest + 1))), all());
+    }
+    const moved = wraps[k], from = moved.at;
+    let done = 0, part = Math.min(1, 0.5 / (moved.u.length - 1) / Math.max(1e-12, Math.abs(to - from)));
+    while (state && done < 1 && part > 1e-4 * Math.min(1, 1 / Math.abs(to - from))) {
+      const next = Math.min(1, done + part), before = moved.at;
+      moved.at = from + next * (to - from);
+      const found = linked.close(state, all());
+      if (found) [state, done] = [found, next];
+      else [moved.at, part] = [before, part / 2];
+    }
+    const beyond = state && scene.linkage.limits.find(({at, low, high}) => state.u[at] < low - 1e-6 || state.u[at] > high + 1e-6);
+    return done < 1 ? "the loops cannot be closed any further" : beyond ? `beyond the limits of ${beyond.joint}` : "";
+  };
+  page.slide = (k, back = false) => {
     if (!wraps.length) return;
-    page.choice = k;
-    page.jump(page.start + Number(wraps[k].input.value) * page.duration);
+    const to = Number(wraps[k].input.value);
+    if (back) for (const wrap of wraps) wrap.at = wrap.share;
+    if (linked && !back && wraps.some(({at, share}, j) => j !== k && at !== share)) {
+      show(k, along(k, to));
+      if (state) hang(page.viewer, scene.linkage, page.wound, linked.world(state));
+      page.open = state ? linked.open(state) : NaN;
+      page.show();
+      return;
+    }
+    for (const wrap of wraps) wrap.at = wrap.share;
+    if (!back) wraps[k].at = to;
+    [state, alone, page.choice] = [null, k, k];
+    const over = wraps[k].beyond[Math.round(wraps[k].at * (wraps[k].u.length - 1))];
+    show(k, over ? `beyond the limits of ${over}` : "");
+    page.jump(page.start + wraps[k].at * page.duration);
   };
 }

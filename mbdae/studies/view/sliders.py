@@ -1,7 +1,7 @@
 """Free coordinates of a mechanism: one by one, along all poses in which its loops stay closed, the others at rest."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,12 +31,13 @@ class Slider:
     Attributes:
         joint: that it moves.
         unit: ``"rad"`` or ``"m"``.
-        u: the coordinate, (n,), along the curve of poses: at a dead point it turns back.
+        u: the coordinate, (n,), along the curve of poses: at a dead point it turns back, or ends where there are
+            several sliders.
         q: configurations, (n, nq).
         start: which of them is nearest to the start.
         dead_points: values at which it turns back.
-        ended: what ends the poses: ``"closed"`` (they come round), ``"limits"`` of the joint, ``"range"``, or
-            ``"open"``: beyond, the loops cannot be closed.
+        ended: what ends the poses: ``"closed"`` (they come round), ``"limits"`` of the joint, ``"range"``,
+            ``"dead"`` points, or ``"open"``: beyond, the loops cannot be closed.
         beyond: for each pose the joint that is beyond its limits there, ``""`` for none, (n,).
     """
 
@@ -54,11 +55,12 @@ def sliders(mech: Mechanism, q: Array) -> list[Slider]:
     """The coordinates that can be chosen at a closed configuration q (nq,), at most `MOST`.
 
     Of the joints with one coordinate those that a driver moves or that the start gives come first, then the others in
-    their order, each as far as it does not follow from those before.
+    their order, each as far as it does not follow from those before. One alone goes the whole way, through dead points.
     """
     free = Mechanism(mech.model, mech.closures, mech.forces, start=mech.start_values, title=mech.title)
     names = independent(mech, free.system(), q)[:MOST]
-    return [_slider(free, name, [n for n in names if n != name], q) for name in names]
+    found = [_slider(free, name, [n for n in names if n != name], q) for name in names]
+    return [_stretch(s) for s in found] if len(found) > 1 else found
 
 
 def independent(mech: Mechanism, system: "Index2System", q: Array) -> list[str]:
@@ -86,7 +88,7 @@ def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
     system = mech.system()
     u, poses = _alone(mech, name, q)
     if max(_gap(system, pose) for pose in (poses[0], poses[len(poses) // 3], poses[-1])) < CLOSED:
-        ended = "limits" if _limits(mech, name) is not None else "closed" if unit == "rad" else "range"
+        ended = "limits" if limits_of(mech, name) is not None else "closed" if unit == "rad" else "range"
     else:
         try:
             found = kinematics(mech, name, hold=others, q=q, points=POSES)
@@ -95,19 +97,46 @@ def _slider(mech: Mechanism, name: str, others: list[str], q: Array) -> Slider:
             dead = tuple(sorted({round(float(x), 12) for x, _ in found.dead_points}))
         except MbdaeError:  # a freedom that no joint of one coordinate has, an endless way, a pose that is singular
             u, poses, ended = _marched(mech, name, others, q)
-    here = u[np.abs(u - _value(q, joint)).argmin()]
+    here = u[np.abs(u - value_of(q, joint)).argmin()]
     near = np.flatnonzero(u == here)
     start = near[np.argmin([round(np.linalg.norm(mech.manifold.difference(q, poses[k])), 6) for k in near])]
     return Slider(name, unit, u, poses, int(start), dead, ended, tuple(_beyond(mech, poses)))
 
 
+def _stretch(slider: Slider) -> Slider:
+    """The poses around the start between two dead points, over which the coordinate rises.
+
+    Where several coordinates are moved together, a pose is told by their values, and those by their sliders.
+    """
+    n, here, k = len(slider.u), slider.start, np.arange(len(slider.u))
+    u = slider.u
+    if slider.ended == "closed":  # once around, with the start in the middle
+        rounds, k = np.divmod(here + k - n // 2, n - 1)
+        u, here = u[k] + rounds * (u[-1] - u[0]), n // 2
+    rising = np.diff(u) > 0
+    turns = np.flatnonzero(rising[1:] != rising[:-1]) + 1
+    first, last = max([0, *turns[turns <= here]]), min([n - 1, *turns[turns > here]])
+    chosen = np.arange(first, last + 1)[:: 1 if u[last] > u[first] else -1]
+    ends = u[chosen[[0, -1]]]
+    return replace(
+        slider,
+        u=u[chosen],
+        q=slider.q[k[chosen]],
+        start=int(np.flatnonzero(chosen == here)[0]),
+        dead_points=tuple(d for d in slider.dead_points if np.abs(ends - d).min() < SLACK),
+        ended="dead" if slider.ended == "closed" and len(turns) else slider.ended,
+        beyond=tuple(slider.beyond[i] for i in k[chosen]),
+    )
+
+
 def _alone(mech: Mechanism, name: str, q: Array) -> tuple[Array, Array]:
     """Poses in which one joint moves by itself, over its limits, or half a turn or metre to both sides."""
     joint = find_joint(mech.model, name)
-    here, limits = _value(q, joint), _limits(mech, name)
+    here, limits = value_of(q, joint), limits_of(mech, name)
     around = here + np.array([-1, 1]) * (np.pi if _turns(mech, name) else 0.5)
     low, high = around if limits is None else limits
     u = np.linspace(low, high, POSES)
+    u[np.abs(u - here).argmin()] = here
     steps = np.zeros((POSES, mech.nv))
     steps[:, joint.idx_v] = u - here
     return u, np.array([mech.manifold.integrate(q, step) for step in steps])
@@ -117,12 +146,12 @@ def _marched(mech: Mechanism, name: str, others: list[str], q: Array) -> tuple[A
     """Poses found one after the other from q to both sides, up to where the loops cannot be closed any more."""
     joint, system = find_joint(mech.model, name), mech.system()
     held = np.array([find_joint(mech.model, n).idx_v for n in (name, *others)])
-    targets, found, ended = _alone(mech, name, q)[0], {_value(q, joint): q}, "range"
-    for way in (targets[targets > _value(q, joint)], targets[targets < _value(q, joint)][::-1]):
+    targets, found, ended = _alone(mech, name, q)[0], {value_of(q, joint): q}, "range"
+    for way in (targets[targets > value_of(q, joint)], targets[targets < value_of(q, joint)][::-1]):
         pose = q
         for u in way:
             step = np.zeros(mech.nv)
-            step[joint.idx_v] = u - _value(pose, joint)
+            step[joint.idx_v] = u - value_of(pose, joint)
             try:
                 new = close_position(system, mech.manifold.integrate(pose, step), held, 0.0)
             except MbdaeError:
@@ -138,12 +167,12 @@ def _marched(mech: Mechanism, name: str, others: list[str], q: Array) -> tuple[A
 
 def _beyond(mech: Mechanism, poses: Array) -> Iterator[str]:
     low, high = mech.model.lowerPositionLimit, mech.model.upperPositionLimit
-    single = {find_joint(mech.model, n).idx_q: n for n in mech.joint_names if _limits(mech, n) is not None}
+    single = {find_joint(mech.model, n).idx_q: n for n in mech.joint_names if limits_of(mech, n) is not None}
     for pose in poses:
         yield next((n for i, n in single.items() if not low[i] - SLACK <= pose[i] <= high[i] + SLACK), "")
 
 
-def _limits(mech: Mechanism, name: str) -> Array | None:
+def limits_of(mech: Mechanism, name: str) -> Array | None:
     """Limits of a joint; None for one without."""
     joint = find_joint(mech.model, name)
     if joint.nq != 1:
@@ -156,7 +185,8 @@ def _turns(mech: Mechanism, name: str) -> bool:
     return coordinate_units(mech)[f"v.{name}"].startswith("rad")
 
 
-def _value(q: Array, joint: object) -> float:
+def value_of(q: Array, joint: object) -> float:
+    """The coordinate of a joint with one coordinate; an angle in (-pi, pi] for one that turns without end."""
     at, nq = joint.idx_q, joint.nq  # type: ignore[attr-defined]
     return float(q[at]) if nq == 1 else float(np.arctan2(q[at + 1], q[at]))
 

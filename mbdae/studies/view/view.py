@@ -1,6 +1,7 @@
 """All poses of a mechanism as one page with sliders: what one looks at before a run."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ...mechanism.frames import find_joint
 from ...system import Array
 from ..replay import animation_tracks as tracks
 from ..replay.document import document, drawn, frame
+from .linkage import linkage
 from .sliders import MOST, Slider, sliders
 
 __all__ = ["view"]
@@ -20,6 +22,7 @@ __all__ = ["view"]
 ENDS = {
     "closed": "comes round to where it began",
     "range": "",
+    "dead": "",
     "limits": "as far as the limits of the joint",
     "open": "at its ends the loops cannot be closed any further",
 }
@@ -38,6 +41,11 @@ class View:
     mechanism: Mechanism
     q: Array
     sliders: tuple[Slider, ...]
+
+    @cached_property
+    def _linkage(self) -> dict[str, Any] | None:
+        """What the page needs to move several at once."""
+        return linkage(self.mechanism, self.q, self.sliders) if len(self.sliders) > 1 else None
 
     def __str__(self) -> str:
         head = f"{self.mechanism.title}, free coordinates: {len(self.sliders)}"
@@ -79,6 +87,7 @@ class View:
             "switched": {"each": []},
             "choices": [self._choice(s) for s in self.sliders],
             "sliders": [_plain(s) for s in self.sliders],
+            "linkage": self._linkage,
             "note": self._note(),
         }
         return document(self.mechanism.title, payload)
@@ -94,7 +103,11 @@ class View:
     def _note(self) -> str:
         mech = self.mechanism
         several = [n for n in mech.joint_names if find_joint(mech.model, n).nv > 1]
-        parts = ["One coordinate moves at a time, the others stand where the model starts."] if self.sliders else []
+        parts = []
+        if len(self.sliders) > 1:
+            lone = "One coordinate moves at a time, the others stand where the model starts."
+            together = "What is moved stays there; the page closes the loops."
+            parts = [together if self._linkage else lone]
         parts += [f"Shown are {MOST} coordinates."] if len(self.sliders) == MOST else []
         parts += [f"Not moved, joints of several coordinates: {', '.join(several)}."] if several else []
         parts += ["Nothing can be moved."] if not self.sliders else []
@@ -116,7 +129,8 @@ def view(mech: Mechanism, q: Array | None = None) -> View:
     """Find the poses of a mechanism over each of its free coordinates.
 
     Poses are computed here, the page shows them: over the whole way along which the loops stay closed, through dead
-    points of the coordinate, or over the limits of a joint outside of all loops.
+    points of the coordinate, or over the limits of a joint outside of all loops. Of several coordinates each goes from
+    one dead point to the next; moved together, the page closes the loops.
 
     Args:
         mech: the mechanism; its drivers are let go.

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import InputError
+from mbdae.mechanism.assembly import close_position
 from mbdae.mechanism.frames import find_joint
 
 COMMANDS = ("view four_bar -o out.html",)
@@ -48,32 +49,86 @@ def test_a_joint_outside_of_loops_moves_over_its_limits():
     assert [s.joint for s in found.sliders] == list(mech.joint_names)
     k = find_joint(mech.model, "joint1").idx_v
     moved = np.array([mech.manifold.difference(found.q, q) for q in found.sliders[0].q])
-    np.testing.assert_allclose(moved[:, k], found.sliders[0].u - found.sliders[0].u[found.sliders[0].start], atol=1e-9)
+    expected = found.sliders[0].u - found.sliders[0].u[found.sliders[0].start]
+    np.testing.assert_allclose(np.exp(1j * moved[:, k]), np.exp(1j * expected), atol=1e-9)
     assert not np.delete(moved, k, axis=1).any()
 
 
-def test_the_page_moves_one_coordinate_at_a_time(tmp_path):
+MOVE = """
+  const inputs = [...document.querySelectorAll(".slider input")];
+  const move = (k, share) => { inputs[k].value = share; inputs[k].oninput(); };
+  const look = () => ({
+    places: PATHS.map(path => nodeOf(mbdae.viewer, path).position.toArray()),
+    shares: inputs.map(input => Number(input.value)), said: byId("clock").textContent.replaceAll("\u2212", "-"),
+    notes: [...document.querySelectorAll(".slider .note")].map(x => x.textContent), open: mbdae.open,
+  });
+"""
+
+
+def page_of(found, folder):
+    """The page of a view, and the script with which it is moved."""
+    found.save(folder / "view.html")
+    shapes = found.mechanism.scene.shapes
+    paths = [f"/mechanism/{s.role}/{s.name.replace('/', '|')}" for s in shapes]
+    return folder / "view.html", MOVE.replace("PATHS", json.dumps(paths))
+
+
+def test_a_coordinate_alone_goes_along_the_poses_computed_for_it(tmp_path):
     found = mbdae.view(mbdae.load("delta_robot"))
-    found.save(tmp_path / "view.html")
-    scene, robot = found.mechanism.scene, found.sliders[1]
-    paths = [f"/mechanism/{s.role}/{s.name.replace('/', '|')}" for s in scene.shapes]
-    script = """
-      const places = () => PATHS.map(path => nodeOf(mbdae.viewer, path).position.toArray());
-      const inputs = [...document.querySelectorAll(".slider input")];
-      inputs[0].value = 0.7;
-      inputs[0].oninput();
-      inputs[1].value = 40 / COUNT;
-      inputs[1].oninput();
-      log.places = places();
-      log.first = Number(inputs[0].value);
-      log.clock = byId("clock").textContent;
+    page, move = page_of(found, tmp_path)
+    robot = found.sliders[1]
+    script = f"""{move}
+      move(1, 40 / {len(robot.u) - 1});
+      log.moved = look();
       log.dead = document.querySelectorAll(".dead").length;
-    """.replace("PATHS", json.dumps(paths)).replace("COUNT", str(len(robot.u) - 1))
-    log = Chromium().ask(tmp_path / "view.html", script, size=(700, 400))
-    np.testing.assert_allclose(log["places"], scene.placements(robot.q[40])[:, :3], atol=1e-4)
-    assert log["first"] == pytest.approx(found.sliders[0].start / (len(found.sliders[0].u) - 1))
-    assert log["clock"].replace("−", "-") == f"arm_2 = {robot.u[40]:.3f} rad"  # noqa: RUF001
+      move(0, 0.3);
+      document.querySelector(".back").click();
+      log.back = look();
+    """
+    log = Chromium().ask(page, script, size=(700, 400))
+    scene = found.mechanism.scene
+    np.testing.assert_allclose(log["moved"]["places"], scene.placements(robot.q[40])[:, :3], atol=1e-4)
+    assert log["moved"]["said"] == f"arm_2 = {robot.u[40]:.3f} rad"
     assert log["dead"] == 6
+    np.testing.assert_allclose(log["back"]["places"], scene.placements(found.q)[:, :3], atol=1e-4)
+    assert log["back"]["shares"] == pytest.approx([s.start / (len(s.u) - 1) for s in found.sliders])
+
+
+@pytest.mark.parametrize(("name", "moves"), [
+    ("delta_robot", [(0, 0.1), (1, -0.15), (2, 0.12)]),
+    ("stewart_platform", [(0, 0.06), (3, -0.05), (5, 0.04)]),
+    ("double_pendulum", [(0, 1.0), (1, -2.0)]),
+    ("flyball_governor", [(0, 0.8), (1, 0.02)]),
+])  # fmt: skip
+def test_several_coordinates_move_together_and_loops_stay_closed(name, moves, tmp_path):
+    found = mbdae.view(mbdae.load(name))
+    mech = found.mechanism
+    page, move = page_of(found, tmp_path)
+    wanted = {}
+    for k, by in moves:
+        s = found.sliders[k]
+        near = np.abs(s.u - s.u[s.start] - by) + 1e-6 * np.abs(np.arange(len(s.u)) - s.start)
+        wanted[s.joint] = near.argmin()
+    shares = {k: wanted[s.joint] / (len(s.u) - 1) for k, s in enumerate(found.sliders) if s.joint in wanted}
+    calls = "".join(f"move({k}, {share});" for k, share in shares.items())
+    log = Chromium().ask(page, f"{move}{calls}log.pose = look();", size=(700, 400))["pose"]
+    assert log["open"] < 1e-9
+    assert [log["shares"][k] for k in shares] == pytest.approx(list(shares.values()))
+    values = {s.joint: s.u[wanted.get(s.joint, s.start)] for s in found.sliders}
+    held, step = [find_joint(mech.model, joint).idx_v for joint in values], np.zeros(mech.nv)
+    step[held] = [values[s.joint] - s.u[s.start] for s in found.sliders]
+    q = close_position(mech.system(), mech.manifold.integrate(found.q, step), np.array(held), 0.0)
+    np.testing.assert_allclose(log["places"], mech.scene.placements(q)[:, :3], atol=1e-6)
+
+
+def test_where_loops_cannot_be_closed_a_slider_stops(tmp_path):
+    found = mbdae.view(mbdae.load("delta_robot"))
+    page, move = page_of(found, tmp_path)
+    least = int(found.sliders[0].u.argmin()) / (len(found.sliders[0].u) - 1)
+    log = Chromium().ask(page, f"{move} move(1, 0.3); move(0, {least}); log.pose = look();", size=(700, 400))["pose"]
+    assert log["notes"][0] == "the loops cannot be closed any further"
+    assert log["open"] < 1e-9
+    assert log["shares"][0] != pytest.approx(least)
 
 
 def test_a_notebook_shows_it_and_wrong_input_is_refused(four_bar, tmp_path):
