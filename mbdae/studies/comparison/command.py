@@ -24,7 +24,6 @@ from ...cli.options import (
     writable,
 )
 from ...errors import InputError, UnknownNameError
-from ...mechanism import Mechanism
 
 
 @click.command()
@@ -74,7 +73,7 @@ def compare(
     if len(kept) > 1:
         raise InputError(f"the runs are kept in one file, got {' and '.join(kept)}")
     problem = model.problem()
-    known = tuple(QUANTITIES) if isinstance(problem, Mechanism) else OF_TEXTBOOK
+    known = OF_TEXTBOOK if model.textbook else tuple(QUANTITIES)
     if quantity is not None and quantity not in known:
         raise UnknownNameError("quantity", quantity, known)
     with bar("compare", 1.0) as tell:

@@ -132,8 +132,8 @@ def test_every_sample_has_the_mode_of_its_step(model):
     (point,) = study.points
     runs = (("herk5", 1e-6), ("pherk6", 1e-12))
     ends = [mbdae.solve(mech, (0, mech.duration), method=m, rtol=r, project=False).q[-1] for m, r in runs]
-    assert abs(point.end_q - np.abs(ends[0] - ends[1]).max()) < 1e-11
-    assert point.error_q < 1e-5
+    assert abs(point.ends["q"] - np.abs(ends[0] - ends[1]).max()) < 1e-11
+    assert point.errors["q"] < 1e-5
 
 
 def test_a_run_that_fails_is_kept_with_its_reason(four_bar):
