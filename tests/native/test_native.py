@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from chains import JOINTS, random_q, tree
 from driven import DRIVEN
+from in_core import IN_CORE
 from mechanism.closures.test_closure_kinds import CASES, mechanism
 from mechanism.forces.test_force_runs import IN_BOTH
 
@@ -14,7 +15,6 @@ import mbdae
 from mbdae import Closure, Driver, Mechanism, backend
 from mbdae.errors import StepError
 from mbdae.integrate.steppers.stepper import PythonStepper
-from mbdae.mechanism.formats.library import model_names
 from mbdae.methods import METHODS, Tableau
 from mbdae.system import State
 
@@ -31,6 +31,7 @@ SPANS = {  # s; 0.5 s for the others
     "rattleback": 0.1,
     "sleeping_top": 0.05,
     "spatial_slider_crank": 0.25,
+    "woodpecker": 0.02,
 }
 
 
@@ -64,7 +65,7 @@ def assert_same(native, python, tolerance=1e-12, own=1e-10):
 
 
 @pytest.mark.parametrize("method", TABLEAUS)
-@pytest.mark.parametrize("name", model_names())
+@pytest.mark.parametrize("name", IN_CORE)
 def test_fixed_steps(name, method):
     T = SPANS.get(name, 0.5)
     for options in ({}, {"project": True}) if method in ("herk4", "pherk5") else ({},):
@@ -74,7 +75,7 @@ def test_fixed_steps(name, method):
 
 
 @pytest.mark.parametrize("options", [{"method": "herk5"}, {"method": "rk4"}, {"project": True}], ids=str)
-@pytest.mark.parametrize("name", model_names())
+@pytest.mark.parametrize("name", IN_CORE)
 def test_controlled_steps(name, options):
     native, python = both(model(name), (0, SPANS.get(name, 0.5)), rtol=1e-6, **options)
     assert native.status == python.status == "finished"

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from driven import DRIVEN
+from in_core import IN_CORE
 from mechanism.forces.test_force_runs import IN_BOTH
 from native.test_native import SPANS, assert_near, assert_same, both, model
 from scipy.linalg import null_space
@@ -14,7 +15,6 @@ import mbdae
 from mbdae import backend
 from mbdae.errors import InputError
 from mbdae.integrate.steppers.stepper import PythonStepper
-from mbdae.mechanism.formats.library import model_names
 from mbdae.methods.radau import RadauIIA
 from mbdae.system import State
 
@@ -37,7 +37,7 @@ def steps(mech, method, h, n, native):
     return found
 
 
-@pytest.mark.parametrize("name", model_names())
+@pytest.mark.parametrize("name", IN_CORE)
 def test_single_steps(name):
     """Equal to rounding; as many iterations, as rounding does not say when they end."""
     mech, h = model(name), SPANS.get(name, 0.5) / 1000
@@ -71,7 +71,7 @@ def test_a_step_takes_over_what_was_lost(name):
     assert_near(*found, 1e-12)
 
 
-@pytest.mark.parametrize("name", model_names())
+@pytest.mark.parametrize("name", IN_CORE)
 def test_fixed_steps(name):
     T = SPANS.get(name, 0.5)
     native, python = both(model(name), (0, T), method="radau5", step=T / 20)
@@ -84,7 +84,7 @@ def test_fixed_steps(name):
         assert_near(a, b, tolerance)
 
 
-@pytest.mark.parametrize("name", model_names())
+@pytest.mark.parametrize("name", IN_CORE)
 def test_controlled_steps(name):
     T = SPANS.get(name, 0.5)
     python = mbdae.solve(model(name), (0, T), method="radau5", rtol=1e-6, backend="python")

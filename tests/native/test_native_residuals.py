@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from chains import random_q
 from driven import DRIVEN
+from in_core import IN_CORE
 from mechanism.forces.test_force_runs import IN_BOTH
 
 import mbdae
@@ -38,7 +39,7 @@ def test_driven_mechanisms(name):
     compare(DRIVEN[name]())
 
 
-@pytest.mark.parametrize("name", mbdae.model_names())
+@pytest.mark.parametrize("name", IN_CORE)
 def test_models(name):
     compare(mbdae.load(name))
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from chains import JOINTS, random_q, tree
 from driven import DRIVEN
+from in_core import IN_CORE
 from mechanism.forces.test_law_slopes import MIXED, PARENTS, kinds_of_forces
 from mechanism.formulations.test_derivatives import CLOSURES, DRIVERS
 
 from mbdae import Mechanism, backend, load
 from mbdae.errors import StepError
-from mbdae.mechanism.formats.library import model_names
 from mbdae.mechanism.formulations.derivatives import jacobians
 
 pytestmark = pytest.mark.native
@@ -41,7 +41,7 @@ def compare(mech, tolerance=1e-12, states=4):
     assert compared > 1
 
 
-@pytest.mark.parametrize("name", model_names())
+@pytest.mark.parametrize("name", IN_CORE)
 def test_every_model(name):
     compare(load(name))
 

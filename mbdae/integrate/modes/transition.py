@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...mechanism.modes.choice import choose
-from ...mechanism.modes.impact import RANK, strike
+from ...mechanism.modes.impact import RANK, Rub, strike
 from ...mechanism.modes.point import AllRows, ModePoint
+from ...mechanism.modes.rubs import Limit, choose_with_friction
 from ...mechanism.modes.switch import Candidate, Strike
 from ...solution.impact import Impact
 from ...system import Array
@@ -53,10 +53,12 @@ class Transition:
             return at.y, None
         hit = [i for i, strikes in found.items() if strikes[0].sign * rate[strikes[0].row] <= still or mode[i]]
         touched: list[tuple[int, Strike]] = [(i, s) for i in hit for s in found[i] if s.sign]
-        others = [s.row for i in hit for s in found[i] if not s.sign]
+        others = [s.row for i in hit for s in found[i] if not s.sign and np.isnan(s.share)]
         apart = [(i, s) for i in found if i not in hit for s in found[i] if s.sign]
+        rubbing = [(i, s) for i in found for s in found[i] if s.share >= 0]
         if all(i in soft for i, s in touched if s.sign * rate[s.row] < -still):
-            rests = [(i, s) for i, s in touched if i in soft or mode[i]]
+            rubs = {i for i, _ in rubbing}
+            rests = [(i, s) for i, s in touched if (i in soft or mode[i]) and i not in rubs]
             others += [s.row for _, s in rests]
             touched = [x for x in touched if x not in rests]
         kept = np.array([*self.always, *others], int)
@@ -66,13 +68,16 @@ class Transition:
         e = np.array([0.0 if i in soft else s.restitution for i, s in both])
         G, g_t = at.values[1:]
         U = np.triu(system.inertia(at.t, at.q))
-        blow = strike(U, G[kept], g_t[kept], signs[:, None] * G[rows], signs * g_t[rows], e, at.v)
+        by = [next(k for k, (j, _) in enumerate(both) if j == i) for i, _ in rubbing]
+        rubs_of = [Rub(k, G[s.row], float(g_t[s.row]), s.share) for k, (_, s) in zip(by, rubbing, strict=True)]
+        blow = strike(U, G[kept], g_t[kept], signs[:, None] * G[rows], signs * g_t[rows], e, at.v, rubs_of)
         y = at.y.copy()
         y[system.nq : system.nq + system.nv] = blow.v
         y[-1] += blow.work
         whole = np.zeros(system.ng)
         whole[rows] = signs * blow.p
         whole[kept] += blow.P
+        whole[[s.row for _, s in rubbing]] = blow.friction
         hits = [(self.switches[i].name, s.sign * whole[s.row]) for i in found for s in found[i][:1] if s.sign]
         struck = [(name, float(p)) for name, p in hits if p > 0]
         where, impulse = zip(*struck, strict=True) if struck else ((), ())
@@ -156,7 +161,11 @@ class Transition:
             Q = left[:, sizes > RANK * sizes[:1]]
             C = C - Q @ (Q.T @ C)
             C[:, np.linalg.norm(C, axis=0) <= RANK * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # kept anyway
-        lam[rows] = choose(C, rates[rows], lower, upper)
+        limits, first = dict[int, Limit](), 0
+        for cs in found.values():
+            limits |= {first + k: Limit(first, c.share, c.drag) for k, c in enumerate(cs) if c.share >= 0}
+            first += len(cs)
+        lam[rows] = choose_with_friction(C, rates[rows], lower, upper, limits)
         vdot = C @ lam[rows]
         free = B - Q @ (Q.T @ B) if len(kept) else B
         bounded = np.where(np.isfinite(upper - lower), upper - lower, 0.0)

@@ -239,9 +239,12 @@ def _refuse(force: CoulombFriction, closure: Closure) -> None:
     if closure.kind not in known or (closure.kind == "rolling" and closure.contact is False):
         raise InputError(f"coulomb_friction is for closures of kind {', '.join(known)}; {closure.name!r} is another")
     grips = closure.kind == "rolling" and bool(closure.tangents)
-    if grips and (not force.sticks or closure.unilateral):
-        how = "exact = true, or grip = 'none'" if not force.sticks else "a closure that is not unilateral"
+    if grips and not force.sticks:
+        how = "exact = true, or grip = 'none'"
         raise InputError(f"coulomb_friction {force.name!r}: the grip of {closure.name!r} needs {how}")
+    if grips and closure.unilateral and (len(closure.tangents) > 1 or force.static is not None):
+        how = "exact = true without static, and grip along one line: 'longitudinal', 'lateral' or an angle"
+        raise InputError(f"coulomb_friction {force.name!r}: {closure.name!r}, which lets go, needs {how}")
     if force.sticks and not grips:
         raise InputError(f"coulomb_friction {force.name!r}: static and exact are for rolling closures with a grip")
     if (force.radius is None) == (closure.kind in TURNS):

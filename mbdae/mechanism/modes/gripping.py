@@ -36,7 +36,12 @@ class Gripping(Switch):
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
-        return [cls(f, mechanism.rows_of(f.closure), k) for k, f in enumerate(found) if f.sticks]
+        pressing = {c.name for c in mechanism.closures if c.unilateral}
+        return [
+            cls(f, mechanism.rows_of(f.closure), k)
+            for k, f in enumerate(found)
+            if f.sticks and f.closure not in pressing
+        ]
 
     @property
     def rows(self) -> tuple[int, ...]:  # noqa: D102
@@ -65,11 +70,15 @@ class Gripping(Switch):
 
         return value
 
+    def slips(self, point: "ModePoint") -> bool:
+        """Say whether it slips."""
+        return bool(np.linalg.norm(point.rate[self.grip]) > point.standstill)
+
     def direction(self, point: "ModePoint") -> "Array":
         """Return the direction of the slip, or where it will go."""
-        slip, size = point.rate[self.grip], float(np.linalg.norm(point.rate[self.grip]))
-        if size > point.standstill:
-            return slip / size
+        if self.slips(point):
+            slip = point.rate[self.grip]
+            return slip / np.linalg.norm(slip)
         return point.system.sliding.heading[self.which]
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
@@ -79,8 +88,7 @@ class Gripping(Switch):
         return (Guard("rest", self.name, self.at, self.slip()),) if state == SLIDES else ()
 
     def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
-        slip = np.abs(point.rate[self.grip]).max()
-        if slip > point.standstill or (state == GRIPS and self.margin(point) < AT_LIMIT):
+        if self.slips(point) or (state == GRIPS and self.margin(point) < AT_LIMIT):
             return ()
         system, before = point.system, point.system.mode
         system.enter(tuple(GRIPS if i == self.at else k for i, k in enumerate(before)))

@@ -6,10 +6,14 @@ Newton's law for the touched rows U that approach. v+ is the nearest point, in t
 meet G v+ + b = 0 and U v+ >= -e U v-: least-distance programming, solved by non-negative least squares. v+ is unique, p
 need not be. Rows that separate already are left out, else energy could rise; those that then approach strike next.
 
+Where a contact rubs its tangential impulse is p_t, |p_t| <= mu p, against the slip behind the impact, or what stops it
+(`rubs`). Newton's law can make energy of that, for e > 0 (Kane): then it is no law, and the run ends.
+
 Sources: Moreau (1988), in Nonsmooth Mechanics and Applications; Lawson, Hanson, Solving Least Squares Problems (1974),
 23.4.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,12 +21,30 @@ from scipy.optimize import nnls
 
 from ...errors import StepError
 from ...system import Array
+from .rubs import Limit, choose_with_friction
 
 STILL = 1e-10  # of 1 + |v|: a speed below is none
 ROUNDS = 200  # of rows that strike one after another at one instant; the last one with e = 0
 RANK = 1e-7  # of the largest singular value, and of a row: what is left of it beside others
 SHARP = 1e-12  # of the speed: how well impulses are found again from velocities
 CONTRADICTION = 1e-6  # of 1 + |v|: a speed that rows ask for which depend on others
+GAIN = 1e-10  # of the kinetic energy: less is rounding
+
+
+class Rub(NamedTuple):
+    """A tangential row of a contact that rubs.
+
+    Attributes:
+        by: number of the touched row whose impulse limits its own.
+        row: G_t, (nv,).
+        rate: its g_t.
+        share: mu.
+    """
+
+    by: int
+    row: Array
+    rate: float
+    share: float
 
 
 class Blow(NamedTuple):
@@ -33,12 +55,14 @@ class Blow(NamedTuple):
         p: impulses of the rows that were touched, (m,), in N s, in the direction in which they open.
         P: impulses of the rows that are kept, (k,).
         work: of all impulses in J: what the kinetic energy changes by.
+        friction: impulses of the rows that rub, (n,).
     """
 
     v: Array
     p: Array
     P: Array
     work: float
+    friction: Array
 
 
 def standstill(v: Array) -> float:
@@ -46,7 +70,9 @@ def standstill(v: Array) -> float:
     return STILL * (1 + float(np.abs(v).max()))
 
 
-def strike(U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array) -> Blow:
+def strike(
+    U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array, rubs: Sequence[Rub] = ()
+) -> Blow:
     """Return what happens where rows touch.
 
     Args:
@@ -57,12 +83,16 @@ def strike(U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: 
         c: and their g_t in that direction, (m,).
         e: restitution, (m,).
         v: velocities before, (nv,).
+        rubs: rows that rub.
 
     Raises:
-        StepError: where the kept rows and the touched ones contradict each other.
+        StepError: where the kept rows and the touched ones contradict each other, or friction finds no impulse or makes
+            energy.
     """
     n, m = len(v), len(rows)
-    BG, BU = (np.linalg.solve(U.T, X.T) if len(X) else np.zeros((n, 0)) for X in (kept, rows))
+    tangents = np.array([x.row for x in rubs])
+    BG, BU, BT = (np.linalg.solve(U.T, X.T) if len(X) else np.zeros((n, 0)) for X in (kept, rows, tangents))
+    friction = np.zeros(len(rubs))
     total, x, work = np.zeros(m), U @ v, 0.0  # x = M^1/2 v
     P = np.zeros(len(kept))
     Q, pinv = _range(BG)
@@ -81,15 +111,29 @@ def strike(U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: 
         short[(short > 0) & (short <= still)] = 0.0
         if (short[~able] > CONTRADICTION * (1 + float(np.abs(v).max()))).any():
             raise StepError("impact", "closures keep what strikes from giving way")
-        p = np.zeros(len(which))
-        p[able] = _least(A[:, able], short[able], float(np.linalg.norm(U @ v)))
-        new = closed + A @ p
-        impulse = pinv @ (new - x - BU[:, which] @ p) if len(kept) else P
-        work += float(p @ (BU[:, which].T @ (x + new))) / 2 + float(impulse @ (BG.T @ (x + new))) / 2
+        p, q = np.zeros(len(which)), np.zeros(len(rubs))
+        on = [i for i, rub in enumerate(rubs) if rub.by in which]
+        if on:
+            T = BT[:, on] - Q @ (Q.T @ BT[:, on])
+            slip = BT[:, on].T @ closed + np.array([rubs[i].rate for i in on])
+            k, by = len(which), np.searchsorted(which, [rubs[i].by for i in on])
+            limits = {k + j: Limit(int(at), rubs[i].share) for j, (i, at) in enumerate(zip(on, by, strict=True))}
+            low, high = np.zeros(k + len(on)), np.full(k + len(on), np.inf)
+            both = choose_with_friction(np.hstack([A, T]), np.append(-short, slip), low, high, limits)
+            p, q[on] = both[:k], both[k:]
+            new = closed + A @ p + T @ q[on]
+        else:
+            p[able] = _least(A[:, able], short[able], float(np.linalg.norm(U @ v)))
+            new = closed + A @ p
+        impulse = pinv @ (new - x - BU[:, which] @ p - BT @ q) if len(kept) else P
+        work += float(p @ (BU[:, which].T @ (x + new)) + q @ (BT.T @ (x + new)) + impulse @ (BG.T @ (x + new))) / 2
         total[which] += p
+        friction += q
         P = P + impulse if len(kept) else P
         x = new
-    return Blow(np.linalg.solve(U, x), total, P, work)
+    if rubs and work > GAIN * float((U @ v) @ (U @ v)) and not (b.any() or c.any()):
+        raise StepError("impact", "Newton's law with friction makes energy here, with restitution above 0")
+    return Blow(np.linalg.solve(U, x), total, P, work, friction)
 
 
 def _range(B: Array) -> tuple[Array, Array]:

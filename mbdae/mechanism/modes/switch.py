@@ -47,19 +47,31 @@ class Strike(NamedTuple):
         row: its number.
         sign: 1 or -1: sign * (G v + g_t) is the speed at which it opens; 0 for a row that is kept.
         restitution: of Newton's law.
+        share: mu, of a tangential row whose impulse the first row of the switch limits; nan for others.
     """
 
     row: int
     sign: float
     restitution: float = 0.0
+    share: float = np.nan
 
 
 class Candidate(NamedTuple):
-    """A row that may carry load: its number, and the least and the largest multiplier."""
+    """A row that may carry load.
+
+    Attributes:
+        row: its number.
+        lower: the least multiplier.
+        upper: the largest one.
+        share: mu, of a tangential row that the first row of the switch limits, see `rubs.Limit`; nan for others.
+        drag: of one that slides.
+    """
 
     row: int
     lower: float = -np.inf
     upper: float = np.inf
+    share: float = np.nan
+    drag: float = np.nan
 
     @classmethod
     def pressing(cls, row: int, sign: float) -> "Candidate":

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from ..closures.closure import Closure
 from ..closures.one_sided import REST, OneSided, Stop
+from ..forces.coulomb_friction import CoulombFriction
 from .switch import Candidate, Guard, OneSidedRow, Strike, Switch
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ class Unilateral(OneSidedRow):
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         out: list[Switch] = []
+        rubs = {f.closure for f in mechanism.forces if isinstance(f, CoulombFriction) and f.sticks}  # see `rubbing`
         for spec in mechanism.constraints:
             rows = mechanism.rows_of(spec.name)
             if isinstance(spec, Stop):
@@ -41,7 +43,7 @@ class Unilateral(OneSidedRow):
                     cls(spec, f"{spec.name} {words[side]}" if len(rows) > 1 else spec.name, row, side)
                     for row, (_, side) in zip(rows, spec.ends, strict=True)
                 ]
-            elif isinstance(spec, Closure) and spec.unilateral:
+            elif isinstance(spec, Closure) and spec.unilateral and spec.name not in rubs:
                 out.append(cls(spec, spec.name, rows[0], SIDES.get(spec.kind, 1.0), tuple(rows[1:])))
         return out
 

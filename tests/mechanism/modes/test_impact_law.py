@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbdae.errors import StepError
-from mbdae.mechanism.modes.impact import strike
+from mbdae.mechanism.modes.impact import Rub, strike
 
 
 def hit(M, rows, v, e, kept=None, b=None, c=None):
@@ -95,3 +95,33 @@ def test_a_driver_that_pushes_into_a_stop_is_named():
     kept, b, rows = np.array([[1.0, 0]]), np.array([1.0]), np.array([[1.0, 0]])  # v_1 = -1, and v_1 >= 0
     with pytest.raises(StepError, match="closures keep what strikes from giving way"):
         hit(np.eye(2), rows, np.array([-1.0, 0]), np.zeros(1), kept, b)
+
+
+def rubbed(seed, e):
+    """Two contacts of a random body that rub: M, v, rows, tangents, and what happens."""
+    rng = np.random.default_rng(seed)
+    A, v = rng.normal(size=(6, 6)), rng.normal(size=6)
+    M, rows, tangents = A @ A.T + np.eye(6), rng.normal(size=(2, 6)), rng.normal(size=(2, 6))
+    rubs = [Rub(k, tangents[k], 0.0, 0.4) for k in range(2)]
+    nothing = np.zeros((0, 6)), np.zeros(0)
+    return M, v, rows, tangents, strike(np.linalg.cholesky(M).T, *nothing, rows, np.zeros(2), np.full(2, e), v, rubs)
+
+
+@pytest.mark.parametrize("seed", [*range(30), 379])  # the last one goes round in circles
+def test_contacts_that_rub_stick_or_slide_against_the_slip_that_is_left(seed):
+    mu, (M, v, rows, tangents, blow) = 0.4, rubbed(seed, 0.0)
+    np.testing.assert_allclose(M @ (blow.v - v), rows.T @ blow.p + tangents.T @ blow.friction, atol=1e-11)
+    opening, slip = rows @ blow.v, tangents @ blow.v
+    assert (blow.p >= 0).all()
+    assert (opening > -1e-11).all()
+    assert np.abs(blow.p * opening).max() < 1e-11
+    assert (np.abs(blow.friction) <= mu * blow.p + 1e-12).all()
+    slides = np.abs(slip) > 1e-10
+    np.testing.assert_allclose(blow.friction[slides], -mu * blow.p[slides] * np.sign(slip[slides]), atol=1e-11)
+    assert blow.work == pytest.approx((blow.v @ M @ blow.v - v @ M @ v) / 2, abs=1e-11)
+    assert blow.work < 1e-12
+
+
+def test_energy_that_friction_and_restitution_would_make_is_refused():
+    with pytest.raises(StepError, match="Newton's law with friction makes energy here, with restitution above 0"):
+        rubbed(399, 0.9)

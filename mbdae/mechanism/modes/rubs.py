@@ -1,0 +1,75 @@
+"""Multipliers with dry friction: tangential ones are limited by the normal one of the same contact.
+
+    minimise  |C x|^2/2 + c x,   lower <= x <= upper,   |x_t| <= mu |x_n|,   or x_t = d |x_n| of what slides already
+
+A convex problem in x while the limits mu |x_n| stand still; these are found by repeating it with the normal multipliers
+that it gave, or with less than that where this goes round in circles. It contracts where mu |W_tn| < W_nn for all
+contacts together; where it does not, there may be several solutions or none (Painleve): where none is found, that is
+said and not survived.
+
+Source: J. Haslinger, I. Hlavacek, J. Necas, Handbook of Numerical Analysis IV (1996), for the iteration; V. Acary,
+B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), section 13.7.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...errors import StepError
+from ...system import Array
+from .choice import choose
+
+SHARES = (1.0, 0.5, 0.2, 0.05)  # of a move of the limits that is made, one after the other
+MOST = 60  # rounds with each; one leaves about mu |W_tn|/W_nn of the error
+SAME = 1e-15  # of the largest limit: it has not moved
+SETTLED = 1e-12  # the same, where rounding keeps it from coming nearer
+
+
+class Limit(NamedTuple):
+    """What limits a multiplier.
+
+    Attributes:
+        by: the number of the normal one.
+        share: |x_t| <= share |x_n|; or
+        drag: x_t = drag |x_n|, of what slides; nan where it may stick.
+    """
+
+    by: int
+    share: float
+    drag: float = np.nan
+
+
+def choose_with_friction(C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, Limit]) -> Array:
+    """Return multipliers (k,), see the module and `mbdae.mechanism.modes.choice.choose`.
+
+    Args:
+        C: M^1/2 A S^T, (nv, k).
+        c: accelerations, or velocities behind an impact, of the rows with no load, (k,).
+        lower: least multipliers, (k,); those of ``limits`` are not read.
+        upper: largest multipliers, (k,).
+        limits: of those that friction limits, by their numbers.
+
+    Raises:
+        StepError: where limits find no end.
+    """
+    if not limits:
+        return choose(C, c, lower, upper)
+    at, by = np.array(list(limits)), np.array([x.by for x in limits.values()])
+    share, drag = (np.array([getattr(x, k) for x in limits.values()]) for k in ("share", "drag"))
+    slides, bound, last = ~np.isnan(drag), np.full(len(at), np.inf), np.inf
+    bound[slides] = 0.0
+    for way in np.repeat(SHARES, MOST):
+        x = np.zeros(len(c))
+        x[at[slides]] = drag[slides] * bound[slides]
+        none = at[~slides & (bound == 0)]
+        free = np.setdiff1d(np.arange(len(c)), [*at[slides], *none])
+        low, high = lower.copy(), upper.copy()
+        low[at], high[at] = -bound, bound
+        if len(free):
+            x[free] = choose(C[:, free], c[free] + C[:, free].T @ (C @ x), low[free], high[free])
+        new = np.where(slides, 1.0, share) * np.abs(x[by])
+        change, size = float(np.abs(new - bound).max()), float(new.max())
+        if change <= SAME * size or (change <= SETTLED * size and change >= last / 2):
+            return x
+        bound, last = bound + way * (new - bound) if np.isfinite(bound).all() else new, change
+    raise StepError("friction", "friction of contacts leaves no motion, or several")

@@ -1,0 +1,86 @@
+"""Contacts that press on one side and rub: impacts with friction, slipping, sticking, jamming, in closed form."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from bouncing import G, carried, empty, frame
+
+import mbdae
+from mbdae import Closure, CoulombFriction, Mechanism
+from mbdae.errors import InputError
+
+R = 0.01
+OPEN, GRIPS, SLIDES = 0, 1, 2
+
+
+def block(mu=0.3, e=0.0, slope=0.0):
+    """A ball that does not turn, over a floor that slopes down along x."""
+    model = empty()
+    model.gravity.linear = G * np.array([np.sin(slope), 0, -np.cos(slope)])
+    carried(model, carried(model, 0, pin.JointModelPX(), "x", 0.0), pin.JointModelPZ(), "z", 2.0)
+    floor = Closure.rolling("world", "z", R, name="floor", grip="longitudinal", unilateral=True, restitution=e)
+    return Mechanism(model, [floor], [CoulombFriction(closure="floor", coefficient=mu, exact=True)])
+
+
+def test_a_block_thrown_over_the_floor_stops_when_its_weight_has_braked_it():
+    """Bounces or not, the impulse of the floor is m g t behind them: it stops at t = u/(mu g)."""
+    mu, e, h, stops = 0.3, 0.5, 0.1, 0.6
+    u = mu * G * stops
+    sol = mbdae.solve(block(mu, e), (0, 0.8), np.array([0, R + h]), np.array([u, 0]), rtol=1e-10)
+    t = np.sqrt(2 * h / G)
+    first = sol.impacts[0]
+    assert first.t == pytest.approx(t, abs=1e-12)
+    assert first.rows == pytest.approx([2.0 * (1 + e) * G * t, -2.0 * mu * (1 + e) * G * t], rel=1e-11)
+    assert first.loss == pytest.approx((1 - e**2) * (G * t) ** 2 + u**2 - (u - mu * (1 + e) * G * t) ** 2, rel=1e-10)
+    assert [m for _, m in sol.modes[-2:]] == [(SLIDES,), (GRIPS,)]
+    assert sol.t[sol.modes[-1][0]] == pytest.approx(stops, abs=1e-9)
+    assert sol.t[sol.modes[-2][0]] == pytest.approx(t * (1 + e) / (1 - e), abs=1e-5)
+    assert np.abs(sol.v[-1]).max() < 1e-14
+    assert mbdae.drift(sol).energy_relative < 1e-10
+
+
+@pytest.mark.parametrize(("tangent", "mode"), [(0.29, GRIPS), (0.31, SLIDES)])
+def test_a_block_that_falls_on_a_slope_stays_or_slides(tangent, mode):
+    slope, mu, h = np.arctan(tangent), 0.3, 0.05
+    sol = mbdae.solve(block(mu, 0.0, slope), (0, 0.5), np.array([0, R + h]), np.zeros(2), rtol=1e-10)
+    assert [m for _, m in sol.modes] == [(OPEN,), (mode,)]
+    # the floor takes mu of what it takes across, in the impact and behind it
+    speed = 0.0 if mode == GRIPS else G * 0.5 * (np.sin(slope) - mu * np.cos(slope))
+    assert sol.v[-1] == pytest.approx([speed, 0], abs=1e-12)
+
+
+def lever(mu, angle=0.9, e=0.0):
+    """A rod on a carriage, hinged above the floor, its end ahead of the hinge."""
+    model = empty()
+    cart = carried(model, 0, pin.JointModelPX(), "cart", 0.5)
+    rod = carried(model, cart, pin.JointModelRY(), "rod", 0.0, inertia=(0, 0.02, 0))
+    frame(model, rod, "end", 0.5 * np.sin(angle), 0, -0.5 * np.cos(angle))
+    place = pin.SE3(np.eye(3), np.array([0, 0, -0.5 * np.cos(angle) - R]))
+    model.addFrame(pin.Frame("floor", 0, 0, place, pin.FrameType.OP_FRAME))
+    floor = Closure.rolling("floor", "end", R, name="ground", grip="longitudinal", unilateral=True, restitution=e)
+    return Mechanism(model, [floor], [CoulombFriction(closure="ground", coefficient=mu, exact=True)])
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.9, 3.0])
+def test_the_end_of_a_rod_that_strikes_sticks_or_slides_as_its_impulse_says(mu):
+    """Of W p = change of speeds: p_t = -u/W_tt and so on, within the cone; else along its side."""
+    mech, v = lever(mu), np.array([1.0, 1.0])  # it turns onto the floor ahead of it
+    a, c = 0.5 * np.sin(0.9), 0.5 * np.cos(0.9) + R
+    N, T = np.array([0.0, -a]), np.array([1.0, -c])
+    W = np.array([N, T]) @ np.diag([1 / 0.5, 1 / 0.02]) @ np.array([N, T]).T
+    speed = np.array([N, T]) @ v
+    p = np.linalg.solve(W, -speed)
+    if abs(p[1]) > mu * p[0]:
+        side = np.array([1.0, mu * np.sign(p[1])])
+        p = -speed[0] / (W[0] @ side) * side
+    sol = mbdae.solve(mech, (0, 1e-3), np.zeros(2), v)
+    assert sol.impacts[0].rows == pytest.approx(p, rel=1e-12)
+    assert sol.impacts[0].loss == pytest.approx(-p @ (2 * speed + W @ p) / 2, rel=1e-12)
+
+
+def test_wrong_contacts_that_rub_are_refused():
+    model = empty()
+    carried(model, 0, pin.JointModelFreeFlyer(), "ball")
+    floor = Closure.rolling("world", "ball", R, name="floor", unilateral=True)
+    with pytest.raises(InputError, match="'floor', which lets go, needs exact = true without static, and grip along"):
+        Mechanism(model, [floor], [CoulombFriction(closure="floor", coefficient=0.3, exact=True)])
