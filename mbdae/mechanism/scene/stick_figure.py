@@ -130,12 +130,38 @@ def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) 
         ball = coal.Sphere(2.5 * width)
         yield part("link", f"{name} mass", i, pin.SE3(np.eye(3), com), ball, colour)
         return
+    if (turns := _axis(model, i)) is not None and (disc := _disc(inertia, turns, width)):
+        place = along(com, turns)
+        yield part("link", f"{name} body", i, place, coal.Cylinder(*disc), colour)
+        beside = pin.SE3(np.eye(3), np.array([0.5 * disc[0], 0.0, 0.0]))
+        spoke = coal.Box(0.8 * disc[0], width, disc[1] + 0.6 * width)  # shows that it turns
+        yield part("link", f"{name} spoke", i, place * beside, spoke, GROUND_COLOUR)
+        return
     moments, axes = np.linalg.eigh(inertia.inertia)
     if np.linalg.det(axes) < 0:
         axes = -axes
     edges = np.sqrt(np.maximum(6 / inertia.mass * (moments.sum() - 2 * moments), 0.0))
     solid = coal.Box(*np.maximum(edges, 2 * width)) if edges.max() > 4 * width else coal.Sphere(3 * width)
     yield part("link", f"{name} body", i, pin.SE3(axes, com), solid, colour)
+
+
+def _axis(model: pin.Model, i: int) -> np.ndarray | None:
+    """The axis of a revolute joint in its own frame; None for others."""
+    S = subspace(model.joints[i])
+    return S[3:, 0] if S.shape[1] == 1 and S[3:].any() and not S[:3].any() else None
+
+
+def _disc(inertia: pin.Inertia, axis: np.ndarray, width: float) -> tuple[float, float] | None:
+    """Radius and height of the cylinder that turns about its own axis with an inertia; None where none does."""
+    about = float(axis @ inertia.inertia @ axis)
+    across = (np.trace(inertia.inertia) - about) / 2
+    symmetric = about * np.outer(axis, axis) + across * (np.eye(3) - np.outer(axis, axis))
+    centred = np.linalg.norm(np.cross(axis, inertia.lever)) < 1e-9
+    if not centred or not np.allclose(inertia.inertia, symmetric, rtol=1e-6, atol=1e-9 * about):
+        return None
+    radius = np.sqrt(2 * about / inertia.mass)
+    height = np.sqrt(max(12 * across / inertia.mass - 3 * radius**2, 0.0))
+    return (float(radius), max(float(height), 2 * width)) if radius > 4 * width else None
 
 
 def _joint(

@@ -87,6 +87,23 @@ def test_a_body_around_its_joint_is_a_box_of_its_inertia():
     assert sorted(brick.size) == pytest.approx([0.1, 0.2, 0.3])
 
 
+@pytest.mark.parametrize("axis", np.eye(3))
+def test_a_wheel_on_its_axle_is_a_disc_of_its_inertia(axis):
+    turn = pin.Quaternion.FromTwoVectors(pin.ZAxis, axis).matrix()
+    wheel = pin.Inertia(3.0, np.zeros(3), turn @ pin.Inertia.FromCylinder(3.0, 0.4, 0.1).inertia @ turn.T)
+    model, identity = pin.Model(), pin.SE3.Identity()
+    for name, about in (("wheel", axis), ("lever", np.roll(axis, 1))):  # about its axis, and across it
+        joint = model.addJoint(0, pin.JointModelRevoluteUnaligned(about), identity, name)
+        model.appendBodyToJoint(joint, wheel, identity)
+    scene = make_scene(model)
+    shapes = {s.name: k for k, s in enumerate(scene.shapes)}
+    assert scene.shapes[shapes["wheel body"]].size == pytest.approx((0.4, 0.1))
+    place = pin.XYZQUATToSE3(scene.placements(np.zeros(2))[shapes["wheel body"]])
+    np.testing.assert_allclose(np.abs(place.rotation[:, 2]), axis, atol=1e-12)
+    assert "wheel spoke" in shapes
+    assert "lever spoke" not in shapes
+
+
 def test_a_rod_keeps_its_length_between_its_anchors():
     model, identity = pin.Model(), pin.SE3.Identity()
     model.addJoint(0, pin.JointModelTranslation(), identity, "ball")
