@@ -16,7 +16,7 @@ function player(viewer, scene) {
     get playing() { return playing; },
     play() {
       if (offset >= duration) offset = 0;
-      playing = duration > 0;
+      playing = duration > 0 && !scene.sliders;
     },
     pause() { playing = false; },
     choose(which) {

@@ -58,12 +58,14 @@ function controls(page, scene) {
   byId("fit").onclick = fit;
   byId("more").onclick = () => document.querySelector("main").classList.toggle("more");
   const keys = {
-    " ": page.toggle, k: page.toggle, l: repeat, f: fit, "<": () => pace(-1), ">": () => pace(1),
-    c: () => page.mark(!page.marked), 1: () => view.look("front"), 2: () => view.look("top"), 3: () => view.look("3d"),
-    4: () => view.look("side"),
+    f: fit, c: () => page.mark(!page.marked), 1: () => view.look("front"), 2: () => view.look("top"),
+    3: () => view.look("3d"), 4: () => view.look("side"),
+  };
+  if (!scene.sliders) Object.assign(keys, {
+    " ": page.toggle, k: page.toggle, l: repeat, "<": () => pace(-1), ">": () => pace(1),
     ArrowLeft: event => page.step(event.shiftKey ? -10 : -1), ArrowRight: event => page.step(event.shiftKey ? 10 : 1),
     Home: () => page.seek(scene.start), End: () => page.seek(scene.end),
-  };
+  });
   document.addEventListener("keydown", event => {
     const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!act || event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;

@@ -78,6 +78,9 @@ def test_a_coordinate_alone_goes_along_the_poses_computed_for_it(tmp_path):
     page, move = page_of(found, tmp_path)
     robot = found.sliders[1]
     script = f"""{move}
+      document.dispatchEvent(new KeyboardEvent("keydown", {{key: " "}}));
+      await wait(0.3);
+      log.opened = look();
       move(1, 40 / {len(robot.u) - 1});
       log.moved = look();
       log.dead = document.querySelectorAll(".dead").length;
@@ -87,6 +90,7 @@ def test_a_coordinate_alone_goes_along_the_poses_computed_for_it(tmp_path):
     """
     log = Chromium().ask(page, script, size=(700, 400))
     scene = found.mechanism.scene
+    np.testing.assert_allclose(log["opened"]["places"], scene.placements(found.q)[:, :3], atol=1e-4)
     np.testing.assert_allclose(log["moved"]["places"], scene.placements(robot.q[40])[:, :3], atol=1e-4)
     assert log["moved"]["said"] == f"arm_2 = {robot.u[40]:.3f} rad"
     assert log["dead"] == 6
