@@ -50,6 +50,7 @@ class Pane {
       label: curve.ghost < 0 ? curve.name : `${curve.name}, ${scene.ghosts[curve.ghost].name}`, stroke: colour(curve),
       class: curve.ghost < 0 ? "own" : "ghost", width: curve.ghost < 0 ? 1.7 : 1.3, dash: dash(curve), points: {show: false},
       value: () => number(valueAt(curve, this.time)),
+      gaps: (u, k, from, to, found) => found.map(([left, right]) => [left - 2, right + 2]),  // the line across ends there
     }));
     const grid = {stroke: LINE, width: 1}, axis = {stroke: PALE, font: FONT, grid, ticks: {...grid, size: 4}};
     const powers = (u, values) => values.map(x => `1e${Math.round(Math.log10(x))}`.replace("-", "−"));
