@@ -66,7 +66,19 @@ def paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
     Raises:
         UnknownNameError: lists the names that exist.
     """
-    found = [anchor(model, name) for name in names]
+    return _followed(model, [anchor(model, name) for name in names], q)
+
+
+def joint_paths(model: pin.Model, names: Sequence[str], q: np.ndarray) -> np.ndarray:
+    """Where the origins of joints are in the world in m, (n, m, 3), at configurations q (m, nq).
+
+    Raises:
+        UnknownNameError: lists the names that exist.
+    """
+    return _followed(model, [Anchor(n, find_joint(model, n).id, np.eye(3), np.zeros(3)) for n in names], q)
+
+
+def _followed(model: pin.Model, found: Sequence[Anchor], q: np.ndarray) -> np.ndarray:
     data, out = make_data(model), np.empty((len(found), len(q), 3))
     for k, row in enumerate(q):
         pin.forwardKinematics(model, data, row)

@@ -12,15 +12,19 @@ import numpy as np
 from ...mechanism.scene.surfaces import Surface, surfaces
 from ...system import Array
 from .animation_tracks import continuous
+from .mode_tracks import HELD, STRUCK
 from .solids import coil, solid
 
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene, Shape
+    from .mode_tracks import Switched
 
 GREY = (0.7, 0.7, 0.7, 1.0)
 SPRING = (0.8, 0.22, 0.2, 1.0)
 UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # turns z up into y up
 FLOAT, UINT = 5126, 5125  # component types
+TINY = 1e-6  # a scale of 0 leaves no normals
+FLASH, SUDDEN = 0.25, 1e-3  # s of viewing: how long an impact is seen, and how fast it appears
 EDGE = np.cos(0.6)  # rad: triangles that are turned more meet at an edge
 VERTICES, INDICES = 34962, 34963  # what a view of the buffer is for
 
@@ -99,7 +103,7 @@ class _File:
         return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
 
 
-def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float) -> bytes:
+def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks: Sequence["Switched"] = ()) -> bytes:
     """The file of a motion.
 
     Args:
@@ -108,6 +112,7 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float) -> byt
         q: (m, nq) configurations.
         title: of the scene.
         speed: seconds of motion per second of the animation.
+        marks: of what holds or is struck: balls, while it does, and for a quarter of a second.
     """
     file = _File(title)
     file.add("nodes", {"name": title or "mechanism", "rotation": UP, "children": []})
@@ -115,15 +120,18 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float) -> byt
     clock = file.numbers(seconds, bounded=True) if len(times) > 1 else None
     animation: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
 
-    def place(name: str, mesh: int, tracks: dict[str, Array]) -> None:
+    def moved(node: int, path: str, clock: int, values: Array, way: str = "LINEAR") -> None:
+        animation["samplers"].append({"input": clock, "interpolation": way, "output": file.numbers(values)})
+        target = {"node": node, "path": path}
+        animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})
+
+    def place(name: str, mesh: int, tracks: dict[str, Array]) -> int:
         node = file.add("nodes", {"name": name, "mesh": mesh, **{k: v[0].tolist() for k, v in tracks.items()}})
         file.parts["nodes"][0]["children"].append(node)
         for path, track in tracks.items():
             if clock is not None and np.ptp(track, axis=0).any():
-                sampler = {"input": clock, "interpolation": "LINEAR", "output": file.numbers(track)}
-                animation["samplers"].append(sampler)
-                target = {"node": node, "path": path}
-                animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})
+                moved(node, path, clock, track)
+        return node
 
     for shape, track in zip(scene.shapes, scene.placements(q).swapaxes(0, 1), strict=True):
         if shape.role != "closure" and (found := _parts(shape)):
@@ -142,7 +150,16 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float) -> byt
                 tracks = {"translation": begin, "rotation": _towards(ways)}
                 mesh = file.mesh((look, length), [surface], SPRING if look == "coil" else None)
                 stretched = lengths / (length if look == "coil" else 1.0)
-                place(f"{spring.name} {look}", mesh, {**tracks, "scale": _along(np.maximum(stretched, 1e-6))})
+                place(f"{spring.name} {look}", mesh, {**tracks, "scale": _along(np.maximum(stretched, TINY))})
+    for mark in marks if clock is not None else ():
+        for what, rgba, (at, sizes), way in (
+            ("held", _rgba(HELD), _holding(mark, times, speed), "STEP"),
+            ("struck", _rgba(STRUCK), _flashing(mark, times, speed), "LINEAR"),
+        ):
+            for points in mark.places if sizes.any() else ():
+                ball = file.mesh(what, [solid("sphere", (3 * scene.width,))], rgba)
+                node = place(f"{mark.name} {what}", ball, {"translation": points})
+                moved(node, "scale", file.numbers(at, bounded=True), np.maximum(sizes, TINY)[:, None] * np.ones(3), way)
     if animation["channels"]:
         file.parts["animations"] = [animation]
     return file.bytes()
@@ -164,6 +181,31 @@ def normals(surface: Surface) -> Array:
     sums = np.column_stack([np.bincount(corner[near], area[other[near], k], len(point)) for k in range(3)])
     sizes = np.linalg.norm(sums, axis=1)
     return np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1e-300)[:, None], unit[np.arange(len(point)) // 3])
+
+
+def _holding(mark: "Switched", times: Array, speed: float) -> tuple[Array, Array]:
+    """Seconds (n,) at which a mark appears or goes, and its sizes from there on, (n,)."""
+    ends = np.abs(np.reshape(mark.held, (-1, 2)) - times[0]) / speed
+    at = np.unique(np.append(ends.ravel(), 0.0).astype("f4"))
+    low, high = ends.astype("f4").T
+    return at, ((low <= at[:, None]) & (at[:, None] < high)).any(axis=1).astype(float)
+
+
+def _flashing(mark: "Switched", times: Array, speed: float) -> tuple[Array, Array]:
+    """Seconds (n,) and the sizes of a mark there, (n,), which an impact makes large and which then falls to 0."""
+    if not mark.struck:
+        return np.zeros(1), np.zeros(1)
+    struck = np.abs(np.array(mark.struck) - times[0]) / speed
+    end = abs(times[-1] - times[0]) / speed
+    at = np.concatenate([[0.0], struck, struck - SUDDEN, struck + FLASH])
+    at = np.unique(at[(at >= 0) & (at <= end)].astype("f4"))
+    last = np.searchsorted(struck.astype("f4"), at, side="right") - 1
+    age = (at - struck[last]) / FLASH
+    return at, np.where((last < 0) | (age > 1), 0.0, 2.5 * np.array(mark.strength)[last] * (1 - np.maximum(age, 0)))
+
+
+def _rgba(colour: str) -> tuple[float, ...]:
+    return (*(int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)), 0.6)
 
 
 def _parts(shape: "Shape") -> list[Surface]:

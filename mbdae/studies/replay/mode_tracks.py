@@ -1,11 +1,11 @@
 """What a replay marks of a run with modes: what is stuck or closed, while it is, and impacts."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ...mechanism.contacts import path, rolling
-from ...mechanism.frames import paths
+from ...mechanism.frames import joint_paths, paths
 from ...system import Array
 from .threejs import typed
 
@@ -17,33 +17,44 @@ if TYPE_CHECKING:
 HELD, STRUCK = "#6741d9", "#f59f00"
 
 
-def switched(sol: "Solution", q: Array) -> list[dict[str, Any]]:
+class Switched(NamedTuple):
     """What held or was struck in a run.
 
-    Args:
-        sol: the run.
-        q: its configurations at the frames of the page, (m, nq).
-
-    Returns:
-        For each switch its name, the word for what it is while it holds, where it is at each frame in m, times in s
-        from which and to which it holds, one after the other, times of impacts, and their strengths: the square root
-        of the impulse, that of its largest one being 1.
+    Attributes:
+        name: of the switch.
+        word: for what it is while it holds.
+        places: where it is at each frame in m, (k, m, 3): at each of its joints, or where a body touches.
+        held: times in s from which and to which it holds, one after the other.
+        struck: times in s of impacts.
+        strength: of impacts, the square root of the impulse, that of its largest one being 1.
     """
+
+    name: str
+    word: str
+    places: Array
+    held: list[float]
+    struck: list[float]
+    strength: list[float]
+
+    def plain(self) -> dict[str, Any]:
+        """What the page takes."""
+        return {**self._asdict(), "places": [typed(place, "float32") for place in self.places]}
+
+
+def switched(sol: "Solution", q: Array) -> list[Switched]:
+    """What held or was struck in a run, with its places at the configurations q (m, nq) of the frames."""
     out = []
     for switch in sol.mechanism.switches:
         held = _held(sol, switch)
         struck = [(x.t, x.impulse[x.where.index(switch.name)]) for x in sol.impacts if switch.name in x.where]
         if not held and not struck:
             continue
+        word = next(word for state, word in enumerate(switch.states) if switch.active(state))
         impulses = np.abs([impulse for _, impulse in struck])
-        out.append({
-            "name": switch.name,
-            "word": next(word for state, word in enumerate(switch.states) if switch.active(state)),
-            "points": typed(_place(sol.mechanism, switch, q), "float32"),
-            "held": [t for span in held for t in span],
-            "struck": [t for t, _ in struck],
-            "strength": np.sqrt(impulses / (impulses.max(initial=0.0) or 1.0)).tolist(),
-        })
+        strength = np.sqrt(impulses / (impulses.max(initial=0.0) or 1.0)).tolist()
+        ends = [t for span in held for t in span]
+        places = _places(sol.mechanism, switch, q)
+        out.append(Switched(switch.name, word, places, ends, [t for t, _ in struck], strength))
     return out
 
 
@@ -59,11 +70,10 @@ def _held(sol: "Solution", switch: "Switch") -> list[tuple[float, float]]:
     return out
 
 
-def _place(mech: "Mechanism", switch: "Switch", q: Array) -> Array:
-    """Where a switch is in the world at configurations q (m, nq), (m, 3): where a body touches, or at a joint."""
+def _places(mech: "Mechanism", switch: "Switch", q: Array) -> Array:
+    """Where a switch is in the world at configurations q (m, nq), (k, m, 3): where a body touches, or at k joints."""
     name = mech.row_names[switch.rows[0]]
     if name in {c.name for c in rolling(mech)}:
-        return path(mech, name, q)
+        return path(mech, name, q)[None]
     spec = next(c for c in mech.constraints if c.name == name)
-    at = spec.frames[1] if spec.frames else spec.between[0]
-    return paths(mech.model, [at], q)[0]
+    return paths(mech.model, spec.frames[1:], q) if spec.frames else joint_paths(mech.model, spec.between, q)

@@ -55,8 +55,9 @@ def animate(
 
     Args:
         sol: the solution; shown from its first to its last time.
-        path: where it goes; ``.html``, ``.mp4`` or ``.gif`` for a video, which takes Chromium, or ``.glb``: bodies and
-            springs as a glTF file for slides and Blender. An existing file is replaced, whole or not at all.
+        path: where it goes; ``.html``, ``.mp4`` or ``.gif`` for a video, which takes Chromium, or ``.glb``: bodies,
+            springs and what sticks, is closed or struck as a glTF file for slides and Blender. An existing file is
+            replaced, whole or not at all.
         fps: frames stored per second of viewing; 60, fewer beyond 100 s, in videos 30 (.mp4) and 20 (.gif), when
             left out.
         speed: seconds of motion per second of viewing; below 1 is slow motion. When left out 1, slower where the
@@ -66,7 +67,8 @@ def animate(
             and |g| when left out; () for none.
         signals: more signals by name: functions of (t, q, v), or arrays over ``sol.t``.
         traces: names of frames whose paths are drawn; ``contact.<closure>`` is where a body rolls.
-        ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots.
+        ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots; what
+            sticks or strikes is marked for ``sol`` alone.
         choices: solutions of this mechanism by name of which one is shown at a time, as chosen in the page; the
             first stands in the place of ``sol``.
         arrows: names of closures, or True for all between frames, whose forces on the body of their second frame are
@@ -93,7 +95,8 @@ def animate(
         _checked(sol, fps, speed)
         times, q = _frames(sol, 30.0 if fps is None else fps, MAX_FRAMES)
         with write_whole(path) as draft:
-            draft.write_bytes(glb(sol.mechanism.scene.travelled(q), times, q, sol.mechanism.title, speed or pace(sol)))
+            scene, marks = sol.mechanism.scene.travelled(q), switched(sol, q)
+            draft.write_bytes(glb(scene, times, q, sol.mechanism.title, speed or pace(sol), marks))
         return Path(path)
     shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
     shown |= {"choices": choices, "camera": camera, "follow": follow, "closures": closures}
@@ -159,7 +162,7 @@ def page(
         "choices": tracks.choices(sol, choices or {}, times),
         "traces": tracks.traces(mechanism, traces, q),
         "arrows": tracks.arrows(sol, arrows, times),
-        "switched": {"held": HELD, "struck": STRUCK, "each": [] if choices else switched(sol, q)},
+        "switched": {"held": HELD, "struck": STRUCK, "each": [] if choices else [x.plain() for x in switched(sol, q)]},
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],
     }
     return document(mechanism.title, payload)

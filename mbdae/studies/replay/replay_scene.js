@@ -208,7 +208,7 @@ function arrow({points, values, colour}, perNewton, width) {
 }
 
 // A ball around what is stuck or closed, while it is, and one that grows and fades where something struck.
-function switched({points, held, struck, strength}, colours, radius, timeOf, flash) {
+function switched(points, {held, struck, strength}, colours, radius, timeOf, flash) {
   const {Group, Mesh, MeshBasicMaterial, SphereGeometry} = MeshCat.THREE, group = new Group();
   const [ball, burst] = [colours.held, colours.struck].map((color, k) => {
     const look = new MeshBasicMaterial({color, depthTest: false, transparent: true, opacity: 0.6});
@@ -253,7 +253,9 @@ function stage(viewer, scene, extent) {
   for (const data of scene.arrows.forces) put(arrow(data, perNewton, 0.004 * extent));
   const timeOf = at => scene.start + (scene.end - scene.start) * at / Math.max(1, scene.frames - 1);
   const radius = Math.max(3 * scene.width, 0.02 * extent), flash = 0.25 * scene.speed;
-  for (const data of scene.switched.each) put(switched(data, scene.switched, radius, timeOf, flash));
+  for (const data of scene.switched.each) {
+    for (const points of data.places) put(switched(points, data, scene.switched, radius, timeOf, flash));
+  }
   const place = (at, choice) => {
     for (const move of [...moves, ...(choices[choice] || [])]) move(at);
     viewer.set_dirty();

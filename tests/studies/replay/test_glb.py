@@ -118,6 +118,24 @@ def test_springs_reach_from_end_to_end(shown):
             assert np.ptp(points[:, 2]) == pytest.approx(spring.length, rel=0.05)
 
 
+def test_what_is_closed_and_struck_is_marked(tmp_path):
+    sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 6))
+    file = File(animate(sol, tmp_path / "run.glb", fps=20, speed=0.5).read_bytes())
+    names = {n["name"]: k for k, n in enumerate(file.parts["nodes"])}
+    assert file.parts["nodes"][names["rod stop held"]]["translation"] == [0, 0, 0]
+    at, size = file.tracks(names["rod stop held"])["scale"]
+    *_, (first, mode) = sol.modes
+    assert mode == (1,)
+    assert at[size[:, 0] > 0.5, 0] == pytest.approx([2 * sol.t[first]], rel=1e-6), "at half the speed"
+    at, size = file.tracks(names["rod stop struck"])["scale"]
+    first, second = (2 * impact.t for impact in sol.impacts[:2])
+    seen = np.interp([first - 0.01, first + 1e-5, first + 0.2, first + 0.3, second + 1e-5], at[:, 0], size[:, 0])
+    assert seen[1] == pytest.approx(2.5, rel=1e-3)
+    assert seen[[0, 3]] == pytest.approx([0, 0], abs=1e-4)
+    assert seen[2] == pytest.approx(0.5, rel=1e-2)
+    assert 1 < seen[4] < 2.5, "the second is weaker"
+
+
 @pytest.mark.parametrize(
     ("kind", "size", "volume"),
     [

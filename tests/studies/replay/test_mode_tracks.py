@@ -1,6 +1,7 @@
 """What a replay marks of runs with modes is where and when they are stuck, closed or struck."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import mbdae
@@ -14,12 +15,8 @@ def marked(model, end):
     return sol, times, q, v, switched(sol, q)
 
 
-def points(track):
-    return np.frombuffer(track["points"].data, dtype="float32").reshape(-1, 3)
-
-
 def during(times, track):
-    spans = np.reshape(track["held"], (-1, 2))
+    spans = np.reshape(track.held, (-1, 2))
     return ((times[:, None] > spans[:, 0]) & (times[:, None] <= spans[:, 1])).any(axis=1)
 
 
@@ -31,23 +28,23 @@ def test_stops_are_marked_while_closed_and_where_they_strike(model, end, name, s
     sol, times, q, v, (track,) = marked(model, end)
     at = sol.mechanism.joint_names.index(name)
     closed = during(times, track)
-    assert (track["name"], track["word"]) == (f"{name} stop", "closed")
+    assert (track.name, track.word) == (f"{name} stop", "closed")
     assert closed.any()
     assert np.abs(q[closed, at] - stop).max() < 1e-9
     assert np.abs(v[closed]).max() < 1e-9
     assert np.abs(v[~closed & (times > 0)]).max(axis=1).min() > 1e-9
-    for t in track["struck"][:3]:
+    for t in track.struck[:3]:
         before, after = (sol(t + dt)[1][at] for dt in (-1e-9, 1e-9))
         assert after == pytest.approx(-e * before, abs=1e-6)
-    assert track["strength"][0] == 1, "later ones are weaker"
-    assert (np.diff(track["strength"]) < 0).all()
+    assert track.strength[0] == 1, "later ones are weaker"
+    assert (np.diff(track.strength) < 0).all()
     places = {"rod": 0 * q[:, :1] + [0, 0, 0], "slider": q[:, [at]] * [1, 0, 0]}
-    np.testing.assert_allclose(points(track), places[name], atol=1e-7)
+    np.testing.assert_allclose(track.places, [places[name]], atol=1e-7)
 
 
 def test_joints_are_marked_while_they_stick():
     sol, times, q, v, tracks = marked("stick_slip_slider", 2.0)
-    assert [(x["name"], x["word"], x["struck"]) for x in tracks] == [
+    assert [(x.name, x.word, x.struck) for x in tracks] == [
         ("crank friction", "sticks", []),
         ("slider friction", "sticks", []),
     ]
@@ -57,7 +54,20 @@ def test_joints_are_marked_while_they_stick():
         assert rate[stuck].max() < 1e-12
         assert rate[~stuck & (times > 0)].min() > 1e-9
     slider = q[:, [sol.mechanism.joint_names.index("slider")]]
-    np.testing.assert_allclose(points(tracks[1]), slider * [1, 0, 0], atol=1e-7)
+    np.testing.assert_allclose(tracks[1].places, [slider * [1, 0, 0]], atol=1e-7)
+
+
+def test_backlash_is_marked_at_both_joints():
+    model = pin.Model()
+    for x, name in enumerate("ab"):
+        place = pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
+        joint = model.addJoint(0, pin.JointModelRY(), place, name)
+        model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    play = mbdae.Stop(joints=("a", "b"), coefficients=(0.0, 2.0), lower=-0.1, upper=0.1)
+    sol = mbdae.solve(mbdae.Mechanism(model, stops=[play]), (0, 1), [0.0, 0.0], [1.0, 0.0])
+    (track,) = switched(sol, sol.q)
+    assert track.struck == pytest.approx([0.1])
+    np.testing.assert_allclose(track.places, np.array([[[0, 0, 0]], [[1, 0, 0]]]) + 0 * sol.q[:, :1], atol=1e-12)
 
 
 def test_nothing_is_marked_where_nothing_switches():
