@@ -116,11 +116,11 @@ def strike(
         if on:
             T = BT[:, on] - Q @ (Q.T @ BT[:, on])
             slip = BT[:, on].T @ closed + np.array([rubs[i].rate for i in on])
-            k, by = len(which), np.searchsorted(which, [rubs[i].by for i in on])
-            limits = {k + j: Limit(int(at), rubs[i].share) for j, (i, at) in enumerate(zip(on, by, strict=True))}
-            low, high = np.zeros(k + len(on)), np.full(k + len(on), np.inf)
+            size, by = len(which), np.searchsorted(which, [rubs[i].by for i in on])
+            limits = {size + j: Limit(int(at), rubs[i].share) for j, (i, at) in enumerate(zip(on, by, strict=True))}
+            low, high = np.zeros(size + len(on)), np.full(size + len(on), np.inf)
             both = choose_with_friction(np.hstack([A, T]), np.append(-short, slip), low, high, limits)
-            p, q[on] = both[:k], both[k:]
+            p, q[on] = both[:size], both[size:]
             new = closed + A @ p + T @ q[on]
         else:
             p[able] = _least(A[:, able], short[able], float(np.linalg.norm(U @ v)))
