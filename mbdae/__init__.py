@@ -39,6 +39,7 @@ if TYPE_CHECKING:  # what editors and type checkers see of the names that `_plac
     from .mechanism.forces.wrench import Wrench as Wrench
     from .methods import METHODS as METHODS
     from .methods import Tableau as Tableau
+    from .progress import progress_bar as progress_bar
     from .solution.solution import Solution as Solution
     from .studies.card.card import card as card
     from .studies.comparison.compare import compare as compare
@@ -76,6 +77,7 @@ _CORE = {
     "integrate.solve": ["solve"],
     "mechanism": ["Closure", "Clutch", "Driver", "Function", "Mechanism", "Stop", "load", "model_names"],
     "methods": ["METHODS", "Tableau"],
+    "progress": ["progress_bar"],
     "solution.solution": ["Solution"],
     "textbook.hessenberg": ["Hessenberg"],
 }

@@ -21,7 +21,7 @@ SECRETS = {  # heavy or special imports, and the only places that may know them
     "meshcat": "",  # its viewer is a file
     "umsgpack": "studies/replay/*.py",
     "click": "cli/*.py studies/*/command.py __main__.py",
-    "rich": "cli/options.py",
+    "rich": "cli/options.py progress.py",
     "pyarrow": "studies/sweep/file.py",
 }
 FILES = sorted(PACKAGE.rglob("*.py"))

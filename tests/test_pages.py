@@ -150,7 +150,7 @@ def test_every_page_and_picture_is_linked():
 @pytest.mark.parametrize("folder", ["examples", "examples/benchmarks"])
 def test_every_script_is_linked_from_the_page_of_its_folder(folder):
     linked = {path.resolve() for path, _ in links(f"{folder}/README.md")}
-    assert set((ROOT / folder).glob("*.py")) <= linked
+    assert {*(ROOT / folder).glob("*.py"), *(ROOT / folder).glob("notebooks/*.ipynb")} <= linked
 
 
 # -- tables --------------------------------------------------------------------------------------------------------

@@ -4,8 +4,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ import click
 from ..backend import BACKENDS
 from ..errors import InputError, printable
 from ..files import TABLE_SUFFIXES
+from ..progress import progress_bar as bar
 from .completion import FORMULATIONS, completed, methods
 
 if TYPE_CHECKING:
@@ -191,21 +191,3 @@ def values_by_name(texts: tuple[str, ...], option: str) -> dict[str, Any]:
             raise InputError(f"{option} takes name=value, got {text!r}")
         out[name] = found[0] if len(found) == 1 else found
     return out
-
-
-@contextmanager
-def bar(label: str, total: float | None) -> Iterator[Callable[..., None]]:
-    """A progress bar on stderr when that is a terminal; it is told a fraction, a text, or both."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True, force_terminal=sys.stderr.isatty())
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(label, total=total)
-
-        def tell(what: Any, name: str | None = None) -> None:
-            text, done = (what, None) if isinstance(what, str) else (name, what)
-            progress.update(task, description=text, completed=done)
-
-        yield tell

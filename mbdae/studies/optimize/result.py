@@ -1,17 +1,18 @@
 """What `mbdae.optimize` returns: the numbers found, the cost there, and how the search went."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError
-from ...files import write_whole
 from ...mechanism import Mechanism
 from ...solution.solution import Solution
+from ...tabular import Columns, Tabular
 from ..kinematics.result import Kinematics
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__: list[str] = []
 
@@ -25,7 +26,7 @@ class Tried(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Optimum:
+class Optimum(Tabular):
     """The best numbers that a search has found.
 
     Attributes:
@@ -79,23 +80,29 @@ class Optimum:
             ],
         }
 
-    def save(self, path: str | Path) -> None:
-        """Write everything but the motion as JSON.
+    def tabulated(self) -> Columns:
+        """Names of the parameters, their values at the start and at the optimum."""
+        found = self.values
+        return Columns({"parameter": list(found), "start": [self.start.values[name] for name in found],
+                        "value": list(found.values())})  # fmt: skip
 
-        Raises:
-            InputError: for another suffix, or a path that cannot be written.
-        """
-        if Path(path).suffix != ".json":
-            raise InputError(f"an optimum is saved as .json, got {str(path)!r}")
-        with write_whole(path) as temporary:
-            temporary.write_text(json.dumps(self.to_dict(), allow_nan=False), encoding="utf-8")
+    def cells(self) -> list[list[str]]:
+        """Parameters and constraints, at the start and at the optimum."""
+        rows = [(self.start.values, self.values), (self.start.constraints, self.constraints)]
+        pairs = [(name, before[name], x) for before, after in rows for name, x in after.items()]
+        return [["", "start", "optimum"], *([name, f"{x0:.8g}", f"{x:.8g}"] for name, x0, x in pairs)]
 
-    def plot(self, path: str | Path) -> None:
-        """Draw cost and parameters over the points that were tried, as .png, .svg or .pdf."""
+    def remarks(self) -> list[str]:
+        """What stands at a bound, and why it may be no optimum."""
+        bounds = [f"{name} stands at its bound" for name in self.at_bounds]
+        return bounds if self.converged else [*bounds, f"not an optimum: {self.message}"]
+
+    def plot(self, path: str | Path | None = None) -> "Figure":
+        """Draw cost and parameters over the points that were tried."""
         from .. import figures
         from .figure import search
 
-        figures.save(search(self), str(path))
+        return figures.given(search(self), path)
 
     def __str__(self) -> str:
         lines = [f"optimum of {self.mechanism.title}: cost {self.start.cost:.6g} -> {self.cost:.6g}, "

@@ -149,6 +149,11 @@ def test_what_was_found_stays_when_the_user_stops_a_search(arm, tmp_path):
     assert "stopped by the user" in str(found)
     found.save(tmp_path / "found.json")
     assert json.loads((tmp_path / "found.json").read_text())["values"] == found.values
+    found.save(tmp_path / "found.csv")
+    assert (tmp_path / "found.csv").read_text().splitlines()[0] == "parameter,start,value"
+    shown = found._repr_html_()
+    assert all(text in shown for text in (*STIFFNESS, "<table>", "stopped by the user"))
+    assert "<svg" in found.plot()._repr_svg_()
     found.plot(tmp_path / "found.png")
     assert (tmp_path / "found.png").stat().st_size > 1000
 

@@ -1,0 +1,77 @@
+"""How far long work has come, as a bar on a terminal and in a notebook."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from html import escape
+from time import monotonic
+from typing import Any
+
+OFTEN = 0.1  # s between two looks of a bar in a notebook
+
+Tell = Callable[..., None]
+
+
+@contextmanager
+def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Tell]:
+    """Show a bar while the block runs: on stderr when that is a terminal, in the output of a notebook, else nowhere.
+
+    What it gives is the ``progress`` of `mbdae.solve` and of the studies: it is told a fraction, a text, or both.
+
+    Args:
+        label: what stands beside the bar until a text comes.
+        total: 1, or None for studies that tell texts alone (`mbdae.check_order`, `mbdae.fit`).
+
+    Example:
+        >>> with mbdae.progress_bar("links") as progress:                            # doctest: +SKIP
+        ...     runs = mbdae.sweep("slider_crank", links, 2.0, progress=progress)
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True, force_terminal=sys.stderr.isatty())
+    if console.is_jupyter:
+        with _in_notebook(label) as tell:
+            yield tell
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(label, total=total)
+
+        def tell(what: Any, name: str | None = None) -> None:
+            text, done = _read(what, name)
+            bar.update(task, description=text, completed=done)
+
+        yield tell
+
+
+@contextmanager
+def _in_notebook(label: str) -> Iterator[Tell]:
+    """A bar of HTML that takes its place again; rich's would want ipywidgets."""
+    from IPython.display import HTML, display
+
+    place = display(HTML(_bar(label, None)), display_id=True)
+    text, looked = label, monotonic()
+
+    def tell(what: Any, name: str | None = None) -> None:
+        nonlocal text, looked
+        said, done = _read(what, name)
+        text = text if said is None else said
+        if monotonic() - looked >= OFTEN:
+            looked = monotonic()
+            place.update(HTML(_bar(text, done)))
+
+    try:
+        yield tell
+    finally:
+        place.update(HTML(""))
+
+
+def _read(what: Any, name: str | None) -> tuple[str | None, float | None]:
+    """Text and fraction of what is told: one of them, or both."""
+    return (what, None) if isinstance(what, str) else (name, what)
+
+
+def _bar(text: str, done: float | None) -> str:
+    value = "" if done is None else f' value="{done:.4f}"'
+    return f"<progress{value}></progress> {escape(text)}"
