@@ -12,7 +12,7 @@ from ...mechanism.joint_wrenches import joint_wrenches
 from ...system import Array
 from ..kinematics.result import Kinematics
 from .actuators import Actuators, actuators_of, weights_of
-from .prescribed import prescribed
+from .prescribed import prescribed, read_motion
 from .result import InverseDynamics
 
 __all__ = ["inverse_dynamics"]
@@ -56,6 +56,7 @@ def inverse_dynamics(
         >>> print(inverse_dynamics(mech, turn, speed=10.0))               # doctest: +SKIP
     """
     require(mech, Mechanism, "inverse_dynamics takes a Mechanism (see mbdae.load)")
+    motion = read_motion(motion)
     acting = actuators_of(mech, actuators, motion.drive if isinstance(motion, Kinematics) else "")
     weight = weights_of(acting.names, weights)
     moves = prescribed(mech, motion, speed)

@@ -53,8 +53,6 @@ def prescribed(mech: Mechanism, motion: Any, speed: float | None) -> Prescribed:
     """
     if speed is not None and not isinstance(motion, Kinematics):
         raise InputError("speed goes with a curve of mbdae.kinematics: other motions have times")
-    if isinstance(motion, str | Path):
-        motion = Solution.load(motion) if Path(motion).suffix == ".npz" else read_table(motion)
     if isinstance(motion, Kinematics):
         return _of_curve(mech, motion, speed)
     if isinstance(motion, Solution):
@@ -117,6 +115,17 @@ def _of_numbers(mech: Mechanism, motion: Sequence[Any]) -> Prescribed:
 def _misses(system: Any, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
     g, G = system.closures(q, 0.0)
     return g, G @ v, G @ a + system.gamma(q, v, 0.0)
+
+
+def read_motion(motion: Any) -> Any:
+    """Return a motion, read where it is the path of a run or a table.
+
+    Raises:
+        InputError: for a file that is missing, or holds something else.
+    """
+    if not isinstance(motion, str | Path):
+        return motion
+    return Solution.load(motion) if Path(motion).suffix == ".npz" else read_table(motion)
 
 
 def read_table(path: str | Path) -> dict[str, Array]:

@@ -80,7 +80,7 @@ def kinematics(
     if branches:
         found += _others(found[0], low, high)
     if curve.ended in ("long", "stuck"):
-        raise StepError("newton", _unfinished(curve, drive))
+        raise StepError("newton", _unfinished(curve, drive, moved))
     if span is None and curve.ended == "range" and moved.row_units[-1] != "rad":
         raise InputError(f"{drive!r} slides on without end: give its range, span or --from and --to")
     chosen = default_output(mech, drive, held) if output is None else output
@@ -121,10 +121,14 @@ def _range(u: float, span: tuple[float, float] | None, turns: float, unit: str, 
     return u - reach, u + reach
 
 
-def _unfinished(curve: PoseCurve, drive: str) -> str:
+def _unfinished(curve: PoseCurve, drive: str, mech: Mechanism) -> str:
     at = curve.nodes[-1].u
     if curve.ended == "stuck":
         return f"the curve over {drive!r} cannot be followed beyond {at:.9g}: several branches meet there, or a corner"
+    way = np.abs(curve.manifold.difference(curve.nodes[0].q, curve.nodes[-1].q)) * ~curve.turning
+    if way.max() > BOUNDED:
+        slides = mech.coordinate_joint(int(way.argmax()))
+        return f"{slides!r} slides on without end as {drive!r} comes to {at:.6g}: give a span that ends before"
     return f"the curve over {drive!r} does not end within {len(curve.nodes)} steps, at {at:.6g}: give a span"
 
 

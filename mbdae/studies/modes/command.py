@@ -57,7 +57,7 @@ def modes(
         _respond(linearize(model.load(), inputs=_once(response, 0), outputs=_once(response, 1), **given), plot, as_json)
         return
     if over:
-        locus = root_locus(model.name, *read_range(over), **given)
+        locus = root_locus(model.name, *read_range(over), start=model.start, **given)
         if plot:
             locus.plot(plot)
         emit({**locus.to_dict(), "written": written}, str(locus), as_json)

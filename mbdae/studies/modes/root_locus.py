@@ -96,6 +96,7 @@ def root_locus(
     values: Sequence[float] | Array,
     *,
     v: Mapping[str, float] | None = None,
+    start: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> RootLocus:
     """Follow eigenvalues over a parameter or a speed.
@@ -106,6 +107,7 @@ def root_locus(
             mechanism.py; or ``"v.shaft"``, a constant speed of a joint.
         values: of it, in their order.
         v: other constant speeds, see `mbdae.modes`.
+        start: other parameters, which stay as they are: ``{"start.q.crank": 0.3}``.
         options: q, t and hold of `mbdae.modes`.
 
     Returns:
@@ -118,13 +120,13 @@ def root_locus(
     if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
         raise InputError(f"a root locus takes a list of numbers, got {values!r:.60}")
     maker = Job(str(model) if isinstance(model, Path) else model).maker()
-    speed = name.removeprefix(SPEED) if name.startswith(SPEED) else None
-    if speed is None:
-        maker.check({name: float(numbers[0])} if name not in maker.parameters else {})
+    speed, kept = name.removeprefix(SPEED) if name.startswith(SPEED) else None, dict(start or {})
+    first = {} if speed else {name: float(numbers[0])}
+    maker.check({n: x for n, x in {**kept, **first}.items() if n not in maker.parameters})
 
     def roots(value: float) -> Array:
         speeds = {**(v or {}), **({speed: value} if speed else {})}
-        return modes(maker.make({} if speed else {name: value}), v=speeds or None, **options).eigenvalues
+        return modes(maker.make(kept if speed else {**kept, name: value}), v=speeds or None, **options).eigenvalues
 
     rows: list[Array | None] = []
     messages: dict[int, str] = {}

@@ -1,16 +1,21 @@
 """The sub-command ``sweep``: a file of TOML, a table of runs."""
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
 
-from ...cli.options import FAILED, PICTURES, RTOL, as_json, bar, emit, writable
+from ...cli.options import FAILED, PICTURES, RTOL, TABLES, as_json, bar, emit, writable
+
+OWN, KEPT = {"rtol", "step"}, ".parquet"
 
 
 @click.command()
 @click.argument("file", type=click.Path(dir_okay=False), metavar="FILE.toml")
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Keep the runs here, .parquet; takes pyarrow.")
+@click.option(
+    "-o", "--output", type=click.Path(dir_okay=False), help="Save as .csv, .json or .tex; .parquet keeps each run."
+)
 @click.option("--workers", type=int, help="Threads or processes; one for each processor when left out.")
 @click.option(
     "--executor",
@@ -23,25 +28,31 @@ from ...cli.options import FAILED, PICTURES, RTOL, as_json, bar, emit, writable
 def sweep(file: str, output: str | None, fresh: bool, plot: str | None, as_json: bool, **chosen: Any) -> None:
     """Run a model for many values of its parameters, as a file of TOML says: a grid, a list or a random sample.
 
-    Runs that fail are rows with a status. Ctrl-C keeps what is finished; with -o the same command goes on from there.
+    Runs that fail are rows with a status. Ctrl-C keeps what is finished in a .parquet file, which takes pyarrow; the
+    same command goes on from there.
     """
     from .plan import swept
+    from .sweep import first_mechanism
     from .sweep import sweep as study
     from .toml_file import read_sweep
 
-    written = writable((output, (".parquet",)), (plot, PICTURES))
+    written = writable((output, (KEPT, *TABLES)), (plot, PICTURES))
+    path = output if output and Path(output).suffix == KEPT else None
     arguments = {**read_sweep(file), **{key: value for key, value in chosen.items() if value is not None}}
     said = {*arguments, *(name.removeprefix("solve.") for name in swept(arguments["parameters"]))}
-    if not said & {"rtol", "step"}:
-        arguments["rtol"] = RTOL
+    if not said & OWN:
+        mech = first_mechanism(arguments["model"], arguments["parameters"], arguments.get("seed", 0))
+        arguments |= {} if OWN & set(mech.settings.given) else {"rtol": RTOL}
     with bar("sweep", 1.0) as tell:
-        result = study(**arguments, path=output, fresh=fresh, progress=tell)
+        result = study(**arguments, path=path, fresh=fresh, progress=tell)
+    if output and not path and result.complete:
+        result.save(output)
     if plot and result.complete:
         result.plot(plot)
     wrote = written if result.complete else []
     emit({**result.to_dict(), "written": wrote}, "\n".join([str(result), *(f"wrote {p}" for p in wrote)]), as_json)
     if not result.complete:
-        kept = f"; {output}.part keeps what is finished, the same command goes on from there" if output else ""
+        kept = f"; {path}.part keeps what is finished, the same command goes on from there" if path else ""
         click.echo(f"mbdae: stopped by the user after {len(result)} of {result.total} runs{kept}", err=True)
         sys.exit(FAILED)
     if result.failed:

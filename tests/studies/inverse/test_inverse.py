@@ -178,3 +178,10 @@ def test_wrong_names_and_weights():
         inverse_dynamics(mech, turn, speed=1.0, weights={"crank": 0.0})
     with pytest.raises(InputError, match="whose joints are not those"):
         inverse_dynamics(mbdae.load("slider_crank"), turn, speed=1.0)
+
+
+@pytest.mark.parametrize("name", ["gone.npz", "gone.csv"])
+def test_a_motion_that_is_missing_is_said_before_all_else(name):
+    """Also where actuators are to be named."""
+    with pytest.raises(InputError, match=name):
+        inverse_dynamics(mbdae.load("four_bar"), name)

@@ -11,7 +11,7 @@ from linkages import bar, four_bar, parallelogram, point
 
 import mbdae
 from mbdae import Closure, Driver, Mechanism, kinematics
-from mbdae.errors import AssemblyError, InputError
+from mbdae.errors import AssemblyError, InputError, StepError
 from mbdae.mechanism.frames import paths
 
 COMMANDS = ("kinematics four_bar --drive rocker --points 20", "kinematics four_bar --drive crank --modes")
@@ -230,3 +230,14 @@ def test_a_hundred_poses_take_little_time():
         kinematics(mech, "crank", points=100)
         best = min(best, time.process_time() - start)
     assert best < 0.05
+
+
+def test_what_slides_away_is_named():
+    """Upright on the axle, the left wheel goes to infinity where the road comes to the height of the axle's length."""
+    mech = mbdae.load("car_axis")
+    with pytest.raises(StepError, match=r"'left_x' slides on without end as 'road' comes to 1: give a span that ends"):
+        mbdae.kinematics(mech, "road", hold=["left", "right"])
+    curve = mbdae.kinematics(mech, "road", hold=["left", "right"], span=(0.0, 0.9), points=10)
+    at = list(mech.joint_names).index("left_x")
+    y = curve.u
+    np.testing.assert_allclose(curve.q[:, at], -0.5 * y / np.sqrt(1 - y**2), atol=1e-9)

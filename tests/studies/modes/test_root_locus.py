@@ -1,9 +1,13 @@
 """Eigenvalues over a parameter: they are followed, and stability is lost where closed forms say."""
 
+import json
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import mbdae
+from mbdae.__main__ import cli
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.studies.modes.root_locus import read_range
 
@@ -48,3 +52,18 @@ def test_ranges_are_read():
     assert (name, values.tolist()) == ("spin", [100, 150, 200, 250, 300])
     with pytest.raises(InputError, match="name=first:last:number"):
         read_range("spin=100")
+
+
+def test_where_the_model_starts_stays_as_it_is():
+    """A link that hangs from a joint that is held, or stands on it: the squares of its eigenvalues have other signs."""
+    words = ["modes", "double_pendulum", "--hold", "joint1", "--over", "gravity.2=-9.81:-1:2", "--json"]
+    squares = []
+    for angle in ("1.0", "0.0"):
+        done = CliRunner().invoke(cli, [*words, "--start", f"q.joint1={angle}", "--start", "q.joint2=0"])
+        assert done.exit_code == 0, done.output
+        re, im = np.array(json.loads(done.stdout)["eigenvalues"]).T
+        squares.append(((re + 1j * im) ** 2).real.T)
+    assert (squares[0] < -0.1).all()
+    np.testing.assert_allclose(squares[1], -squares[0], rtol=1e-9)
+    with pytest.raises(UnknownNameError, match="unknown joint 'joint3'"):
+        mbdae.root_locus("double_pendulum", "gravity.2", [-9.81], start={"start.q.joint3": 0.0})

@@ -224,6 +224,34 @@ def test_command(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("own", "used"), [("rtol = 1e-4", {}), ("step = 0.01", {}), ("project = true", {"rtol": 1e-8})]
+)
+def test_command_keeps_what_the_model_says(own, used, tmp_path):
+    """The tolerance or step of the file's own table stands; runs are those of Python, and pandas reads the table."""
+    (tmp_path / "pendulum.toml").write_text(
+        f'[solve]\n{own}\n[[body]]\nname = "bob"\nparent = "world"\naxis = [0, 1, 0]\nmass = 1.0\n'
+        "com = [0.0, 0.0, -1.0]\n"
+    )
+    (tmp_path / "s.toml").write_text(
+        'model = "pendulum.toml"\nend = 1.0\ntimes = 3\noutputs = ["final q.bob", "q.bob"]\nexecutor = "threads"\n'
+        '[grid]\n"start.q.bob" = [0.5, 1.0]\n'
+    )
+    code, out, err = command("s.toml", "--json", "-o", "runs.csv", cwd=tmp_path)
+    assert (code, err) == (0, "")
+    data = json.loads(out)
+    assert data["manifest"]["settings"] == used
+    assert data["written"] == ["runs.csv"]
+    frame = pytest.importorskip("pandas").read_csv(tmp_path / "runs.csv")
+    assert list(frame["start.q.bob"]) == [0.5, 1.0]
+    assert list(frame["final q.bob"]) == list(frame["q.bob[2]"])
+    for row, q in zip(data["rows"], (0.5, 1.0), strict=True):
+        mech = mbdae.load(tmp_path / "pendulum.toml")
+        sol = mbdae.solve(mech, (0, 1), *mech.assemble({"bob": q}), **used)
+        assert row["final q.bob"] == pytest.approx(sol.q[-1, 0], abs=1e-12)
+        assert row["steps"] == sol.stats["steps"]
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
         ('model = "four_bar"\nmodell = 1', "unknown key modell; known: end, executor, grid, model, outputs"),
