@@ -261,10 +261,14 @@ class Variations(Protocol):
     Attributes:
         ny: length of tangent vectors.
         k: number of parameters.
+        width: of a stage, x' and what more a method may carry of it.
     """
 
     ny: int
     k: int
+
+    @property
+    def width(self) -> int: ...  # noqa: D102
 
     def stage(
         self, chart: Any, times: tuple[float, float], x: Array, xhat: Array, factor: float, F: Array, lam: Array

@@ -77,6 +77,7 @@ def report(run: RunState, status: str, message: str, seconds: float, times: Arra
     passed = run.singular.found if run.singular else []
     rows = [(i, rows) for i, rows in run.in_use if i < n]
     rest: dict[str, Any] = {"events": found, "singular": passed, "in_use": rows}
+    rest["carried"] = run.carried.of(n)
     if run.modes:
         rest |= {"modes": [(i, mode) for i, mode in run.modes.modes if i < n], "impacts": run.modes.impacts}
         stats |= {"transitions": len(run.modes.modes) - 1, "impacts": len(run.modes.impacts)}

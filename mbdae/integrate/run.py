@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import StepError
 from ..solution.solution import Problem, Solution
 from ..system import Array, State, Step, System
+from .carried import Carried
 from .events import EventWatch
 from .growing_array import GrowingArray
 from .jumps import Jumps
@@ -39,8 +40,10 @@ class RunState:
         self.system, self.stepper, self.project = system, stepper, project
         self.state = State(start)
         self.rejected: int | None = 0
+        self.anew = False  # what the method carries was found anew when the last step was brought back
         self.ts, self.ys, self.zs = [t0], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
+        self.carried = Carried()
         self.events = EventWatch((), lambda *_: 0.0)
         self.back: Callable[[Array], tuple[Array, Array, Array]] | None = None  # see `mbdae.integrate.retrace`
         self.singular: SingularWatch | None = None
@@ -76,6 +79,7 @@ class RunState:
         self._note(anew)
         self.F, z = self.system.derivative(self.t, y)
         self.zs[-1], self.state = z, State(y, self.system.carry(self.F, z))
+        self.carried.note(len(self.ts) - 1, self.state.carry)
 
     def _note(self, anew: bool = False) -> None:
         rows = self.system.in_use
@@ -137,6 +141,7 @@ class RunState:
             del self.ts[-1:], self.ys[-1:], self.zs[-1:]
             raise
         self.t, self.ys[-1] = t, self.state.y
+        self.carried.note(len(self.ts) - 1, self.state.carry, self.anew)
         self._note()
 
     def land(self, t: float, y: Array, last: bool) -> None:
@@ -154,7 +159,8 @@ class RunState:
         """The state on the closures; what a method carries is found anew where that moved the state much."""
         y = self.system.restore(t, state.y, tight)
         move = self.system.difference(state.y, y)
-        if state.carry is None or self.stepper.tolerates(self, y, move):
+        self.anew = not (state.carry is None or self.stepper.tolerates(self, y, move))
+        if not self.anew:
             return State(y, state.carry)
         return State(y, self.system.carry(*self.system.derivative(t, y)))
 

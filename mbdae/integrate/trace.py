@@ -16,6 +16,7 @@ from .. import backend
 from ..errors import InputError, StepError
 from ..mechanism import Mechanism, NotCompiled
 from ..mechanism.formulations.parameters import Parameters
+from ..mechanism.formulations.stabilised_slopes import StabilisedVariations
 from ..mechanism.formulations.variations import IndexTwoVariations
 from ..methods import Method, Tableau, method_of
 from ..methods.collocation_tangent import CollocationSlopes
@@ -23,6 +24,7 @@ from ..methods.radau import RadauIIA
 from ..methods.tangent import StepSlopes
 from ..solution.solution import Solution
 from ..system import Array, State, System
+from .carried import KeptStates
 from .checkpoints import Checkpoints
 from .core_steps import core_steps
 from .jumps import MARGIN
@@ -87,9 +89,10 @@ class Trace:
         self.sol, self.project = sol, bool(settings.get("project"))
         self.tableau = cast(Method, method_of(settings))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
-        self.system = _bound(mech, settings["formulation"])
+        stabilised = settings["formulation"] == "ggl" and isinstance(self.tableau, Tableau)
+        self.system = mech.system("ggl") if stabilised else _bound(mech, settings["formulation"])
         self.system.sliding.refuse("a gradient")
-        self.slopes = IndexTwoVariations(self.system, parameters)
+        self.slopes = (StabilisedVariations if stabilised else IndexTwoVariations)(self.system, parameters)
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
@@ -97,17 +100,21 @@ class Trace:
             self.stepper = Fixed(settings["step"], self.ts[0], self.ts[-1])
         self.changes = {i: rows for i, rows in sol.in_use}
         self.near = JUMP * float(np.spacing(max(abs(self.ts[0]), abs(self.ts[-1]), 1e-3)))
-        self.n_carry = self.system.ny - self.system.nv if self.tableau.carries else 0
+        self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()
+        self.n_carry = self.slopes.width - self.system.nv if self.tableau.carries else 0
         self.renewed = np.zeros(len(self.ts), bool)
-        self.walked: Checkpoints | None = None
+        self.walked: Checkpoints | KeptStates | None = None
         self.core = core_steps(self)
-        if self.n_carry:
+        if self.n_carry and sol.carried:
+            self.walked = KeptStates(self.ys, sol.carried[0])
+            self.renewed[sol.carried[1]] = True
+        elif self.n_carry:
             self.hold(0)
             self.walked = Checkpoints(len(self.ts), State(self.ys[0], self._anew(0, self.ys[0])), self._walk)
 
     def jumps(self, i: int) -> bool:
         """Say whether nodes i and i + 1 stand before and after a jump."""
-        return bool(abs(self.ts[i + 1] - self.ts[i]) <= self.near)
+        return self.jumped[i]
 
     def hold(self, i: int) -> None:
         """Let the workspace solve for the rows that were in use at node i."""
@@ -128,7 +135,7 @@ class Trace:
         if self.project:
             yield LinearPart(self.slopes.restored(t, y), False)
         if self.n_carry:
-            yield LinearPart(self.at_start("renewal", lambda: self._renewed(t, y)), True)
+            yield LinearPart(self.at_start("renewal", lambda: self.slopes.renewed(t, y)), True)
 
     def at_start(self, name: str, find: Callable[[], Array]) -> Array:
         """Slopes at the first node, found once for runs from one start with the same parameters."""
@@ -198,11 +205,7 @@ class Trace:
 
     def _renewal(self, t: float, y: Array) -> Iterator[Part]:
         if self.n_carry:
-            yield LinearPart(self._renewed(t, y), True)
-
-    def _renewed(self, t: float, y: Array) -> Array:
-        """Slopes of what is carried from y on, (nc, ny + k)."""
-        return self.slopes.rate(t, y, multipliers=False).rate[self.system.nv :, : self.slopes.ny + self.slopes.k]
+            yield LinearPart(self.slopes.renewed(t, y), True)
 
     def _walk(self, i: int, j: int, state: State) -> list[State]:
         """The states at nodes i, ..., j."""
@@ -275,13 +278,10 @@ def _checked(sol: Solution) -> Mechanism:
         InputError: names what is missing.
     """
     mech, s = sol.mechanism, sol.settings
-    form = str(s.get("formulation"))
-    kinds = {"index2": (Tableau, RadauIIA), "ggl": (RadauIIA,)}.get(form, ())
-    if not kinds or not isinstance(method_of(s), kinds):
-        raise InputError(
-            "derivatives of runs are those of half-explicit methods in formulation 'index2', and of Radau IIA in "
-            f"'index2' and 'ggl', got {s['method']!r} in {form!r}"
-        )
+    form = s.get("formulation")
+    if form not in ("index2", "ggl") or not isinstance(method_of(s), Tableau | RadauIIA):
+        known = "half-explicit methods and Radau IIA in formulations 'index2' and 'ggl'"
+        raise InputError(f"derivatives of runs are those of {known}, got {s['method']!r} in {form!r}")
     if not sol.ended:
         raise InputError(f"the run stopped before its end ({sol.status}): {sol.message}")
     if mech.switches:

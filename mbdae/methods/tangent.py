@@ -68,17 +68,18 @@ class StepSlopes:
             dh: of the size of the step, (m,).
         """
         a, h, first = self.a, self.h, int(self.carries)
-        dF = np.zeros((len(a.c), *dy.shape))
+        n = len(dy)
+        dF = np.zeros((len(a.c), self.slopes.width, dy.shape[1]))
         if first:
             dF[0] = self.slopes.first(dy, carry)
         for i, stage in enumerate(self.stages, first):
-            dx, dxhat = (h * np.tensordot(row[:i], dF[:i], 1) for row in (a.A[i], a.Ahat[i]))
+            dx, dxhat = (h * np.tensordot(row[:i], dF[:i, :n], 1) for row in (a.A[i], a.Ahat[i]))
             clock = None
             if dh is not None:
                 clock = np.outer([a.c[i], a.chat[i], a.Ahat[i, i]], dh)
                 dx, dxhat = (d + np.outer(row[:i] @ self.F[:i], dh) for d, row in ((dx, a.A[i]), (dxhat, a.Ahat[i])))
             dF[i] = stage.forward(dx, dxhat, dy, dp, clock)
-        dx = h * np.tensordot(a.b, dF, 1)
+        dx = h * np.tensordot(a.b, dF[:, :n], 1)
         if dh is not None:
             dx += np.outer(a.b @ self.F, dh)
         return self.Y @ dy + self.X @ dx, self.slopes.carried(dF[-1]) if first else carry
@@ -86,14 +87,16 @@ class StepSlopes:
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
         """Return the cotangents of y, (ny, m), the carry and the parameters, (k, m), of those after the step."""
         a, h, first = self.a, self.h, int(self.carries)
-        F = h * a.b[:, None, None] * (self.X.T @ y)
+        n = len(y)
+        F = np.zeros((len(a.c), self.slopes.width, y.shape[1]))
+        F[:, :n] = h * a.b[:, None, None] * (self.X.T @ y)
         if first:
             F[-1] += self.slopes.carried_reverse(carry)
         out, p = self.Y.T @ y, np.zeros((self.slopes.k, y.shape[1]))
         for i in range(len(a.c) - 1, first - 1, -1):
             x, xhat, own, numbers = self.stages[i - first].reverse(F[i])
             out, p = out + own, p + numbers
-            F[:i] += h * (a.A[i, :i, None, None] * x + a.Ahat[i, :i, None, None] * xhat)
+            F[:i, :n] += h * (a.A[i, :i, None, None] * x + a.Ahat[i, :i, None, None] * xhat)
         if not first:
             return out, carry, p
         own, carry = self.slopes.first_reverse(F[0])

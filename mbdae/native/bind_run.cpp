@@ -150,12 +150,19 @@ void bind_run(nb::module_& m) {
       FIELD(SingularWatch, ahead) FIELD(SingularWatch, entered);
   nb::class_<Run>(m, "Run", "What a run hands over, and the steps that were taken.")
       .def(nb::init<>()) FIELD(Run, events) FIELD(Run, jumps) FIELD(Run, leg) FIELD(Run, control) FIELD(Run, grid) FIELD(Run, watch) FIELD(Run, adaptive)
-          FIELD(Run, project) FIELD(Run, watched) FIELD(Run, tolerated) FIELD(Run, seconds) FIELD(Run, budget)
+          FIELD(Run, project) FIELD(Run, watched) FIELD(Run, tolerated) FIELD(Run, seconds) FIELD(Run, budget) FIELD(Run, kept)
       .def_ro("taken", &Run::taken)
       .def_ro("rejected", &Run::rejected)
       .def_ro("stuck", &Run::stuck)
       .def_prop_ro("changes", [](const Run& r) { return r.steps.changes; })
       .def_prop_ro("behind", [](const Run& r) { return r.steps.behind; })
+      .def(
+          "carried",
+          [](const Run& r) {
+            const size_t n = std::min(r.steps.t.size(), static_cast<size_t>(std::max(r.kept, 0L)));
+            return nb::make_tuple(array(r.steps.carry, {n, n ? r.steps.carry.size() / n : 0}), r.steps.renewed);
+          },
+          "Return what the method carries from the first nodes (k, nc), and at which of them it was found anew.")
       .def(
           "begin",
           [](Run& r, const Array& y, const nb::object& carry, const nb::object& low) {

@@ -59,6 +59,7 @@ bool TimeLoop::shorten(double h) {
 
 void TimeLoop::project(double t) {
   const Numbers y = next_.y;
+  renewed_ = false;
   restore(s_, t, next_.y.data());
   next_.low.clear();
   if (!method_.carries) return;
@@ -74,7 +75,7 @@ void TimeLoop::project(double t) {
   if (tolerated) return;
   Numbers F(s_.ny), z(s_.ng);  // what the method carries is found anew
   s_.derivative(t, next_.y.data(), F.data(), z.data());
-  next_.carry = s_.carry(F), next_.memory.reset();
+  next_.carry = s_.carry(F), next_.memory.reset(), renewed_ = true;
 }
 
 void TimeLoop::look(Proposal& p) {
@@ -85,6 +86,7 @@ void TimeLoop::look(Proposal& p) {
   PointValues values(s_, kept ? &aside_ : nullptr);
   const State end = next_;
   const Numbers z = z_, size = size1_;
+  const bool renewed = renewed_;
   double last = 1;  // the share of the step that was taken last
   auto shorter = [&](double theta) {
     values.part();
@@ -105,12 +107,17 @@ void TimeLoop::look(Proposal& p) {
     if (last != seen_.stop) shorter(seen_.stop);
     p.t_next = t + seen_.stop * h;
   } else if (last != 1) {
-    next_ = end, z_ = z, size1_ = size;
+    next_ = end, z_ = z, size1_ = size, renewed_ = renewed;
   }
 }
 
 void TimeLoop::push() {
   Steps& steps = run_.steps;
+  if (static_cast<long>(steps.t.size()) < run_.kept) {
+    steps.carry.insert(steps.carry.end(), run_.state.carry.begin(), run_.state.carry.end());
+    if (renewed_) steps.renewed.push_back(static_cast<long>(steps.t.size()));
+  }
+  renewed_ = false;
   steps.t.push_back(run_.leg.t);
   steps.y.insert(steps.y.end(), run_.state.y.begin(), run_.state.y.end());
   steps.z.insert(steps.z.end(), z_.begin(), z_.end());

@@ -26,6 +26,8 @@ struct Steps {
   Numbers t, least_pivot_ratio;  // (n,); least_pivot_ratio: smallest ratio of pivots that each of them met
   Numbers y, z;        // (n, length), (n, nz) by rows
   std::vector<std::pair<long, std::vector<int>>> changes;  // at which of them which rows came into use
+  Numbers carry;                                           // (k, nc) by rows: what the method carries from the first k
+  std::vector<long> renewed;                               // at which of those it was found anew
   std::vector<long> behind;                                // which of them lie behind a jump: no step led there
 };
 
@@ -44,6 +46,7 @@ struct Run {
   double tolerated = 0;   // fixed steps: what a projection may move a state whose derivative is kept
   double seconds = 0;     // of computing, or little more
   long budget = 0;        // steps taken or rejected, at most
+  long kept = 0;          // nodes at which what the method carries is recorded, at most
 
   Steps steps;
   long taken = 0, rejected = 0;
@@ -110,6 +113,7 @@ class TimeLoop {
   Index2System& s_;
   Run& run_;
   State next_;
+  bool renewed_ = false;   // what it carries was found anew
   Look seen_;              // on the step just taken
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -63,8 +64,17 @@ class Moment:
     lam: Array
 
 
+_KNOWN: WeakKeyDictionary[Mechanism, dict[str, SignalValue]] = WeakKeyDictionary()  # a mechanism never changes
+
+
 def signal_values(mech: Mechanism) -> dict[str, SignalValue]:
     """All signals of a mechanism by name, those of `mbdae.solution.signals.signals`."""
+    if mech not in _KNOWN:
+        _KNOWN[mech] = _found(mech)
+    return _KNOWN[mech]
+
+
+def _found(mech: Mechanism) -> dict[str, SignalValue]:
     nq, nv = mech.nq, mech.nv
     q: dict[str, SignalValue] = {}
     v: dict[str, SignalValue] = {}

@@ -52,6 +52,8 @@ class Solution(DenseOutput, Tabular):
         singular: configurations on the way in which closures lose rank.
         modes: where stops and contacts open and close: from which node on which states of ``mechanism.switches``.
         impacts: those on the way.
+        carried: what the method carried to each node but the last, (n - 1, nc), and where it was found anew, of short
+            runs that were just computed.
         in_use: where rows of closures depend on each other: from which node on which of them were solved for.
     """
 
@@ -69,6 +71,7 @@ class Solution(DenseOutput, Tabular):
     in_use: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
     modes: list[tuple[int, tuple[int, ...]]] = field(default_factory=list, repr=False)
     impacts: list[Impact] = field(default_factory=list, repr=False)
+    carried: tuple[Array, list[int]] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         super().__init__()

@@ -82,6 +82,7 @@ class NativeStepper(Stepper):
         r, leg, watch, inner = self.run, self.run.leg, run.singular, self.inner
         r.begin(run.state.y, self.system.carried(run.state), run.state.compensation)
         self._events_to_native(run)
+        r.kept = run.carried.room(len(run.ts))
         r.budget, r.watched, r.adaptive = most, watch is not None, isinstance(inner, Adaptive)
         leg.t, leg.t1, leg.sign, leg.stop, leg.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
         if watch:
@@ -128,6 +129,7 @@ class NativeStepper(Stepper):
         ts, ys, zs, least_pivot_ratio = r.steps()
         if not len(ts):
             return
+        run.carried.extend(first, *r.carried())
         run.in_use += [(first + k, tuple(rows)) for k, rows in r.changes]
         run.events.take_over(r.events)
         state, leg = State(*r.state()), r.leg

@@ -1,12 +1,13 @@
 """A number of a mechanism as a direction in what it is made of, found from mechanisms with other values."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
-from ...differences import quotient
+from ...differences import PLACES, quotient
 from ...errors import InputError
 from ...system import Array
 from ..closures.constraints import Constraints
@@ -15,6 +16,25 @@ from .index2 import Index2System
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
+
+FIRST = (-1, 1, 2)  # times h, and 0: third differences of these tell polynomials of degree 2
+ROUNDING = 1e-14  # of a number: what its third difference may be then
+
+
+class Nearby(Mapping[int, "Mechanism"]):
+    """The mechanisms with a parameter changed by k h, k = -3 .. 3 without 0, each made when it is asked for."""
+
+    def __init__(self, make: Callable[[int], "Mechanism"]) -> None:
+        self.make = cache(make)
+
+    def __getitem__(self, k: int) -> "Mechanism":
+        return self.make(k)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(PLACES)
+
+    def __len__(self) -> int:
+        return len(PLACES)
 
 
 class Parameter:
@@ -28,9 +48,9 @@ class Parameter:
     """
 
     def __init__(self, name: str, mech: "Mechanism", near: Mapping[int, "Mechanism"], h: float) -> None:
-        self.name, self.near, self.h = name, near, h
-        model = mech.model
-        for other in (m.model for m in near.values()):
+        self.name, self.mech, self.near, self.h = name, mech, near, h
+        self.first, model = [near[k] for k in FIRST], mech.model
+        for other in (m.model for m in self.first):
             same = [list(x.names) + [f.name for f in x.frames] for x in (model, other)]
             if same[0] != same[1] or (other.damping != model.damping).any():
                 raise InputError(f"parameter {name!r} changes joints, frames or their damping: it has no derivative")
@@ -44,16 +64,20 @@ class Parameter:
 
     def changed(self, own: Sequence[Any], of: Callable[["Mechanism"], Sequence[Any]]) -> list[int]:
         """Numbers of the forces, or of the closures and drivers, that it changes."""
-        if any(len(of(m)) != len(own) for m in self.near.values()):
+        if any(len(of(m)) != len(own) for m in self.first):
             raise InputError(f"parameter {self.name!r} changes how many forces or closures there are")
-        return [i for i, x in enumerate(own) if any(of(m)[i] != x for m in self.near.values())]
+        return [i for i, x in enumerate(own) if any(of(m)[i] != x for m in self.first)]
 
     def quotient(self, values: Mapping[int, Array]) -> Array:
         """Central difference of order six of values at k h; exactly zero where they do not change."""
         return np.array(quotient(values, self.h))
 
     def rate(self, value: Callable[["Mechanism"], Array]) -> Array:
-        """Derivative of what a mechanism is made of."""
+        """Derivative of what a mechanism is made of: from the first values where these are exact."""
+        (before, after, further), here = (value(m) for m in self.first), value(self.mech)
+        size = np.abs(here) + np.abs(after) + np.abs(further)
+        if (np.abs(further - 3 * after + 3 * here - before) <= ROUNDING * size).all():
+            return np.array((after - before) / (2 * self.h))
         return self.quotient({k: value(m) for k, m in self.near.items()})
 
     def each(self, n: int, value: Callable[["Mechanism", int], Array]) -> dict[int, Array]:
@@ -75,9 +99,8 @@ class ChangedLaws:
         self.p, self.nv = p, s.nv
         spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        self.near = {
-            k: bind_forces([m.forces[i] for i in p.forces], s.model, s.data) for k, m in p.near.items() if p.forces
-        }
+        near = p.near.items() if p.forces else ()
+        self.near = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.data) for k, m in near}
 
     def add(self, to: Array, t: float, q: Array, v: Array, s: Array) -> None:
         """Add the slopes of (tau, s', power), (nv + ns + 1,)."""
@@ -95,9 +118,8 @@ class ChangedRows:
         self.p, self.nv = p, s.nv
         spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        self.near = {
-            k: Constraints(s.model, s.data, [m.constraints[i] for i in p.specs]) for k, m in p.near.items() if p.specs
-        }
+        near = p.near.items() if p.specs else ()
+        self.near = {k: Constraints(s.model, s.data, [m.constraints[i] for i in p.specs]) for k, m in near}
 
     def add_forces(self, to: Array, t: float, lam: Array) -> None:
         """Add the slopes of G^T lam and of the drivers' power lam . u'; J stands."""

@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ...differences import PLACES
 from ...errors import InputError
 from ...system import Array
 from ..frames import support
 from .index2 import Index2System
 from .opened_tree import OpenedTree
-from .parameter import ChangedLaws, ChangedRows, Parameter
+from .parameter import ChangedLaws, ChangedRows, Nearby, Parameter
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -75,7 +74,7 @@ class Parameters:
         self.all: list[Parameter] = []
         for name, value in values.items():
             h = WIDTH * (abs(value) or 1.0)
-            near = {k: make({**rest, name: value + k * h}) for k in PLACES}
+            near = Nearby(lambda k, name=name, value=value, h=h: make({**rest, name: value + k * h}))  # type: ignore[misc]
             self.all.append(Parameter(name, mech, near, h))
         self.laws = [ChangedLaws(p, s) for p in self.all]
         self.rows = [ChangedRows(p, s) for p in self.all]

@@ -70,7 +70,7 @@ class StageSlopes:
         self.Ghat, self.Bhat = s.rate_slopes(that, qhat, vhat, rows)
         self.P = parameters.of_forces(t, q, v, inner, self.vdot, whole)
         self.Q = parameters.of_rows(that, qhat, vhat)[0][rows]
-        self.turn, self.hat = m.turned(x[:nv], v), m.turned(xh, vhat)
+        self.turn, self.hat = m.turned(x[:nv], self.speed(v)), m.turned(xh, vhat)
         self.saddle = Saddle(self.at.E[:nv, :nv], self.at.G, self.Ghat)
         self.points = (t, q, v, inner, whole), (that, qhat, vhat, inner, whole), rows
 
@@ -78,7 +78,7 @@ class StageSlopes:
         """Return dx', (ny, m); ``clock`` are the variations of t, that and the factor, (3, m)."""
         nv, at, turn, hat = self.s.nv, self.at, self.turn, self.hat
         dq, du = turn.A @ dy[:nv] + turn.R @ dx[:nv], dy[nv:] + dx[nv:]
-        rate = turn.J @ du[:nv] + turn.T @ dx[:nv]
+        rate = self.rate(dx, dxhat, dy, dp, dq, du, clock)
         dxh, dvhat = dxhat[:nv] + self.factor * rate, dy[nv : 2 * nv] + dxhat[nv : 2 * nv]
         above = at.K @ dq + at.D @ du + self.P @ dp
         below = self.Q @ dp
@@ -101,9 +101,25 @@ class StageSlopes:
         q, u, qhat, vhat = at.K.T @ above, at.D.T @ above, self.Bhat.T @ nu, self.Ghat.T @ nu
         xhat, x = np.zeros_like(F), np.zeros_like(F)
         xhat[:nv], xhat[nv : 2 * nv] = hat.R.T @ qhat, vhat
-        rate = F[:nv] + self.factor * xhat[:nv]
-        u[:nv] += turn.J.T @ rate
-        x[:nv], x[nv:] = turn.R.T @ q + turn.T.T @ rate, u
-        y = np.concatenate([turn.A.T @ q + hat.A.T @ qhat, u])
+        own = self.rate_reverse(F[:nv] + self.factor * xhat[:nv], x, xhat, q, u, p)
+        x[:nv] += turn.R.T @ q
+        x[nv:] = u
+        y = np.concatenate([turn.A.T @ q + hat.A.T @ qhat + own, u])
         y[nv : 2 * nv] += vhat
         return x, xhat, y, p
+
+    def speed(self, v: Array) -> Array:
+        """What x' = J(x) . is of, (nv,)."""
+        return v
+
+    def rate(self, dx: Array, dxhat: Array, dy: Array, dp: Array, dq: Array, du: Array, clock: Array | None) -> Array:
+        """Return dx', (nv, m)."""
+        nv = self.s.nv
+        return self.turn.J @ du[:nv] + self.turn.T @ dx[:nv]
+
+    def rate_reverse(self, rate: Array, x: Array, xhat: Array, q: Array, u: Array, p: Array) -> Array | float:
+        """Add the cotangents of x, xhat, q, u and p of that of x', (nv, m); return that of q_n alone."""
+        nv = self.s.nv
+        u[:nv] += self.turn.J.T @ rate
+        x[:nv] += self.turn.T.T @ rate
+        return 0.0

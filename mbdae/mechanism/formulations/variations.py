@@ -61,6 +61,15 @@ class IndexTwoVariations(Corrections):
         """Take the slopes of a stage of a collocation method at t, of x and x', (ny,), and z, (m,)."""
         return chart.slopes(t, x, F, z, self.parameters)
 
+    @property
+    def width(self) -> int:
+        """How many numbers a stage has."""
+        return self.ny
+
+    def renewed(self, t: float, y: Array) -> Array:
+        """Slopes of what is carried from y on, where it is found anew, (nc, ny + k)."""
+        return self.rate(t, y, multipliers=False).rate[self.system.nv :, : self.ny + self.k]
+
     def first(self, dy: Array, carry: Array) -> Array:
         """Return dx' of an explicit first stage, (ny, m)."""
         return np.concatenate([dy[self.system.nv : 2 * self.system.nv], carry])
@@ -168,7 +177,7 @@ class IndexTwoVariations(Corrections):
         assembled = bool(s.ng and mech.start_values.assemble)
         decided = assembled and all(_decide(A) for A in (G[np.ix_(kept, free_q)], G[:, free_v]))
         for i, p in enumerate(self.parameters.all):
-            if decided and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in p.near.values()):
+            if decided and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in p.first):
                 continue  # closures and what is held say all
             try:
                 out[:, i] = p.quotient({k: s.difference(base, m.point(t=t)) for k, m in p.near.items()})

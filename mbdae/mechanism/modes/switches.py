@@ -1,6 +1,7 @@
 """The switches of a mechanism, and which rows a mode leaves out."""
 
 from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,11 +18,15 @@ Mode = tuple[int, ...]
 
 def switches_of(mechanism: "Mechanism") -> tuple[Switch, ...]:
     """Return what switches in a mechanism, numbered."""
-    kinds = dict.fromkeys(x for x in members(__package__, type) if issubclass(x, Switch) and x is not Switch)
-    found = [s for kind in kinds for s in kind.of(mechanism)]
+    found = [s for kind in _kinds() for s in kind.of(mechanism)]
     for at, switch in enumerate(found):
         switch.at = at
     return tuple(found)
+
+
+@cache
+def _kinds() -> tuple[type[Switch], ...]:
+    return tuple(dict.fromkeys(x for x in members(__package__, type) if issubclass(x, Switch) and x is not Switch))
 
 
 def left_out(switches: Sequence[Switch], mode: Mode) -> Array:

@@ -28,6 +28,9 @@ class Arriving:
         self.signals = SignalSlopes(trace, list(weights))
         self.weights = np.array(list(weights.values())).reshape(len(weights), len(t))
         places = trace.sol.before(t) if trace.sol.steps else np.arange(len(t))
+        self.fixed: Array | None = None  # rows of signals that are the same everywhere, times the weights
+        if weights and len(t) and self.signals.fixed:
+            self.fixed = self.weights.T @ self.signals.rows(0, float(t[0]), points[0])
         self.bounds = np.searchsorted(places, np.arange(len(trace.ts) + 1))
 
     def at(self, i: int) -> Cotangents:
@@ -38,7 +41,7 @@ class Arriving:
             w, t = self.weights[:, m], float(self.t[m])
             if not w.any():
                 continue
-            row = w @ self.signals.rows(i, t, self.points[m])
+            row = w @ self.signals.rows(i, t, self.points[m]) if self.fixed is None else self.fixed[m]
             p += row[ny:-1]
             if t == trace.ts[i]:
                 out[:ny] += row[:ny]

@@ -48,6 +48,8 @@ class SignalSlopes:
         ny, ng, m = trace.system.ny, trace.system.ng, trace.slopes.ny + trace.slopes.k + 1
         self._still = np.zeros(ny), np.zeros(ng), np.zeros((ny, m)), np.zeros((ng, m))
         self.placed = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
+        turns = self.placed and not trace.system.manifold.flat
+        self.fixed = self.kinds <= {"t", "y", "angle"} and not turns  # the same everywhere
 
     def rows(self, i: int, t: float, y: Array) -> Array:
         """Return the derivatives at a point behind node i with respect to (y, p, t), (len(names), ny + k + 1).
@@ -82,9 +84,9 @@ class SignalSlopes:
                 row[: s.nv] = N[signal.i]
             else:
                 row[signal.i - s.nq + s.nv] = 1.0
-            if not np.isfinite(row).all():
+            if name in columns and not np.isfinite(row).all():
                 raise InputError(f"signal {name!r} has no gradient at t = {t:.9g} s: it is not a number there")
-        if self.kinds <= {"t", "y", "angle"} and not self.placed:  # the same everywhere
+        if self.fixed:
             self._fixed = out
         return out
 

@@ -188,8 +188,9 @@ def test_what_has_no_derivative_is_refused_by_name():
         mbdae.sensitivity(sol, ["joint.crank.mass"]).signal("Gv")
     with pytest.raises(UnknownNameError, match="signal"):
         mbdae.sensitivity(sol, ["joint.crank.mass"]).signal("q.nothing")
+    baseline = mbdae.solve(mech, (0.0, 0.1), formulation="index1", method="dop853")
     with pytest.raises(InputError, match="half-explicit"):
-        mbdae.sensitivity(mbdae.solve(mech, (0.0, 0.1), step=0.05, formulation="ggl"), ["joint.crank.mass"])
+        mbdae.sensitivity(baseline, ["joint.crank.mass"])
     with pytest.raises(InputError, match="'rod stop' opens and closes, or sticks and slips"):
         mbdae.sensitivity(mbdae.solve(mbdae.load("pendulum_on_stop"), (0.0, 0.01)), start=True)
     with pytest.raises(InputError, match="not read from files"):
