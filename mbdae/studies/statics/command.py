@@ -6,7 +6,19 @@ from typing import Any
 import click
 
 from ...cli.model import ChosenModel, model_argument
-from ...cli.options import FAILED, PICTURES, UNJUDGED, as_json, emit, listed, plot_option, values_by_name, writable
+from ...cli.options import (
+    FAILED,
+    PICTURES,
+    TABLES,
+    UNJUDGED,
+    as_json,
+    emit,
+    listed,
+    plot_option,
+    table_option,
+    values_by_name,
+    writable,
+)
 from ...errors import InputError
 
 FIND = ("stable", "any")
@@ -24,6 +36,7 @@ CODES = {"stable": 0, "rigid": 0, "unstable": FAILED, "neutral": UNJUDGED, "sing
 @click.option("--load", "load_name", help="A force, or gravity, that is scaled along a path of equilibria.")
 @click.option("--to", "end", type=float, help="The last factor on the load, or value of --all.")
 @click.option("--from", "begin", type=float, default=0.0, show_default=True, help="The first one.")
+@table_option
 @plot_option
 @as_json
 def statics(
@@ -35,6 +48,7 @@ def statics(
     load_name: str | None,
     begin: float,
     end: float | None,
+    output: str | None,
     plot: str | None,
     as_json: bool,
     **options: Any,
@@ -48,14 +62,14 @@ def statics(
     from .equilibrium import equilibrium
     from .load_path import load_path
 
-    writable((plot, PICTURES))
+    written = writable((output, TABLES), (plot, PICTURES))
     if drive is None and ((load_name is None) != (end is None) or (plot and end is None)):
         raise InputError("a path of equilibria takes --load and --to; --plot draws it")
     mech = model.load()
     start, speeds = values_by_name(at, "--at"), values_by_name(speed, "--speed")
     given: dict[str, Any] = {"q": start or None, "v": speeds or None, "hold": listed(hold), **options}
     if drive is not None:
-        if start or speeds or load_name or plot:
+        if start or speeds or load_name or written:
             raise InputError("--all takes a joint, its range with --from and --to, and --hold alone")
         every = equilibria(mech, drive, span=None if end is None else (begin, end), hold=listed(hold))
         text = "\n".join(map(str, every)) or f"no equilibrium over {drive}"
@@ -63,12 +77,16 @@ def statics(
         sys.exit(0 if every else FAILED)
     if load_name is None or end is None:
         found = equilibrium(mech, **given)
-        emit(found.to_dict(), str(found), as_json)
+        if output:
+            found.save(output)
+        emit(found.to_dict() | {"written": written}, "\n".join([str(found), *(f"wrote {p}" for p in written)]), as_json)
         sys.exit(CODES[found.stability])
     given.pop("find")
     path = load_path(mech, load_name, (begin, end), **given)
+    if output:
+        path.save(output)
     if plot:
         path.plot(plot)
-    emit(path.to_dict(), str(path), as_json)
+    emit(path.to_dict() | {"written": written}, "\n".join([str(path), *(f"wrote {p}" for p in written)]), as_json)
     if not path.complete:
         sys.exit(FAILED)

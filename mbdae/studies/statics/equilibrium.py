@@ -17,7 +17,7 @@ from ...mechanism.units import coordinate_units
 from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array
-from ...tabular import Tabular
+from ...tabular import Columns, Tabular
 from .search import Search
 from .stability import Verdict, verdict
 
@@ -82,6 +82,28 @@ class Equilibrium(Tabular):
             UnknownNameError: for a name that does not exist.
         """
         return reaction(self.mechanism, name, np.array([self.t]), self.q[None], self.lam[None])
+
+    def tabulated(self) -> Columns:
+        """One row: coordinates, states, what is held, and the forces of closures, by the names of signals."""
+        units, values = coordinate_units(self.mechanism), {"t": self.t, **self.coordinates}
+        known = {"t": "s", **{name: units[name] for name in self.coordinates if name in units}}
+        values |= {f"s.{name}": float(x) for name, x in zip(self.mechanism.states, self.s, strict=True)}
+        for name, x in self.holding.items():
+            values[f"holding.{name}"] = x
+            known[f"holding.{name}"] = "N" if units.get(f"v.{name}") == "m/s" else "N m"
+        for c in self.mechanism.constraints:
+            r = self.reaction(c.name) if c.frames else None
+            for kind, vector, unit in (("force", r.force_world, "N"), ("torque", r.torque_world, "N m")) if r else ():
+                parts = dict(zip(("", ".x", ".y", ".z"), (np.linalg.norm(vector[0]), *vector[0]), strict=True))
+                values |= {f"{kind}.{c.name}{end}": float(x) for end, x in parts.items()}
+                known |= {f"{kind}.{c.name}{end}": unit for end in parts}
+        return Columns({name: [x] for name, x in (values | {"stability": self.stability}).items()}, known)
+
+    def cells(self) -> list[list[str]]:
+        """Every quantity with its value and unit."""
+        found = self.tabulated()
+        rows = [[n, x if isinstance(x, str) else f"{_shown(x):.8g}"] for n, (x,) in found.values.items()]
+        return [["quantity", "value", "unit"], *([*row, found.units.get(row[0], "")] for row in rows)]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""

@@ -244,3 +244,26 @@ def test_sampled_controllers_are_refused():
     force = Sampled(lambda t, q, v: -q, rate=10, name="computer")
     with pytest.raises(InputError, match="'computer' is a sampled controller"):
         mbdae.equilibrium(mbdae.Mechanism(mech.model, (), [force]))
+
+
+def test_it_is_a_table_by_the_names_of_signals(tmp_path):
+    """A row whose forces are those of a run that begins there at rest; files that pandas reads; LaTeX."""
+    pandas = pytest.importorskip("pandas")
+    mech = mbdae.load("spring_four_bar")
+    rest, held = mbdae.equilibrium(mech), mbdae.equilibrium(mech, hold="left")
+    sol = mbdae.solve(mech, (0, 1e-6), rest.q, rest.v, method="herk2", step=1e-6)
+    frame, moving, named = rest.to_pandas(), sol.signals(), sol.tabulated().units
+    names = [n for n in frame.columns if n in moving]
+    assert {"q.left", "force.pin", "force.pin.x", "torque.pin.y"} <= set(names)
+    for name in names:
+        assert frame[name][0] == pytest.approx(moving[name][0], abs=1e-9), name
+        assert frame.attrs["units"][name] == named[name]
+    frame = held.to_pandas()
+    assert frame.attrs["units"]["holding.left"] == "N m"
+    assert frame["holding.left"][0] == held.holding["left"]
+    done = CliRunner().invoke(cli, ["statics", "spring_four_bar", "--hold", "left", "-o", str(tmp_path / "e.csv")])
+    assert f"wrote {tmp_path / 'e.csv'}" in done.output
+    pandas.testing.assert_frame_equal(pandas.read_csv(tmp_path / "e.csv"), frame, rtol=1e-12)
+    assert "force.pin & " in held.to_latex()
+    assert "<td>holding.left</td>" in held._repr_html_()
+    assert held.to_xarray()["force.pin"].attrs["units"] == "N"
