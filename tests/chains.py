@@ -65,17 +65,6 @@ def random_q(model, rng, width=1.2):
     return pin.integrate(model, pin.neutral(model), rng.uniform(-width, width, model.nv))
 
 
-def difference_quotient(function, h):
-    """Central difference of order six of function(s) at s = 0."""
-    weights = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
-    return sum(w * (function(k * h) - function(-k * h)) for k, w in weights.items()) / h
-
-
-def differences(function, n, h=1e-3):
-    """Columns d/de function(e x) for the unit vectors x of length n."""
-    return np.array([difference_quotient(lambda s, e=e: np.asarray(function(s * e)), h) for e in np.eye(n)]).T
-
-
 def close(found, expected, tolerance=1e-11, size=0.0):
     """Compare relative to the largest entry, or to a size."""
     scale = max(np.abs(expected).max(initial=0.0), size)

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from chains import difference_quotient
 
 import mbdae
+from mbdae import differences
 from mbdae.__main__ import main
 from mbdae.textbook.problems import TEXTBOOK
 
@@ -24,7 +24,7 @@ def test_start_and_slopes(name):
         "f_y": (problem.f_y and problem.f_y(t, y, z) @ dy, lambda s: problem.f(t, y + s * dy, z)),
     }.values():
         if slope is not None:
-            assert slope == pytest.approx(difference_quotient(path, h), rel=1e-8, abs=1e-8)
+            assert slope == pytest.approx(differences.slope(path, h), rel=1e-8, abs=1e-8)
 
 
 @pytest.mark.parametrize("name", TEXTBOOK)

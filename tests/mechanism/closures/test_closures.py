@@ -1,14 +1,13 @@
 """Closures and forces against finite differences, statics and power, far off the closed configurations."""
 
 from contextlib import suppress
-from functools import partial
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import JOINTS, difference_quotient, free_force, jacobian, random_q, rates, tree
+from chains import JOINTS, free_force, jacobian, random_q, rates, tree
 
-from mbdae import Closure, JointDamping, JointSpring, JointTorque, MbdaeError, Mechanism, SpringDamper
+from mbdae import Closure, JointDamping, JointSpring, JointTorque, MbdaeError, Mechanism, SpringDamper, differences
 
 CLOSURES = {
     "point": lambda a, b: Closure.point(a, b),
@@ -56,7 +55,7 @@ def test_jacobian_is_the_derivative_of_g(model, closure):
         mech = Mechanism(model, [closure(*pair)])
         for q, v in far_states(model):
             g = lambda h: mech.residual(pin.integrate(model, q, h * v), v)[0]  # noqa: B023, E731
-            rate = difference_quotient(g, 2e-3)
+            rate = differences.slope(g, 2e-3)
             assert np.abs(g(0)).max() > 1e-3
             np.testing.assert_allclose(mech.residual(q, v)[1], rate, atol=1e-9 * (1 + np.abs(rate).max()))
 
@@ -70,7 +69,7 @@ def test_accelerations_meet_the_hidden_constraint(model, closure):
         mech = Mechanism(model, [closure(*pair)])
         for q, v in far_states(model, seed=2):
             rate = lambda h: mech.residual(pin.integrate(model, q, h * v), v)[1]  # noqa: B023, E731
-            gamma = difference_quotient(rate, 1e-3)
+            gamma = differences.slope(rate, 1e-3)
             vdot, _, _ = rates(mech, q, v)
             size = 1 + np.abs(gamma).max() + np.abs(vdot).max()
             np.testing.assert_allclose(mech.residual(q, vdot)[1] + gamma, 0, atol=2e-8 * size)
@@ -204,13 +203,13 @@ def test_springs_pull_down_their_potential(force):
     with_force, without = Mechanism(model, [], [force]), Mechanism(model)
     for q, v in far_states(model, seed=5):
 
-        def energy(s, e, q=q, v=v):
-            return with_force.energy(pin.integrate(model, q, s * e), v)[1]
+        def energy(x, q=q, v=v):
+            return with_force.energy(pin.integrate(model, q, x), v)[1]
 
-        gradient = [difference_quotient(partial(energy, e=e), 1e-3) for e in np.eye(model.nv)]
+        gradient = differences.slopes(energy, model.nv, 1e-3)
         M, f = free_force(model, q, 0 * v)
         vdot, _, power = rates(with_force, q, 0 * v)
-        np.testing.assert_allclose(M @ vdot, -np.array(gradient), atol=1e-8)
+        np.testing.assert_allclose(M @ vdot, -gradient, atol=1e-8)
         np.testing.assert_allclose(M @ rates(without, q, 0 * v)[0], f, atol=1e-9)
         assert power == 0
 
@@ -227,7 +226,7 @@ def test_dampers_take_energy_at_the_rate_they_say():
             ends = [data.oMf[model.getFrameId(n)].translation for n in ("tip_3", "tip_6")]
             return np.linalg.norm(ends[1] - ends[0])
 
-        speed = difference_quotient(length, 1e-3)
+        speed = differences.slope(length, 1e-3)
         assert rates(Mechanism(model, [], [damper]), q, v)[2] == pytest.approx(-4.0 * speed**2, rel=1e-8)
 
 

@@ -5,11 +5,10 @@ import re
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import difference_quotient
 from driven import DRIVEN, crane, linkage
 
 import mbdae
-from mbdae import Driver
+from mbdae import Driver, differences
 from mbdae.errors import AssemblyError, InputError
 from mbdae.mechanism.formats.schema import read_toml
 from mbdae.mechanism.start import Start
@@ -30,7 +29,7 @@ def test_motions_have_their_derivatives(kind):
     driver = MOTIONS[kind]
     for t in (-0.7, 0.1, 0.77, 1.6, 2.9):
         for k in (0, 1):
-            slope = difference_quotient(lambda s, t=t, k=k: driver.follow(t + s)[k], 1e-2)
+            slope = differences.slope(lambda s, t=t, k=k: driver.follow(t + s)[k], 1e-2)
             assert slope == pytest.approx(driver.follow(t)[k + 1], abs=1e-9)
 
 

@@ -3,10 +3,20 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import JOINTS, difference_quotient, random_q, tree
+from chains import JOINTS, random_q, tree
 
 import mbdae
-from mbdae import Bushing, JointFriction, JointPID, JointSpring, JointTorque, Mechanism, SpringDamper, Wrench
+from mbdae import (
+    Bushing,
+    JointFriction,
+    JointPID,
+    JointSpring,
+    JointTorque,
+    Mechanism,
+    SpringDamper,
+    Wrench,
+    differences,
+)
 from mbdae.errors import InputError, StepError
 from mbdae.mechanism.signals import Harmonic, Polynomial
 
@@ -42,7 +52,7 @@ def gradient(force, q, model=MODEL):
     mech, level = Mechanism(model, forces=[force]), Mechanism(model)
     rest = np.zeros(model.nv)
     V = lambda x: mech.energy(x, rest)[1] - level.energy(x, rest)[1]  # noqa: E731
-    return np.array([difference_quotient(lambda h: V(pin.integrate(model, q, h * e)), 2e-3) for e in np.eye(model.nv)])  # noqa: B023
+    return differences.slopes(lambda x: V(pin.integrate(model, q, x)), model.nv, 2e-3)
 
 
 def frame_jacobian(q, name, model=MODEL):
@@ -143,7 +153,7 @@ def test_thrust_and_damper_between_points():
             frame_jacobian(pin.integrate(MODEL, q, h * v), "tip_5")[1].translation  # noqa: B023
             - frame_jacobian(pin.integrate(MODEL, q, h * v), "tip_3")[1].translation  # noqa: B023
         )
-        rate = difference_quotient(gap, 1e-3)
+        rate = differences.slope(gap, 1e-3)
         other = parts(force, 0.5, q, v)[1]
         assert other @ v == pytest.approx((3.0 - 2.0 * rate) * rate, abs=1e-9)
 

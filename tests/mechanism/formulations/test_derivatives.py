@@ -6,10 +6,11 @@ import closure_kinds
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import JOINTS, close, difference_quotient, differences, random_q, tree
+from chains import JOINTS, close, random_q, tree
 
-from mbdae import Bushing, Closure, Driver, Mechanism, SpringDamper
+from mbdae import Bushing, Closure, Driver, Mechanism, SpringDamper, differences
 from mbdae.mechanism.closures.closure import KINDS
+from mbdae.mechanism.closures.constraints import Constraints
 from mbdae.mechanism.closures.rows import FrameRows
 from mbdae.mechanism.formulations.derivatives import hidden_slopes, jacobians
 from mbdae.mechanism.frames import wrench_matrix
@@ -62,19 +63,25 @@ def test_closures_on_every_kind_of_joint(kind):
     def at(x):
         return pin.integrate(model, q, x)
 
-    turned = differences(lambda x: s.jacobian(at(x)), nv, 4e-4)  # (nv, ng, nv): row k of G^T by q_m stands in [k, i, m]
-    rate = differences(lambda x: s.jacobian(at(x)) @ v, nv, 4e-4)
-    bias_q = differences(lambda x: s.gamma(at(x), v, 0.3), nv, 4e-4)
-    bias_v = differences(lambda x: s.gamma(q, v + x, 0.3), nv)
-    Gdot = difference_quotient(lambda e: s.jacobian(at(e * v)), 4e-4)
+    turned = differences.slopes(lambda x: s.jacobian(at(x)), nv, 4e-4)  # (ng, nv, nv): G_ik by q_m in [i, k, m]
+    bias_q = differences.slopes(lambda x: s.gamma(at(x), v, 0.3), nv, 4e-4)
+    bias_v = [(s.gamma(q, v + e, 0.3) - s.gamma(q, v - e, 0.3)) / 2 for e in np.eye(nv)]  # gamma is quadratic in v
+    Gdot = differences.slope(lambda e: s.jacobian(at(e * v)), 4e-4)
     gamma_q, gamma_v = hidden_slopes(s, q, v)
-    for i, one in enumerate(np.eye(mech.ng)):
-        K, B = s.constraints.slopes(v, one)
-        close(K, turned[:, i], size=1)
-        close(B[i], rate[i], size=1)
-        close(gamma_q[i], bias_q[i], size=v @ v)
-        close(gamma_v[i], bias_v[i], size=1)
-        close(gamma_v[i], B[i] + Gdot[i], size=1)
+    lam, whole = rng.standard_normal(mech.ng), np.zeros((nv, nv))
+    K, B = s.constraints.slopes(v, lam)
+    for spec in mech.constraints:
+        alone = Constraints(model, s.data, [spec])
+        alone.jacobian()
+        for one, i in zip(np.eye(spec.m), mech.rows_of(spec.name), strict=True):
+            own = alone.slopes(v, one)[0]
+            whole += lam[i] * own
+            close(own, turned[i], size=1)
+            close(B[i], v @ turned[i], size=1)
+            close(gamma_q[i], bias_q[i], size=v @ v)
+            close(gamma_v[i], np.array(bias_v)[:, i], size=1)
+            close(gamma_v[i], B[i] + Gdot[i], size=1)
+    close(K, whole, 1e-13)
 
 
 def test_wrenches_turn_with_both_frames():

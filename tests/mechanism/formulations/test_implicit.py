@@ -6,10 +6,10 @@ import sys
 
 import numpy as np
 import pytest
-from chains import difference_quotient, random_q, tree
+from chains import random_q, tree
 
 import mbdae
-from mbdae import Actuator, Closure, Driver, Hessenberg, JointDamping, JointSpring, Mechanism, SpringDamper
+from mbdae import Actuator, Closure, Driver, Hessenberg, JointDamping, JointSpring, Mechanism, SpringDamper, differences
 from mbdae.errors import StepError
 from mbdae.linear import factorized
 
@@ -78,16 +78,13 @@ def test_solver_inverts_the_slopes_of_the_residual(name, formulation, mu):
     chart, t, x, dx, z = stage(name, formulation)
     n, m = len(x), len(z)
 
-    def slope(at):
-        columns = [difference_quotient(lambda s, e=e: np.concatenate(at(s * e)), 1e-3) for e in np.eye(n)]
-        return np.array(columns).T
+    def residual(by_x, by_dx, by_z):
+        return np.concatenate(chart.residual(t, x + by_x, dx + by_dx, z + by_z))
 
-    by_x = slope(lambda e: chart.residual(t, x + e, dx, z))
-    by_dx = slope(lambda e: chart.residual(t, x, dx + e, z))
-    by_z = [
-        difference_quotient(lambda s, e=e: np.concatenate(chart.residual(t, x, dx, z + s * e)), 1e-3) for e in np.eye(m)
-    ]
-    matrix = -np.hstack([by_dx + mu * by_x, np.array(by_z).reshape(m, n + m).T])
+    by_x = differences.slopes(lambda e: residual(e, 0, 0), n, 1e-3)
+    by_dx = differences.slopes(lambda e: residual(0, e, 0), n, 1e-3)
+    by_z = differences.slopes(lambda e: residual(0, 0, e), m, 1e-3) if m else np.empty((n, 0))
+    matrix = -np.hstack([by_dx + mu * by_x, by_z])
     rhs = np.random.default_rng(1).standard_normal(n + m)
     linearized = chart.linearize(x, dx, z)
     dk, dz = linearized.factorize(mu)(rhs[:n], rhs[n:])

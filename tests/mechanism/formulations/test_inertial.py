@@ -3,8 +3,9 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import JOINTS, close, differences, random_q, tree
+from chains import JOINTS, close, random_q, tree
 
+from mbdae import differences
 from mbdae.errors import InputError
 from mbdae.mechanism.expanded import expand, parts
 from mbdae.mechanism.formulations import inertial
@@ -23,8 +24,8 @@ def test_inertial_slopes_on_every_kind_of_joint(kind, largest, monkeypatch):
         return pin.rnea(model, data, pin.integrate(model, q, x), v + dv, a).copy()
 
     M, by_q, by_v = inertial.Inertial(model).slopes(q, v, a)
-    close(by_q, differences(tau, model.nv, 1e-2))
-    close(by_v, differences(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
+    close(by_q, differences.slopes(tau, model.nv, 1e-2))
+    close(by_v, differences.slopes(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
     U = np.triu(pin.crba(model, data, q))
     close(M, U + np.triu(U, 1).T, 1e-14)
 
