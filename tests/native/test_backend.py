@@ -2,8 +2,10 @@
 
 import json
 import sys
+import tomllib
 import warnings
 from importlib.metadata import version
+from pathlib import Path
 
 import pinocchio as pin
 import pytest
@@ -117,6 +119,12 @@ def test_info_names_versions_and_back_end():
     assert json.loads(json_alone) == {"versions": {n: version(n) for n in names}, "backend": backend.status()}
     assert model.splitlines() == [*str(mbdae.card(mbdae.load("pendulum"))).splitlines(), line]
     assert json.loads(json_model)["backend"] == backend.status()
+
+
+def test_an_installation_asks_for_the_pinocchio_that_its_core_is_built_for():
+    about = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
+    asked = {*about["build-system"]["requires"], *about["project"]["dependencies"]}
+    assert {f"libpinocchio=={HERE}", f"pin=={HERE}"} <= asked
 
 
 @pytest.mark.native
