@@ -202,11 +202,7 @@ class Solution(DenseOutput, Tabular):
         return Sample(y[..., : m.nq], y[..., m.nq : m.nq + m.nv])
 
     def signals(self) -> dict[str, Array]:
-        """Named columns of equal length, see `mbdae.solution.columns.signals`; `to_pandas` makes a table of them.
-
-        Raises:
-            InputError: for a textbook problem.
-        """
+        """Named columns of equal length, see `mbdae.solution.signals`, y and z of a textbook problem."""
         if isinstance(self.problem, Mechanism):
             return signals(self)
         parts = {"y": self.y, "z": self.z}
@@ -222,11 +218,12 @@ class Solution(DenseOutput, Tabular):
 
         Args:
             path: a file to be written as well, .png, .svg or .pdf.
-            names: of `signals`, a name or several; coordinates, velocities, residuals and energy when left out.
+            names: of `signals`, a name or several; coordinates, velocities, residuals and energy when left out, y and z
+                of a textbook problem.
 
         Raises:
             UnknownNameError: for a signal that does not exist.
-            InputError: for another format, an unwritable path, or a textbook problem.
+            InputError: for another format, or an unwritable path.
         """
         figure = later("mbdae.studies.run.figure", "motion")(self, names)
         return later("mbdae.studies.figures", "given")(figure, path)

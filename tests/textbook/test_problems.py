@@ -48,6 +48,18 @@ def test_drift_of_a_known_solution_is_that_of_its_own_z():
     assert np.abs(sol.y[-1] - [np.cos(1), np.sin(1)]).max() < 1e-4
 
 
+def test_a_run_is_drawn(tmp_path):
+    sol = mbdae.solve(TEXTBOOK["circle"](), (0, 1), method="herk3", step=0.1)
+    y, z = sol.plot(tmp_path / "run.svg").axes
+    assert (tmp_path / "run.svg").stat().st_size > 5000
+    assert (y.get_ylabel(), z.get_ylabel()) == ("$y$", "$z$")
+    np.testing.assert_array_equal(y.lines[1].get_ydata(), sol.y[:, 1])
+    (only,) = sol.plot(names="y.2").axes
+    np.testing.assert_array_equal(only.lines[0].get_ydata(), sol.y[:, 1])
+    with pytest.raises(mbdae.MbdaeError, match="unknown signal 'lam'; valid: y, z, t"):
+        sol.plot(names="lam")
+
+
 def test_what_has_no_name_is_not_saved(tmp_path):
     circle = replace(TEXTBOOK["circle"](), name="")
     with pytest.raises(mbdae.MbdaeError, match="the functions of 'Point on a circle' cannot be written"):

@@ -79,7 +79,7 @@ def run(
         raise InputError("--plots, --trace and --arrows belong to a replay: --html run.html, or --video run.mp4")
     watched = [*events, *(Event(text, terminal=True) for text in until)]
     mech = model.problem()
-    names = tuple(find(mech, listed(names))) if isinstance(mech, Mechanism) else names
+    names = tuple(find(mech, listed(names)) if isinstance(mech, Mechanism) else listed(names))
     if names and not plot:
         raise InputError("--signal says what --plot draws: give both")
     sol = simulate(mech, events=watched, **options)

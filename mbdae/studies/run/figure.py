@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...errors import UnknownNameError, several
+from ...mechanism import Mechanism
 from ...mechanism.units import coordinate_units
 from ...solution.signals import find, signals, units
 from ...solution.solution import Solution
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+LABELLED = 24  # curves that a legend tells apart
 RESIDUALS = (("g", "$|g|$ (m, rad)", "-"), ("Gv", "$|G v|$ (m/s, rad/s)", ":"))
 
 
@@ -21,9 +24,13 @@ RESIDUALS = (("g", "$|g|$ (m, rad)", "-"), ("Gv", "$|G v|$ (m/s, rad/s)", ":"))
 def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
     """Draw signals by unit over time; without names coordinates, velocities, residuals and the energy balance.
 
+    Of a textbook problem y and z.
+
     Raises:
         UnknownNameError: for a signal that does not exist.
     """
+    if not isinstance(sol.problem, Mechanism):
+        return _textbook(sol, names)
     mech = sol.mechanism
     shown, unit = find(mech, names) if names else list(coordinate_units(mech)), units(mech)
     groups: dict[str, list[str]] = {}
@@ -44,6 +51,29 @@ def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
     axes[-1].set_xlim(sol.t[0], sol.t[-1])
     figure.align_ylabels(axes)
     figure.suptitle(plain(f"{mech.title}, {sol.settings.get('method', '')}"), fontsize=9)
+    return figure
+
+
+def _textbook(sol: Solution, names: str | Sequence[str]) -> "Figure":
+    """Draw y and z over time, or some of them: ``"y.1"``, ``"z"``."""
+    columns = sol.signals()
+    asked = several(names or ("y", "z"), "signals are a list of names")
+    for name in asked:
+        if name not in columns and name not in ("y", "z"):
+            raise UnknownNameError("signal", name, ["y", "z", *columns])
+    groups = {k: [n for n in columns if n[0] == k and (n in asked or k in asked)] for k in ("y", "z")}
+    shown = {k: group for k, group in groups.items() if group}
+    figure = sheet(WIDTH, 2.2 * len(shown) + 0.6)
+    axes: Any = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
+    for ax, (k, group) in zip(axes, shown.items(), strict=True):
+        for i, name in enumerate(group):
+            ax.plot(sol.t, columns[name], label=plain(name), **own_style(i))
+        ax.set_ylabel(f"${k}$")
+        if len(group) <= LABELLED:
+            beside(ax, labelspacing=0.3)
+    axes[-1].set_xlabel("$t$")
+    axes[-1].set_xlim(sol.t[0], sol.t[-1])
+    figure.suptitle(plain(f"{sol.problem.title}, {sol.settings.get('method', '')}"), fontsize=9)
     return figure
 
 
