@@ -35,6 +35,7 @@ def drawn(scene: "Scene", bodies: Sequence[Mapping[str, str]]) -> dict[str, Any]
             for shape, layer in _layers(scene)
         ],
         "width": scene.width,
+        "ground": scene.ground,
         "bodies": list(bodies),
     }
 

@@ -219,7 +219,7 @@ function ground(viewer, scene, view, extent) {
   } else if (view === "side") {
     floor.rotation.y = Math.PI / 2;
     floor.level = [0, all.min.x - gap];
-  } else floor.level = [2, all.min.z - gap];
+  } else floor.level = [2, scene.ground === null ? all.min.z - gap : scene.ground];
   root.add(floor);
 }
 

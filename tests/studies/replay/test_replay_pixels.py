@@ -1,7 +1,10 @@
 """What pixels say of a replay: the mechanism fills the scene, springs stay whole."""
 
 import base64
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from io import BytesIO
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -13,7 +16,8 @@ import mbdae
 from mbdae.studies.replay.replay import animate
 
 SEEN = ("slider_crank", "spring_four_bar", "andrews_squeezer", "jansen_walker", "stewart_platform", "bicycle",
-        "cart_pole", "car_axis", "flyball_governor", "panda_handle")  # fmt: skip
+        "cart_pole", "car_axis", "flyball_governor", "panda_handle", "bouncing_chain", "slider_crank_with_stop",
+        "geneva_drive", "ratchet", "stick_slip_slider", "pendulum_on_stop")  # fmt: skip
 SIZES = (1280, 800), (390, 844)
 WITHOUT = """(() => {
   const root = nodeOf(mbdae.viewer, "mechanism"), pane = mbdae.viewer.renderer.domElement;
@@ -49,6 +53,34 @@ def test_the_mechanism_fills_the_scene(name, tmp_path):
             seen = drawn(tab)
             shares = [np.ptp(np.flatnonzero(seen.any(axis=axis))) / seen.shape[1 - axis] for axis in (0, 1)]
             assert 0.5 < max(shares) < 1.0, (size, shares)
+
+
+def test_in_a_frame_of_slides_the_address_says_how_it_opens_and_nothing_is_fetched(tmp_path):
+    animate(mbdae.solve(mbdae.load("slider_crank"), (0, 2)), tmp_path / "run.html", fps=10)
+    frame = '<iframe src="run.html#speed=0.1&camera=front&shadows=0" width="640" height="360"></iframe>'
+    (tmp_path / "slide.html").write_text(frame)
+    asked = []
+
+    class Served(SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            asked.append(self.path)
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Served, directory=str(tmp_path)))
+    Thread(target=server.serve_forever, daemon=True).start()
+    address = f"http://127.0.0.1:{server.server_port}/slide.html"
+    with Chromium().open(address, (700, 400), ready="frames[0] && frames[0].mbdae") as tab:
+        log = tab.ask("""
+          const {mbdae, document: page, performance: clock} = frames[0];
+          log.opened = [mbdae.speed, mbdae.view.state.view, mbdae.playing];
+          const main = page.querySelector("main");
+          log.cut = [...main.querySelectorAll("#pane, #bar button, #bar select, #plots, .u-wrap, .u-title")]
+            .filter(x => x.offsetParent && x.getBoundingClientRect().right > 641).map(x => x.id || x.className);
+          log.fetched = clock.getEntriesByType("resource").map(x => x.name).filter(x => !/^(data|blob):/.test(x));
+        """)
+    server.shutdown()
+    assert log["opened"] == [0.1, "front", True]
+    assert (log["cut"], log["fetched"]) == ([], [])
+    assert [path for path in asked if "favicon" not in path] == ["/slide.html", "/run.html"]
 
 
 def test_a_stretched_spring_stays_whole(tmp_path):
