@@ -92,9 +92,7 @@ def triangles(name: str, geometry: coal.CollisionGeometry) -> Mesh:
         vertices, count, face = geometry.points(), geometry.num_polygons, geometry.polygons
     else:
         valid = "box, sphere, ellipsoid, cylinder, cone, capsule, mesh"
-        raise InputError(
-            f"visual {name!r} is a {type(geometry).__name__} and cannot be drawn; valid: {valid}"
-        )
+        raise InputError(f"visual {name!r} is a {type(geometry).__name__} and cannot be drawn; valid: {valid}")
     faces = np.array([[face(k)[i] for i in range(3)] for k in range(count)], dtype=int)
     return Mesh("triangles", vertices=np.array(vertices), faces=faces)
 

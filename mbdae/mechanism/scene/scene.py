@@ -20,6 +20,7 @@ from . import stick_figure
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
 from .outlines import Outline, draw_outlines
 from .rolling_bodies import RollingBody, draw
+from .shapes import ground_level
 
 Anchor = tuple[int, pin.SE3]  # a joint, and a placement fixed in its frame
 
@@ -101,6 +102,7 @@ class Scene:
         width: how thick generated links are: their radius [m].
         marks: the closures between frames; both of their ends are shapes of the role ``"closure"``.
         springs: what is drawn between two points, longer and shorter as they move, s of them.
+        ground: height of the ground [m]; None where nothing says it.
     """
 
     shapes: tuple[Shape, ...]
@@ -109,6 +111,7 @@ class Scene:
     width: float
     marks: tuple[Mark, ...] = ()
     springs: tuple[Strut, ...] = ()
+    ground: float | None = None
     _rails: Mapping[int, int] = field(default_factory=dict)  # shapes that are rails, and the joints on them
 
     @property
@@ -205,6 +208,8 @@ def make_scene(
     closures, rolling = tuple(closures), tuple(rolling)
     meshes: dict[Path, Mesh] = {}
     visuals = list(visual_model.geometryObjects) if visual_model is not None else []
+    levels = [ground_level(g) for g in visuals]
+    visuals = [g for g, level in zip(visuals, levels, strict=True) if level is None]
     shapes = [_shape("visual", g, meshes) for g in visuals]
     points = [(int(j), p.translation) for mark in closures for j, p in (mark.first, mark.second)]
     named = [f for f in model.frames if f.type == pin.FrameType.OP_FRAME and f.parentJoint]  # feet, tools, tips
@@ -236,7 +241,8 @@ def make_scene(
             shapes.append(_shape("link", stick_figure.rod(mark.name, mark.rod, size.width), meshes))
             anchors.append((mark.first, mark.second))
     named_shapes = tuple(_uniquely_named(shapes))
-    return Scene(named_shapes, model, tuple(anchors), size.width, closures, tuple(springs), rails)
+    ground = max((x for x in levels if x is not None), default=None)
+    return Scene(named_shapes, model, tuple(anchors), size.width, closures, tuple(springs), ground, rails)
 
 
 def _towards(first: pin.SE3, second: pin.SE3, length: float) -> pin.SE3:

@@ -20,6 +20,8 @@ SOLIDS = {  # kind: the shape of sizes, its sizes, and their number
     "ellipsoid": (coal.Ellipsoid, lambda s: list(s.radii), 3),
     "box": (coal.Box, lambda s: list(2 * s.halfSide), 3),
 }
+LEVEL = 1 - 1e-9  # cosine of a slope
+UP = np.array([0.0, 0.0, 1.0])
 LARGEST = 2**28  # bytes of points or of faces: what is packed may unpack to a thousand times its size
 Size = Annotated[float, Field(ge=0)]
 
@@ -34,7 +36,7 @@ class _Shape(Table):
     joint: int = Field(ge=0)
     placement: Place
     rgba: tuple[float, float, float, float]
-    kind: Literal["sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh"]
+    kind: Literal["sphere", "capsule", "cylinder", "ellipsoid", "box", "plane", "mesh"]
     size: tuple[Size, ...] = ()
     mesh: int | None = Field(default=None, ge=0)
 
@@ -57,7 +59,9 @@ def pack(visuals: pin.GeometryModel) -> dict[str, Any]:
             "rgba": g.meshColor.tolist(),
         }
         kind = next((k for k, (cls, *_) in SOLIDS.items() if isinstance(g.geometry, cls)), "")
-        if kind:
+        if isinstance(g.geometry, coal.Halfspace):
+            shape |= {"kind": "plane"}
+        elif kind:
             shape |= {"kind": kind, "size": [float(x) for x in SOLIDS[kind][1](g.geometry)]}
         else:
             points = g.geometry.vertices()
@@ -90,6 +94,8 @@ def unpack(data: dict[str, Any], joints: int) -> pin.GeometryModel:
             if s.mesh is None or s.mesh >= len(meshes):
                 raise InputError(f"visuals: {s.name!r} is mesh {s.mesh}, which does not exist")
             geometry = meshes[s.mesh]
+        elif s.kind == "plane":
+            geometry = ground()
         else:
             solid, _, count = SOLIDS[s.kind]
             if len(s.size) != count:
@@ -100,6 +106,18 @@ def unpack(data: dict[str, Any], joints: int) -> pin.GeometryModel:
         g.meshColor = np.array(s.rgba)
         out.addGeometryObject(g)
     return out
+
+
+def ground() -> coal.Halfspace:
+    """What lies below the x-y plane of a frame, without end."""
+    return coal.Halfspace(UP, 0.0)
+
+
+def ground_level(g: pin.GeometryObject) -> float | None:
+    """The height of a level plane that nothing moves [m]; None for other geometry."""
+    if not isinstance(g.geometry, coal.Halfspace) or g.parentJoint or (g.placement.rotation @ g.geometry.n)[2] < LEVEL:
+        return None
+    return float(g.placement.act(g.geometry.n * g.geometry.d)[2])
 
 
 def mesh(points: np.ndarray, faces: np.ndarray) -> coal.BVHModelOBBRSS:

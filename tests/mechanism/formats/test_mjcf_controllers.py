@@ -45,6 +45,8 @@ def test_a_five_bar_rests_where_mujoco_holds_it(five_bar):
     with pytest.warns(UserWarning, match="assembly closes it"):
         mech = mbdae.load(five_bar)
     assert not mech.left_out
+    assert mech.scene.ground == -0.5
+    assert "floor" not in [shape.name for shape in mech.scene.shapes]
     assert mbdae.equilibrium(mech).q == pytest.approx(d.qpos, abs=1e-3)
     assert min(d.qpos[0] - 2.3, d.qpos[2] - 0.9) > 0.005  # weight bends the controllers by more
 

@@ -111,9 +111,12 @@ def sizes(m, g):
 def test_shapes_have_the_sizes_and_colours_of_the_geoms():
     mech, (m, _) = load("trees"), compiled("trees")
     shapes = [s for s in mech.scene.shapes if s.role == "visual"]
-    assert len(shapes) == m.ngeom == len(mech.visuals.geometryObjects)
+    assert m.ngeom == len(mech.visuals.geometryObjects)
+    (plane,) = np.flatnonzero(m.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
+    ground = m.geom_pos[plane, 2]
+    assert mech.scene.ground == restore(describe(mech)).scene.ground == ground, "the plane is no shape"
     kinds = set()
-    for g, shape in enumerate(shapes):
+    for g, shape in zip(np.delete(np.arange(m.ngeom), plane), shapes, strict=True):
         np.testing.assert_allclose(shape.rgba, m.geom_rgba[g], atol=1e-7)
         if sizes(m, g):
             kind, size = sizes(m, g)

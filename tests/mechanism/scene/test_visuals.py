@@ -202,9 +202,20 @@ def test_missing_mesh_is_refused_by_name(tmp_path):
         make_scene(pin.Model(), visuals)
 
 
+def test_a_level_plane_is_the_ground_and_no_shape():
+    visuals = pin.GeometryModel()
+    assert make_scene(pin.Model(), visuals).ground is None
+    for z in (-2.0, -1.0):
+        place = pin.SE3(pin.utils.rotate("z", 0.3), np.array([5.0, 0.0, z]))
+        plane = coal.Halfspace(np.array([0, 0, 1.0]), 0.5)
+        visuals.addGeometryObject(pin.GeometryObject(f"floor {z}", 0, place, plane))
+    scene = make_scene(pin.Model(), visuals)
+    assert (scene.ground, scene.shapes) == (-0.5, ())
+
+
 def test_unknown_geometry_is_named():
     visuals = pin.GeometryModel()
-    plane = coal.Halfspace(np.array([0, 0, 1.0]), 0.0)
+    plane = coal.Halfspace(np.array([0, 1.0, 0]), 0.0)
     visuals.addGeometryObject(pin.GeometryObject("floor", 0, pin.SE3.Identity(), plane))
     with pytest.raises(InputError, match=r"floor.*Halfspace.*capsule"):
         make_scene(pin.Model(), visuals)

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...part import listed
-from ...scene.shapes import mesh
+from ...scene.shapes import LEVEL, ground, mesh
 from .actuators import actuator_name
 from .states import pose
 
@@ -24,19 +24,19 @@ def visuals(c: "MjcfModel") -> tuple[pin.GeometryModel, list[str]]:
     meshes: dict[int, coal.BVHModelOBBRSS] = {}
     for g in np.flatnonzero(c.m.geom_group < SHOWN_GROUPS).tolist():
         name, material = c.name("GEOM", g) or f"geom{g}", int(c.m.geom_matid[g])
-        shape = _shape(c, g, meshes)
+        joint, place = c.home[c.m.geom_bodyid[g]]
+        here = place * pose(c.m.geom_pos[g], c.m.geom_quat[g])
+        shape = _shape(c, g, meshes, level=joint == 0 and here.rotation[2, 2] > LEVEL)
         if shape is None:
             missing.append(name)
             continue
-        joint, place = c.home[c.m.geom_bodyid[g]]
-        here = place * pose(c.m.geom_pos[g], c.m.geom_quat[g])
         geometry = pin.GeometryObject(name, joint, here, shape)
         geometry.meshColor = np.array(c.m.mat_rgba[material] if material >= 0 else c.m.geom_rgba[g], float)
         out.addGeometryObject(geometry)
     return out, missing
 
 
-def _shape(c: "MjcfModel", g: int, meshes: dict[int, coal.BVHModelOBBRSS]) -> Any:
+def _shape(c: "MjcfModel", g: int, meshes: dict[int, coal.BVHModelOBBRSS], level: bool) -> Any:
     m, kinds = c.m, c.lib.mjtGeom
     a, b, h = (float(x) for x in m.geom_size[g])
     match kinds(m.geom_type[g]):
@@ -50,6 +50,8 @@ def _shape(c: "MjcfModel", g: int, meshes: dict[int, coal.BVHModelOBBRSS]) -> An
             return coal.Ellipsoid(a, b, h)
         case kinds.mjGEOM_BOX:
             return coal.Box(2 * a, 2 * b, 2 * h)
+        case kinds.mjGEOM_PLANE if level:
+            return ground()
         case kinds.mjGEOM_PLANE:  # a size of 0 means without end
             wide = 2 * float(m.stat.extent)
             return coal.Box(2 * a or wide, 2 * b or wide, wide * 1e-4)
