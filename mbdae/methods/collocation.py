@@ -31,6 +31,8 @@ FIRST = 3  # iterations that follow where the first change is as small already: 
 EXPECTED = 0.1  # how changes shrink, before anything is known; above REUSE: slopes whose rate is not known are not kept
 SHARE = 1e-3  # of the largest component: none counts for less
 REUSE = 0.03  # slopes and factors serve the next step of the same h while the iteration converges faster than this
+MIXED = 10  # changes that are mixed where an iteration with slopes of one point does not converge
+FAR = 0.5  # of the size of y and of its move: a guess whose first change is larger leads anywhere
 HALVINGS = 6  # of a step that is solved once more, for a guess
 
 
@@ -76,19 +78,17 @@ def collocation_step(
         F = chart.first(system.carry(memory.K[-1], memory.Z[-1]))[0]
         onward = lagrange(a.c, 1 + a.c * h / memory.h)
         K, Z = onward @ memory.K, onward @ memory.Z
-        middle = h * (a.A @ K)[a.middle]
     else:
         memory = None
         F, z = chart.start()
-        K, Z, middle = np.tile(F, (s, 1)), np.tile(z, (s, 1)), np.zeros(system.ny)
+        K, Z = np.tile(F, (s, 1)), np.tile(z, (s, 1))
     stages = _Stages(system, chart, a, t, h, system.size(state.y), patience)
     found = None
     if memory is not None and memory.h == h and memory.rate < REUSE:
         with suppress(StepError):
             found = stages.solve(K, Z, memory.slopes, memory.solvers)
     if found is None:
-        slopes = chart.linearize(middle, K[a.middle], Z[a.middle])
-        found = stages.solve(K, Z, slopes, _factorize(slopes, a, h))
+        found = stages.afresh(K, Z) if estimate else stages.found(K, Z)  # a shorter step can be taken, or not
     x = h * (a.A[-1] @ found.K) + (0.0 if state.compensation is None else state.compensation)
     y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
@@ -109,13 +109,13 @@ def repeated_step(
     stages = _Stages(system, chart, a, t, h, system.size(y), patience)
     F, z = chart.start()
     try:
-        return chart, stages.afresh(np.tile(F, (s, 1)), np.tile(z, (s, 1)))
+        return chart, stages.found(np.tile(F, (s, 1)), np.tile(z, (s, 1)))
     except StepError:
         if not halvings:
             raise
     half = repeated_step(system, a, t, h / 2, y, patience, halvings - 1)[1]
     onward = lagrange(a.c, 2 * a.c)
-    return chart, stages.afresh(onward @ half.K, onward @ half.Z)
+    return chart, stages.found(onward @ half.K, onward @ half.Z)
 
 
 def _factorize(slopes: Linearization, a: RadauArrays, h: float) -> list[Solver]:
@@ -182,17 +182,61 @@ class _Stages:
             if k > 1 and last > NEAR and (rate >= 1 or rate ** (self.patience - 1 - k) * size > NEAR):
                 break
             last = size
-        raise StepError(
-            "newton",
-            f"the iteration of an implicit step at t = {self.t:.17g}, h = {self.h:.3g} does not converge: take shorter "
-            "steps, or rtol in their place",
-        )
+        raise self._diverges()
 
     def afresh(self, K: Array, Z: Array) -> Memory:
         """Iterate from a guess with the slopes of its middle."""
         i, X = self.a.middle, self.h * (self.a.A @ K)
         slopes = self.chart.linearize(X[i], K[i], Z[i])
         return self.solve(K, Z, slopes, _factorize(slopes, self.a, self.h))
+
+    def found(self, K: Array, Z: Array) -> Memory:
+        """Iterate from a guess with the slopes of its middle, and where that does not converge, as `mixed` does."""
+        try:
+            return self.afresh(K, Z)
+        except StepError as failed:
+            try:
+                return self.mixed(K, Z)
+            except StepError:
+                raise failed from None
+
+    def mixed(self, K: Array, Z: Array) -> Memory:
+        """Iterate from a guess where bodies turn so far within a step that slopes of one point serve badly.
+
+        Each point is that combination of the last ones whose change would be least, plus this change (Anderson's
+        acceleration: H. F. Walker, P. Ni, SIAM J. Numer. Anal. 49 (2011) 1715). The next step takes new slopes.
+
+        Raises:
+            StepError: if this does not converge either.
+        """
+        i, X, n = self.a.middle, self.h * (self.a.A @ K), K.size
+        slopes = self.chart.linearize(X[i], K[i], Z[i])
+        solvers, scale, last = _factorize(slopes, self.a, self.h), self._scale(K), np.inf
+        weight = 1 / (1 + np.abs(np.concatenate([K.ravel(), Z.ravel()])))
+        points, changes = np.empty((0, len(weight))), np.empty((0, len(weight)))
+        for _ in range(self.patience):
+            dK, dZ = self._correction(K, Z, solvers)
+            size = float(np.sqrt(np.mean((self._moves(dK) / scale) ** 2)))
+            self.counts.newton += 1
+            if not size <= FAR:
+                break
+            if size <= TOLERANCE or last <= size <= NEAR:
+                return Memory(self.chart.unknowns, self.h, K + dK, Z + dZ, slopes, solvers, np.inf)
+            change = np.concatenate([dK.ravel(), dZ.ravel()])
+            points = np.vstack([points, np.concatenate([K.ravel(), Z.ravel()])])[-MIXED - 1 :]
+            changes, last = np.vstack([changes, change])[-MIXED - 1 :], size
+            moves, turns = np.diff(points, axis=0), np.diff(changes, axis=0)
+            share = np.linalg.lstsq((turns * weight).T, change * weight)[0]
+            at = points[-1] + change - share @ (moves + turns)
+            K, Z = at[:n].reshape(K.shape), at[n:].reshape(Z.shape)
+        raise self._diverges()
+
+    def _diverges(self) -> StepError:
+        return StepError(
+            "newton",
+            f"the iteration of an implicit step at t = {self.t:.17g}, h = {self.h:.3g} does not converge: take shorter "
+            "steps, or rtol in their place",
+        )
 
     def _moves(self, K: Array) -> Array:
         """The measured components of X = h A K, (s, .)."""

@@ -122,6 +122,15 @@ def test_failing_iterations_leave_the_step_to_python(monkeypatch):
     assert asked
 
 
+def test_steps_behind_impacts_are_those_of_python():
+    """Bodies whirl by 0.8 rad in a step: the core leaves such steps to Python."""
+    native, python = both(model("bouncing_chain"), (0, 0.3), method="radau5", step=0.025)
+    assert (native.status, native.stats["backend"]) == (python.status, "native")
+    assert [i.where for i in native.impacts] == [i.where for i in python.impacts]
+    assert len(native.impacts) == 5
+    assert_near(native.y[-1], python.y[-1], 1e-8)
+
+
 def test_failing_iterations_under_control_are_tried_shorter_in_the_core(monkeypatch):
     """Crank and slider joined by a spring of 1e8 N/m: what is long enough for the tolerance is too long for Newton."""
     slider = pin.SE3(np.eye(3), np.zeros(3))

@@ -1,0 +1,27 @@
+"""Steps of Radau IIA in which bodies turn far."""
+
+import numpy as np
+
+import mbdae
+from mbdae.methods import method
+from mbdae.system import State
+
+
+def test_steps_in_which_bodies_turn_far_are_solved():
+    """A chain whirls by 0.8 rad in a step behind its impacts: slopes of one point do not serve all stages."""
+    mech = mbdae.load("bouncing_chain")
+    coarse, fine = (mbdae.solve(mech, (0, 0.3), method="radau5", step=h) for h in (0.025, 0.0015))
+    assert coarse.success, coarse.message
+    assert np.abs(coarse.v).max() * 0.025 > 0.7
+    assert [i.where for i in coarse.impacts] == [i.where for i in fine.impacts]
+    np.testing.assert_allclose([i.t for i in coarse.impacts], [i.t for i in fine.impacts], atol=1e-4)
+    assert mbdae.drift(coarse).energy_relative < 1e-5
+
+
+def test_a_start_takes_slopes_from_the_middle_of_what_is_foreseen():
+    """Those of the start itself let the iteration shrink by 0.9 where these do by 0.4."""
+    mech = mbdae.load("bouncing_chain")
+    y = np.concatenate([[0.09, 0.17, 0.56, -0.6, -0.045, -1.26, -4.78, -11.6, 6.4, 6.7, 0.0]])
+    system = mech.system()
+    method("radau5").step(system, 0.0, 0.0165, State(y))
+    assert system.counts.newton < 35
