@@ -126,6 +126,8 @@ void Mechanics::slopes(const double* q, const double* v, const double* a, double
   pinocchio::computeRNEADerivatives(*w->tree, data, Vector(w->q), Vector(w->v), Vector(w->rate));
   Rows(by_q, nv, nv) = data.dtau_dq, Rows(by_v, nv, nv) = data.dtau_dv;
   Rows(M, nv, nv) = data.M.selfadjointView<Eigen::Upper>();
+  w->data.J = data.J;
+  for (int j = 1; j < joints; ++j) w->data.oMi[j] = data.oMi[parts[w->model.idx_vs[j] + w->model.nvs[j] - 1]];
 }
 
 void Mechanics::integrate(const double* q, const double* x, double* out) {

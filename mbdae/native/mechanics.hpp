@@ -38,7 +38,7 @@ class Mechanics {
   // model points to the expanded tree (mechanism/expanded.py), which outlives this object; its workspace grows as nv^3.
   void expand(const void* model);
   bool expanded() const { return !parts.empty(); }
-  // M, and the slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; J and poses do not stand.
+  // M, and the slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; J and poses stand then.
   void slopes(const double* q, const double* v, const double* a, double* M, double* by_q, double* by_v);
 
   void integrate(const double* q, const double* x, double* out);  // q (+) x

@@ -22,6 +22,12 @@ void product(const double* a, const double* b, double* out) {
     for (int j = 0; j < 3; ++j) out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
 }
 
+void of_skews(const double* a, const double* b, double* out) {
+  const double along = dot(a, b);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) out[3 * i + j] = b[i] * a[j] - (i == j) * along;
+}
+
 void block(double* D, int i, int j, const double* m, double factor) {
   for (int k = 0; k < 3; ++k)
     for (int l = 0; l < 3; ++l) D[6 * (i + k) + j + l] += factor * m[3 * k + l];
@@ -39,8 +45,8 @@ void matrix_of_wrench(const double* F, double* out) {
 }
 
 void carried(const double* p, const double* n, double* D) {
-  double N[9], P[9], NP[9];
-  skew(n, N), skew(p, P), product(N, P, NP);
+  double N[9], NP[9];
+  skew(n, N), of_skews(n, p, NP);
   block(D, 3, 0, N, -1), block(D, 3, 3, NP, 1);
 }
 
@@ -76,11 +82,11 @@ PairSlopes::PairSlopes(const Mechanics& m, const Pair& pair_, const double* v) :
 }
 
 void PairSlopes::torque(const Turning& t, double* K, size_t width) const {
-  double across[36];
-  matrix_of_wrench(t.F, across);
   for (const Column& m : columns_) {
-    double dF[6], turned[6], more[6];
-    times6(m.sign > 0 ? t.Db : t.Da, m.J, dF), times6(across, m.J, turned);
+    double dF[6], turned[6], more[6];  // turned = J x* F
+    times6(m.sign > 0 ? t.Db : t.Da, m.J, dF);
+    cross(m.J + 3, t.F, turned), cross(m.J + 3, t.F + 3, turned + 3), cross(m.J, t.F, more);
+    for (int i = 0; i < 3; ++i) turned[3 + i] += more[i];
     if (t.damped) {
       times6(t.C, m.dV, more);
       for (int i = 0; i < 6; ++i) dF[i] += m.sign * more[i];

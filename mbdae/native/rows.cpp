@@ -150,17 +150,16 @@ void Row::slopes(const Pair& pair, Turning& t) const {
   wrench(pair, t.F);
   if (kind == distance) return line_slopes(pair, 1, t);
   if (kind >= height) return slopes_of_line(*this, pair, t);
-  double x[3], X[9], P[9], PX[9];
-  turn(pair.Ra, a, x), skew(x, X);
+  double x[3], y[3], X[9], XX[9];
+  turn(pair.Ra, a, x);
   if (kind == dot_product_1) {
-    double y[3];
-    turn(pair.Rb, b, y), skew(y, P);
-    product(P, X, PX), block(t.Da, 3, 3, PX, -1);
-    product(X, P, PX), block(t.Db, 3, 3, PX, 1);
+    turn(pair.Rb, b, y);
+    of_skews(y, x, XX), block(t.Da, 3, 3, XX, -1);
+    of_skews(x, y, XX), block(t.Db, 3, 3, XX, 1);
     return;
   }
-  skew(pair.pb, P), product(P, X, PX);
-  block(t.Da, 0, 3, X, -1), block(t.Da, 3, 3, PX, -1);
+  skew(x, X), of_skews(pair.pb, x, XX);
+  block(t.Da, 0, 3, X, -1), block(t.Da, 3, 3, XX, -1);
   carried(pair.pb, x, t.Db);
 }
 

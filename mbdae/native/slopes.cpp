@@ -14,7 +14,6 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
   counts.M += 1, counts.G += ng > 0;
   out.M.resize(m * m), by_q_.resize(m * m), by_v_.resize(m * m);
   mechanics.slopes(q, v, vdot, out.M.data(), by_q_.data(), by_v_.data());
-  mechanics.poses(q);
 
   law_slopes_.resize((2 * m + ns) * width + ns + 1 + ng * m);
   double *conservative = law_slopes_.data(), *other = conservative + m * width, *rates = other + m * width;
@@ -25,16 +24,20 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
     law.kind->slopes(law, {mechanics, t, q, v, s + law.state},
                      {conservative, other, rates + law.state * width, width, 2 * nv + law.state, wrenches});
   out.K.assign(n * m, 0.0), out.D.assign(n * n, 0.0);
-  auto add = [&](size_t to, const double* row, double factor) {
-    for (size_t j = 0; j < m; ++j) out.K[to * m + j] += factor * row[j];
-    for (size_t j = m; j < width; ++j) out.D[to * n + j - m] += factor * row[j];
-  };
+  double *powers = &out.K[(n - 1) * m], *powers_by_u = &out.D[(n - 1) * n];
   for (size_t i = 0; i < m; ++i) {
-    add(i, conservative + i * width, 1), add(i, other + i * width, 1), add(n - 1, other + i * width, v[i]);
-    out.D[(n - 1) * n + i] += other_[i];
-    for (size_t j = 0; j < m; ++j) out.K[i * m + j] -= by_q_[i * m + j], out.D[i * n + j] -= by_v_[i * m + j];
+    const double *a = conservative + i * width, *b = other + i * width, *q_ = &by_q_[i * m], *v_ = &by_v_[i * m];
+    double *K = &out.K[i * m], *D = &out.D[i * n];
+    for (size_t j = 0; j < m; ++j) K[j] = a[j] + b[j] - q_[j], D[j] = a[m + j] + b[m + j] - v_[j];
+    for (size_t j = m; j < m + ns; ++j) D[j] = a[m + j] + b[m + j];
+    for (size_t j = 0; j < m; ++j) powers[j] += v[i] * b[j];
+    for (size_t j = 0; j < m + ns; ++j) powers_by_u[j] += v[i] * b[m + j];
+    powers_by_u[i] += other_[i];
   }
-  for (int i = 0; i < ns; ++i) add(m + i, rates + i * width, 1);
+  for (int i = 0; i < ns; ++i) {
+    const double* rate = rates + i * width;
+    std::copy(rate, rate + m, &out.K[(m + i) * m]), std::copy(rate + m, rate + width, &out.D[(m + i) * n]);
+  }
 
   const std::vector<int>& position = rows.position();
   out.G.assign(r * m, 0.0), out.g_t.assign(r, 0.0);
