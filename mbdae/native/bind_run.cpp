@@ -48,6 +48,7 @@ Limits make_limits(const nb::kwargs& given) {
   TAKE(converged), TAKE(spare);
   TAKE(truncation), TAKE(rounding), TAKE(falling), TAKE(open), TAKE(stalled), TAKE(iterations), TAKE(unmoved);
   TAKE(meeting), TAKE(met), TAKE(halted), TAKE(gaping);
+  TAKE(still), TAKE(turned), TAKE(loading), TAKE(loaded), TAKE(settled), TAKE(nothing);
 #undef TAKE
   if (given.size() != known) refuse("a limit that is not known");
   return out;

@@ -212,6 +212,27 @@ Sampler sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks)
   return out;
 }
 
+SlidingPlace sliding_place(const nb::dict& d, const Constraints& constraints) {
+  SlidingPlace out;
+  out.kind = kind(SLIDING_KINDS, get<std::string>(d, "kind"));
+  out.row = get<int>(d, "row"), out.carried = get<int>(d, "carried"), out.grip = get<std::vector<int>>(d, "grip");
+  out.coefficient = get<double>(d, "coefficient"), out.width = get<double>(d, "width");
+  const auto axis = get<Numbers>(d, "axis");
+  const bool grips = out.kind == SlidingPlace::grips;
+  if (axis.size() != 3 || grips == out.grip.empty() || out.grip.size() > 2)
+    refuse("a place that slides has an axis, and one that grips one or two rows");
+  if (!(out.width > 0) || !(out.coefficient >= 0) || !std::isfinite(out.coefficient)) refuse("friction is positive");
+  std::copy(axis.begin(), axis.end(), out.axis);
+  const int ng = static_cast<int>(constraints.rows.size());
+  if (out.carried < 1 || out.carried > 3) refuse("a force has one to three parts");
+  within({out.row, out.row + out.carried - 1}, ng, "row"), within(out.grip, ng, "row");
+  out.pair = constraints.rows[out.row].pair;
+  if (out.pair < 0) refuse("what slides is between frames");
+  for (int k : out.grip)
+    if (constraints.rows[k].pair != out.pair) refuse("a grip is between the frames of its height");
+  return out;
+}
+
 Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Callbacks& callbacks) {
   Law out;
   const auto name = get<std::string>(d, "kind");

@@ -19,6 +19,8 @@ namespace mbdae {
 
 namespace nb = nanobind;
 using Array = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
+using Acts = nb::ndarray<const std::uint8_t, nb::c_contig, nb::device::cpu>;
+using Headings = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 
 [[noreturn]] inline void refuse(const std::string& text) { throw std::invalid_argument(text); }
 
@@ -58,6 +60,7 @@ std::vector<std::pair<Anchor, Anchor>> pairs(const nb::list& list, int joints);
 Row row(const nb::dict& d, const Sizes& n, int pair_count);
 Driver driver(const nb::dict& d, size_t row_count, Callbacks& callbacks);
 Sampler sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks);
+SlidingPlace sliding_place(const nb::dict& d, const Constraints& constraints);
 Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Callbacks& callbacks);
 
 }  // namespace mbdae

@@ -53,6 +53,11 @@ class GGLSolver final : public StageSolver {
     for (int i = nv; i < n_; ++i) A(i, i) += T(1);
     A.block(0, n_, nv, r_) = -G.transpose().cast<T>();
     for (int i = 0; i < r_; ++i) A(n_ - 1, n_ + i) = T(s.g_t[i]);
+    if (!s.friction.empty()) {
+      const RowsIn by_lam(s.friction.data(), r_, nv + 1);
+      A.block(0, n_, nv, r_) -= by_lam.leftCols(nv).transpose().cast<T>();
+      A.block(n_ - 1, n_, 1, r_) -= by_lam.rightCols(1).transpose().cast<T>();
+    }
     A.block(0, n_ + r_, n_, k_) = -KS_ * JN_;
     A.block(n_, 0, r_, nv) = G.cast<T>() + mu * (BS_ * J_);
     A.block(n_, n_ + r_, r_, k_) = BS_ * JN_;

@@ -14,6 +14,7 @@ Index2System::Index2System(const void* model, const Limits& limits, Description 
       rows(constraints, std::move(d.place), mechanics.nv, mechanics.limits),
       point(mechanics, constraints, counts),
       saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),
+      sliding(mechanics, constraints, rows),
       formulation(d.formulation),
       nq(mechanics.nq),
       nv(mechanics.nv),
@@ -47,7 +48,7 @@ void Index2System::use(const std::vector<int>& in_use, int rank, double floor, b
 
 bool Index2System::change_law(int k, const Numbers& a) {
   if (k < 0 || k >= static_cast<int>(laws_.size()) || laws_[k].a.size() != a.size()) return false;
-  laws_[k].a = a;
+  laws_[k].a = a, known.t = NAN;
   return true;
 }
 
@@ -78,9 +79,17 @@ void Index2System::forces(double t, const double* q, const double* v, const doub
   if (!finite(f, nv)) throw Trouble();
 }
 
+void Index2System::solve(const Numbers& Zhat, double* rhs, double* f, double* power) {
+  if (sliding)
+    *power += sliding.solve(saddle, point.G.data(), Zhat, rhs, f);
+  else
+    saddle.solve(Zhat, rhs, f);
+}
+
 void Index2System::accelerate(double t, const double* q, const double* v, const double* s, double* vdot,
-                              double* rates) {
-  forces(t, q, v, s, vdot, rates);
+                              double* rates, bool forces_known) {
+  if (sliding) sliding.slips(v);
+  if (!forces_known) forces(t, q, v, s, vdot, rates);
   if (ng) {
     if (!rows.held) rows.choose_with_reason(point.Z.data());
     mechanics.motions(q, v);
@@ -96,21 +105,33 @@ void Index2System::accelerate(double t, const double* q, const double* v, const 
       for (int k : rows.in_use()) lam_[k] -= 2 * alpha_ * rate_[k] + beta_ * beta_ * gap_[k];
     }
   }
-  saddle.factorize(point.Z);
-  saddle.solve(point.Z, lam_.data(), vdot);
+  saddle.symmetric();
+  solve(point.Z, lam_.data(), vdot, rates + ns);
   for (int k : rows.in_use()) rates[ns] -= lam_[k] * gt_[k];
 }
 
+bool Index2System::is_known(double t, const double* q, const double* v, const double* s) const {
+  auto near = [&](const double* x, const double* y, int n) {
+    const double least = mechanics.limits.same_point * (1 + largest(x, n));
+    for (int i = 0; i < n; ++i)
+      if (!(std::fabs(x[i] - y[i]) <= least)) return false;
+    return true;
+  };
+  return near(&t, &known.t, 1) && near(q, known.q.data(), nq) && near(v, known.v.data(), nv) && near(s, known.s.data(), ns);
+}
+
 void Index2System::derivative(double t, const double* y, double* F, double* z, bool there) {
-  const double *q = y, *v = y + nq;
+  const double *q = y, *v = y + nq, *s = v + nv;
+  const bool stands = there && is_known(t, q, v, s);
   if (there || point.exactly(q)) {
-    mechanics.poses(q);
+    if (!stands || sliding) mechanics.poses(q);
     counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;
   } else {
     point.evaluate(q, true);
   }
   std::copy(v, v + nv, F);
-  accelerate(t, q, v, v + nv, F + nv, F + 2 * nv);
+  if (stands) std::copy(known.f.begin(), known.f.end(), F + nv), std::copy(known.rates.begin(), known.rates.end(), F + 2 * nv);
+  accelerate(t, q, v, s, F + nv, F + 2 * nv, stands);
   saddle.all_multipliers(lam_.data(), z);
 }
 

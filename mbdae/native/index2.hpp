@@ -13,6 +13,7 @@
 #include "rows.hpp"
 #include "saddle.hpp"
 #include "sampler.hpp"
+#include "sliding.hpp"
 
 namespace mbdae {
 
@@ -29,6 +30,7 @@ struct State {
 struct Slopes {
   Numbers M, K, D, G, B;  // (nv, nv), (n, nv) by q, (n, n) by (v, s, w), (r, nv), (r, nv) of G v by q
   Numbers g_t;            // (r,)
+  Numbers friction;       // (r, nv + 1) what slides adds to slopes of f and of the power by lam; empty: nothing slides
 };
 
 // Which equations are stepped: G v + g_t = 0 kept; g = 0 too, by a second multiplier; or neither, accelerations known
@@ -63,6 +65,7 @@ class Index2System {
   IndependentRows rows;
   Point point;
   SaddleSystem saddle;
+  Sliding sliding;
   const Formulation formulation;
   const int nq, nv, ng, ns, nz;    // nz: multipliers of a method, lam and mu
   const int ny, length;            // of the tangent (x, v, s, w), and of y
@@ -91,15 +94,27 @@ class Index2System {
   // at q, and the pairs of the rows in use are located.
   void closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers& B,
                       std::vector<ActingWrench>* wrenches = nullptr) const;
-  // v' (nv,) and the rates from the hidden constraint, where `point` stands at q; `multipliers` are found.
-  void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates);
-  // y' (ny,) and lam (ng,) from the hidden constraint; there: `point` is known to stand at q, but for rounding.
+  // Where G and, where anything slides, its slips stand: rhs (ng,) by row becomes lam, f (nv,) v'; the power of what slides
+  // is added.
+  void solve(const Numbers& Zhat, double* rhs, double* f, double* power);
+  // v' (nv,) and the rates from the hidden constraint, where `point` stands at q; `multipliers` are found. forces_known:
+  // f and the rates of forces stand in their places.
+  void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates,
+                  bool forces_known = false);
+  // y' (ny,) and lam (ng,) from the hidden constraint; there: `point` is known to stand at q, but for rounding, and what
+  // is `known` there is taken.
   void derivative(double t, const double* y, double* F, double* z, bool there = false);
   // The same of raw coordinates, which are normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
   void rate(double t, const double* y, double* dy, double* z);
   // Between two steps: which rows serve, and how far all of them are kept. True where others are taken; v is brought
   // onto them then, and the carried derivative is found anew.
   bool settle(double t, State& s);
+
+  // f and the rates where the last stage of a step stood.
+  struct Known {
+    double t = NAN;
+    Numbers q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
+  } known;
 
   std::vector<Sampler> samplers;
   void jump(double t, double* y);     // to just after t, where some of them look
@@ -116,6 +131,8 @@ class Index2System {
   double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
 
  private:
+  bool is_known(double t, const double* q, const double* v, const double* s) const;
+
   std::vector<Pair> law_pairs_;
   std::vector<Law> laws_;
   const Numbers probe_;               // (nv,)

@@ -29,6 +29,10 @@ struct Limits {
   // formulations/ggl.py
   int meeting;             // iterations
   double met, halted, gaping;  // of 1 + |q|, of 1 + |q|, m or rad
+  // formulations/sliding.py
+  double still, turned;             // m/s, a cosine
+  int loading;                      // iterations
+  double loaded, settled, nothing;  // of the largest T, twice
 };
 
 }  // namespace mbdae

@@ -20,7 +20,7 @@ Point::Point(Mechanics& m, Constraints& constraints, Counts& counts)
 
 void Point::inertia(const double* q) {
   m_.inertia(q);
-  stands_ = false;
+  forget();
   const int nv = m_.nv;
   const double* M = m_.M();
   for (int k = 0; k < nv; ++k) {
@@ -104,6 +104,7 @@ bool Point::near(const double* q) const {
 void Point::exchange(Point& other) {
   G.swap(other.G), Z.swap(other.Z), g.swap(other.g), q_.swap(other.q_), U_.swap(other.U_), root_.swap(other.root_);
   std::swap(stands_, other.stands_);
+  stamp_ = other.stamp_ = std::max(stamp_, other.stamp_) + 1;
 }
 
 bool Point::exactly(const double* q) const { return stands_ && std::equal(q, q + m_.nq, q_.begin()); }

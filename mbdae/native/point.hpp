@@ -24,7 +24,8 @@ class Point {
   void back(double* x) const;                                   // x := U^-T D^-1/2 x
 
   void stand(const double* q);  // all of it is that of q now
-  void forget() { stands_ = false; }
+  void forget() { stands_ = false, ++stamp_; }
+  long stamp() const { return stamp_; }  // another one where Z may be another
   bool near(const double* q) const;     // it is that of q, but for rounding
   bool exactly(const double* q) const;  // it is that of q
   void exchange(Point& other);          // with another one of the same mechanism
@@ -37,6 +38,7 @@ class Point {
   Constraints& constraints_;
   Counts& counts_;
   bool stands_ = false;
+  long stamp_ = 0;
   Numbers q_;     // (nq,) where it stands
   Numbers U_;     // (nv, nv) by columns: above the diagonal, U
   Numbers root_;  // (nv,) D^1/2

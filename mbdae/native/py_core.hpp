@@ -74,6 +74,8 @@ struct PyCore {
   }
 
   nb::object model, expanded;  // kept alive
+  Acts acts;
+  Headings heading;
   bool busy = false;  // read and written under the interpreter's lock
   std::thread::id owner;
   std::unique_ptr<Callbacks> callbacks;
@@ -119,6 +121,7 @@ void many(PyCore& c, F&& compute) {
   if (c.callbacks->interrupted) throw nb::python_error();
 }
 
+void bind_points(nb::class_<PyCore>& core);
 void bind_tangents(nb::module_& m, nb::class_<PyCore>& core);
 
 }  // namespace mbdae

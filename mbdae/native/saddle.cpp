@@ -34,6 +34,7 @@ void SaddleSystem::assemble(const Numbers& Zhat) {
 }
 
 void SaddleSystem::factorize(const Numbers& Zhat) {
+  symmetric_ = -1;
   if (rows_.in_use().empty()) return;
   assemble(Zhat);
   const bool regular = lu_.factorize();
@@ -42,10 +43,13 @@ void SaddleSystem::factorize(const Numbers& Zhat) {
 
 void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
   counts_.solves += 1;
+  if (!rows_.in_use().empty()) counts_.factorizations += 1, rows_.met(lu_.ratio());
+  respond(Zhat, rhs, f);
+}
+
+void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f) {
   point_.half(f);
   if (!rows_.in_use().empty()) {
-    counts_.factorizations += 1;
-    rows_.met(lu_.ratio());
     const std::vector<int>& position = rows_.position();
     for (int k : rows_.in_use()) {
       double s = rhs[k];
@@ -63,7 +67,11 @@ void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
   if (!finite(f, nv_)) throw Trouble();
 }
 
-void SaddleSystem::symmetric() { factorize(point_.Z); }
+void SaddleSystem::symmetric() {
+  if (symmetric_ == point_.stamp() && version_ == rows_.version()) return;
+  factorize(point_.Z);
+  symmetric_ = point_.stamp();
+}
 
 void SaddleSystem::normal(const double* by_row, double* out, double* multipliers) {
   const std::vector<int>& position = rows_.position();

@@ -16,8 +16,10 @@ class SaddleSystem {
   void factorize(const Numbers& Zhat);  // S
   // Where `factorize` was called last: rhs (ng,) by row becomes lam, f (nv,) becomes v'.
   void solve(const Numbers& Zhat, double* rhs, double* f);
+  // The same without `counts`, for further right sides.
+  void respond(const Numbers& Zhat, double* rhs, double* f);
   const BandLU& factors() const { return lu_; }  // of S
-  void symmetric();  // factorize G M^-1 G^T where Z stands
+  void symmetric();  // factorize G M^-1 G^T where Z stands, unless those are the factors
   // M^-1 G^T S^-1 times a vector (ng,) by row, (nv,); and, where asked for, S^-1 times it, (ng,) by row.
   void normal(const double* by_row, double* out, double* multipliers = nullptr);
   // Where `symmetric` was called last:
@@ -42,6 +44,7 @@ class SaddleSystem {
   Counts& counts_;
   const int nv_;
   BandLU lu_;                          // of S, (r, r)
+  long symmetric_ = -1;  // the stamp of the point whose Z Z^T is factorized
   long version_ = -1;                  // of the rows for which it has its size
   Numbers x_;                          // (max(nv, r),) right-hand side, and solution
   std::vector<Entry> cross_;           // of Z_others Z_in_use^T, (ng - r, r)

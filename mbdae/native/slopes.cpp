@@ -45,6 +45,11 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
   constraints.value(mechanics, q, rows.in_use(), G);
   constraints.speed(t, gt_.data());
   closure_slopes(q, v, lam, out.K.data(), out.B, wrenches);
+  out.friction.clear();
+  if (sliding) {  // its slopes by q and v are left out: Newton's iterations find what they miss
+    constraints.value(mechanics, q, rows.others(), G);
+    sliding.slips(v), sliding.slopes(G, lam, out.friction);
+  }
   for (int k : rows.in_use()) {
     for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = G[k * m + c];
     out.g_t[position[k]] = gt_[k];

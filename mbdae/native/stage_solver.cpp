@@ -31,6 +31,10 @@ class ModeSolver final : public StageSolver {
       for (int j = 0; j < nv; ++j) lu_.column(n_ - 1 + k)[j] = -G[j], lu_.column(j)[n_ - 1 + k] = G[j];
       w_[n_ - 1 + k] = s.g_t[k];
       add_turned(n_ + k, &s.B[static_cast<size_t>(k) * nv], mu);
+      if (s.friction.empty()) continue;
+      const double* by_lam = &s.friction[static_cast<size_t>(k) * (nv + 1)];
+      for (int j = 0; j < nv; ++j) lu_.column(n_ - 1 + k)[j] -= by_lam[j];
+      w_[n_ - 1 + k] -= by_lam[nv];
     }
     if (!lu_.factorize()) throw Trouble();
   }

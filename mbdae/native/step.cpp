@@ -42,11 +42,18 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
   point.inertia(q_.data());
   s_.counts.M += 1, s_.counts.factorizations += 1;
-  const std::vector<int>& which = last && !s_.rows.others().empty() ? constraints.all : rows;
+  const bool slides = static_cast<bool>(s_.sliding);
+  const std::vector<int>& which = (last || slides) && !s_.rows.others().empty() ? constraints.all : rows;
   if (s_.ng) s_.counts.G += 1;
   constraints.value(m, q_.data(), which, point.G.data(), point.g.data());
+  if (slides) s_.sliding.slips(v_.data());
   double* rates = F + 2 * nv_;
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates);
+  if (last) {
+    Index2System::Known& known = s_.known;
+    known.t = t, known.q = q_, known.v = v_, known.s = s_in_, known.f = f_;
+    known.rates.assign(rates, rates + ns_ + 1);
+  }
   for (int k : which) point.scale(k);
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
@@ -62,7 +69,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   } else if (s_.ng) {
     s_.counts.G += 1;
   }
-  s_.saddle.solve(Zhat_, lam_.data(), f_.data());
+  s_.solve(Zhat_, lam_.data(), f_.data(), rates + ns_);
   for (int k : rows) rates[ns_] -= lam_[k] * gt_[k];
   std::copy(f_.begin(), f_.end(), F + nv_);
   if (last) point.stand(q_.data());

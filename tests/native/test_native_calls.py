@@ -127,3 +127,20 @@ def test_one_solution_read_in_several_threads():
     with ThreadPoolExecutor(3) as threads:
         found = list(threads.map(lambda k: sol(np.linspace(0, 1, 1001)).q, range(3)))
     assert all(np.array_equal(q, found[0]) for q in found)
+
+
+def test_an_event_on_a_multiplier_takes_forces_from_the_last_stage():
+    """It stood where the step ends: no law is asked again, but for the start of the run."""
+    calls = []
+
+    def nothing(t, q, v):
+        calls.append(t)
+        return np.zeros(3)
+
+    mech, asked = mbdae.load("four_bar", forces=[nothing]), []
+    for events in ([], ["force.pin > 1e9"], ["force.pin > 1e9", "lam.pin.1 > 1e9"]):
+        calls.clear()
+        sol = mbdae.solve(mech, (0, 0.1), method="pherk5", step=2e-3, events=events, backend="native")
+        assert sol.stats["steps"] == 50
+        asked.append(len(calls))
+    assert asked[0] <= asked[1] <= asked[2] <= asked[0] + 3

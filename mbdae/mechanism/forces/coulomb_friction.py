@@ -2,12 +2,12 @@
 
 from typing import Literal
 
-import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
-from .force import Array, Force, ForceElement
+from .force import Force, ForceElement
 from .joint_friction import VELOCITY
+from .linear import LinearElement
 
 
 class CoulombFriction(Force):
@@ -64,13 +64,7 @@ class CoulombFriction(Force):
         return CoulombElement(self.name)
 
 
-class CoulombElement(ForceElement):
+class CoulombElement(LinearElement):
     """Nothing by q and v alone: what depends on multipliers is added by `mbdae.mechanism.formulations.sliding`."""
 
     by_state = False
-
-    def torque(self, t: float, q: Array, v: Array) -> tuple[float, float]:  # noqa: D102
-        return 0.0, 0.0
-
-    def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
-        return np.zeros((len(v) + len(s) + 1, 2 * len(v) + len(s)))

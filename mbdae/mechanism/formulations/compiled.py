@@ -54,6 +54,7 @@ class Compiled(Index2System):
         form = self.formulation, *self.baumgarte
         self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables, *form)
         self.core.sample(samplers_of(self.laws))
+        self.core.slide(self.sliding.plain(), self.sliding.acts, self.sliding.headings)
         self._leave_out()
         self._seen = [0] * len(COUNTS)
         self._begun = False
@@ -132,7 +133,7 @@ class Compiled(Index2System):
     def slopes(self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> Jacobians:
         """See `Index2System.slopes`."""
         self.expand()
-        if not np.array_equal(rows, self.core.rows):
+        if self.sliding or not np.array_equal(rows, self.core.rows):
             return super().slopes(t, q, u, vdot, lam, rows)
         whole = np.zeros(self.ng)
         whole[rows] = lam

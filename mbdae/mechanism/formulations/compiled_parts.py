@@ -10,7 +10,7 @@ from ..closures.constraints import Constraints
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from ..frames import Anchor, Pair
-from . import ggl, projection
+from . import ggl, projection, sliding
 
 if TYPE_CHECKING:
     from ..._native import Limits
@@ -45,6 +45,12 @@ def limits_of(native: ModuleType) -> "Limits":
         met=ggl.ROUNDING,
         halted=ggl.STALLED,
         gaping=ggl.OPEN,
+        still=sliding.STILL,
+        turned=sliding.TURNED,
+        loading=sliding.ITERATIONS,
+        loaded=sliding.CONVERGED,
+        settled=sliding.STALLED,
+        nothing=sliding.NOTHING,
     )
     return limits
 

@@ -13,7 +13,7 @@ M. Roche, LNM 1409 (1989), section 7, for y' = f(y, z) with a general f.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,7 @@ STILL = 1e-9  # m/s: a slower slip has no direction of its own
 TURNED = 0.7  # cosine: a slip that has turned further within a step does not tell its direction
 ITERATIONS = 50
 CONVERGED = 1e-15  # of the largest T
+STALLED = 1e-12  # of the largest T: nor is a change this small made better that does not halve
 NOTHING = 1e-300  # keeps what is zero from being divided by
 
 
@@ -92,6 +93,20 @@ class SlidingPlace(NamedTuple):
         e = pair.torque(np.concatenate([np.zeros(3), along] if turn else [along, np.cross(p, along)]))
         return e, float(e @ v)
 
+    def plain(self) -> dict[str, Any]:
+        """Return the numbers of the place for the compiled core."""
+        force, kind = self.force, self.closure.kind
+        turns = "turns" if kind == "revolute" else "bears"
+        return {
+            "kind": "grips" if force.sticks else "touches" if kind in TOUCHES else turns if kind in TURNS else "slides",
+            "row": self.rows.start,
+            "carried": self.rows.stop - self.rows.start,
+            "grip": list(range(self.grip.start, self.grip.stop)) if force.sticks else [],
+            "axis": unit_axis(self.closure.axis or (0.0, 0.0, 1.0)).tolist(),
+            "coefficient": force.coefficient * (force.radius or 1.0),
+            "width": force.width,
+        }
+
     def point(self) -> Array:
         """Where the bodies touch, (3,)."""
         first = self.closure.primitives()[0]
@@ -124,11 +139,16 @@ class Sliding:
                 rows = slice(start, start + CARRIED.get(closure.kind, 1))
                 self.places.append(SlidingPlace(force, closure, pair, rows, slice(start + 1, start + closure.m)))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
-        self.acts = [not p.force.sticks for p in self.places]  # what grips does not slide
-        self.heading = [np.eye(max(1, p.grip.stop - p.grip.start))[0] for p in self.places]
+        self.acts = np.array([not p.force.sticks for p in self.places], np.uint8)  # what grips does not slide
+        self.headings = np.tile([1.0, 0.0], (len(self.places), 1))
+        self.heading = [x[: p.grip.stop - p.grip.start] for x, p in zip(self.headings, self.places, strict=True)]
 
     def __bool__(self) -> bool:
-        return any(self.acts)
+        return bool(self.acts.any())
+
+    def plain(self) -> list[dict[str, Any]]:
+        """Return what the core takes of the places; `acts` and `headings` it shares."""
+        return [place.plain() for place in self.places]
 
     def slips(self, v: Array) -> tuple[Array, Array, Array]:
         """Return e (k, nv), e . v (k,) and the factors -mu r d (k,) where kinematics and G stand."""
@@ -188,7 +208,7 @@ class Sliding:
                 self._wedges(t, slopes)
             move = np.linalg.solve(slopes, factor * size - T)
             T, change = T + move, float(np.abs(move).max())
-            if change <= CONVERGED * np.abs(T).max() or (change >= 0.5 * last and change <= 1e-12 * np.abs(T).max()):
+            if change <= CONVERGED * np.abs(T).max() or (change >= 0.5 * last and change <= STALLED * np.abs(T).max()):
                 return T
             last = change
         raise StepError("friction", f"no friction was found that fits its own load at t = {t:.17g}")

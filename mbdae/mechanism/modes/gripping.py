@@ -102,7 +102,7 @@ class Gripping(Switch):
     def _head(self, point: "ModePoint", lam: "Array") -> None:
         size = float(np.linalg.norm(lam[self.grip]))
         if size:
-            point.system.sliding.heading[self.which] = -lam[self.grip] / size
+            point.system.sliding.heading[self.which][:] = -lam[self.grip] / size
 
     def settled(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
@@ -111,7 +111,7 @@ class Gripping(Switch):
             return GRIPS
         if point.system.mode[self.at] == GRIPS:
             self._head(point, point.lam)
-        point.system.sliding.heading[self.which] = self.direction(point)
+        point.system.sliding.heading[self.which][:] = self.direction(point)
         return SLIDES
 
     def enter(self, system: "Index2System", state: int) -> None:  # noqa: D102
