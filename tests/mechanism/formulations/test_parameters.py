@@ -6,9 +6,9 @@ import pytest
 from chains import random_q, tree
 
 from mbdae import Bushing, Closure, Driver, JointFriction, JointPID, Mechanism, SpringDamper, Wrench
+from mbdae.differences import WEIGHTS
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.template import Template
-from mbdae.mechanism.formulations.parameter import WEIGHTS
 from mbdae.mechanism.formulations.parameters import Parameters
 
 KINDS = ["free", "revolute", "spherical", "universal", "planar", "prismatic", "continuous", "composite", "euler"]
