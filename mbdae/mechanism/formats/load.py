@@ -26,6 +26,7 @@ from ..plain import made, written
 from ..start import Motor
 from ..tables import Table, one_line
 from ..workspace import make_data
+from .blame import blamed
 from .build import build
 from .library import IN_FOLDER, MECHANISM, PARAMETRIC, READERS, find, model_names, told
 from .parametric import read_parametric, split
@@ -66,13 +67,13 @@ def load(
             do.
         InputError: for a file that is wrong: one line with the key and what was expected.
     """
-    described = [f for f in forces if isinstance(f, FORCES)]
     more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches}
-    more |= {"force": described, "motor": motors or {}}
+    more |= {"force": [f for f in forces if isinstance(f, FORCES)], "motor": motors or {}}
     recipe = read(path, parameters, key=key, assemble=assemble, more=more)
     if recipe.left_out:
         warnings.warn(f"{recipe.name}: not carried over: {'; '.join(map(shortened, recipe.left_out))}", stacklevel=2)
-    mech = make(recipe, [f for f in forces if not isinstance(f, FORCES)])
+    with blamed("" if forces or any(more.values()) else str(path), recipe.file):
+        mech = make(recipe, [f for f in forces if not isinstance(f, FORCES)])
     if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
         _remark_open(mech, recipe.name)
     return mech
