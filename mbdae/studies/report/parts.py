@@ -29,7 +29,8 @@ def parts(mech: Mechanism) -> str:
         "Closures and drivers": _closures(mech),
         "Forces": _forces(mech),
     }
-    return "".join(_captioned(caption, *rows) for caption, rows in found.items() if rows[1])
+    tables = "".join(_captioned(caption, *rows) for caption, rows in found.items() if rows[1])
+    return f'<div class="parts">{tables}</div>'
 
 
 def ranking(result: "Comparison") -> str:
