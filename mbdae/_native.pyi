@@ -208,7 +208,7 @@ class Core:
         law_pairs: list[Any],
         laws: list[dict[str, Any]],
         ns: int,
-        blocks: list[tuple[str, int]],
+        blocks: list[tuple[str, int, int]],
         turning: list[int],
         place: list[int],
         probe: list[float],

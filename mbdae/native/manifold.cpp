@@ -83,18 +83,44 @@ Manifold::Manifold(Mechanics& m, bool flat_, std::vector<Block> blocks, std::vec
   m.neutral(neutral_.data());
 }
 
+// Along the chord of a planar joint, which half its turn turns: cosine and sine in q, times the chord to its arc.
+static void chord(const double* q, double turn, double* c, double* s, double* share) {
+  const double half = turn / 2, ch = std::cos(half), sh = std::sin(half);
+  *c = q[2] * ch - q[3] * sh, *s = q[3] * ch + q[2] * sh;
+  *share = half == 0 ? 1.0 : sh / half;
+}
+
 void Manifold::integrate(const double* q, const double* x, double* out) const {
-  if (!flat) return m_.integrate(q, x, out);
-  for (int i = 0; i < m_.nq; ++i) out[i] = q[i] + x[i];
+  for (int i = 0; flat && i < m_.nq; ++i) out[i] = q[i] + x[i];
+  if (flat) return;
+  double c, s, share;
+  std::vector<double> moved;
+  for (const Block& b : blocks_) {
+    if (b.kind != Block::se2) continue;
+    const double *p = q + b.place, *u = x + b.at;
+    chord(p, u[2], &c, &s, &share);
+    moved.push_back(p[0] + share * (c * u[0] - s * u[1])), moved.push_back(p[1] + share * (s * u[0] + c * u[1]));
+  }
+  m_.integrate(q, x, out);  // out may be q
+  for (size_t k = 0, i = 0; i < blocks_.size(); ++i)
+    if (blocks_[i].kind == Block::se2) std::copy_n(&moved[2 * k++], 2, out + blocks_[i].place);
 }
 
 void Manifold::difference(const double* q0, const double* q1, double* out) const {
-  if (!flat) return m_.difference(q0, q1, out);
-  for (int i = 0; i < m_.nv; ++i) out[i] = q1[i] - q0[i];
+  for (int i = 0; flat && i < m_.nv; ++i) out[i] = q1[i] - q0[i];
+  if (flat) return;
+  m_.difference(q0, q1, out);
+  double c, s, share;
+  for (const Block& b : blocks_) {
+    if (b.kind != Block::se2) continue;
+    const double *p = q0 + b.place, dx = q1[b.place] - p[0], dy = q1[b.place + 1] - p[1];
+    chord(p, out[b.at + 2], &c, &s, &share);
+    out[b.at] = (c * dx + s * dy) / share, out[b.at + 1] = (c * dy - s * dx) / share;
+  }
 }
 
 void Manifold::size(const double* q, double* out) const {
-  if (!flat) m_.difference(neutral_.data(), q, out);
+  if (!flat) difference(neutral_.data(), q, out);
   for (int i = 0; i < m_.nv; ++i) out[i] = flat ? std::fabs(q[i]) : turning_[i] ? 1.0 : std::fabs(out[i]);
 }
 

@@ -11,7 +11,7 @@ namespace mbdae {
 // A block of the tangent map: a spherical, free-flying or planar joint.
 struct Block {
   enum Kind { so3, se3, se2 } kind;
-  int at;
+  int at, place;  // where it begins in the tangent, and in q
 };
 
 // J(x) and d(J(x) v)/dx at a block, (n, n) by rows.

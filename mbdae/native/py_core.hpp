@@ -1,11 +1,14 @@
 // A core as Python holds it: made of plain numbers, used by one thread at a time.
 #pragma once
 
+#include <nanobind/stl/tuple.h>
+
 #include <algorithm>
 #include <chrono>
 #include <map>
 #include <memory>
 #include <thread>
+#include <tuple>
 
 #include "bindings.hpp"
 #include "formulations.hpp"
@@ -56,9 +59,10 @@ struct PyCore {
     static const std::map<std::string, Block::Kind> kinds = {
         {"so3", Block::so3}, {"se3", Block::se3}, {"se2", Block::se2}};
     for (nb::handle h : block_list) {
-      auto x = nb::cast<std::pair<std::string, int>>(h);
-      const Block b{kind(kinds, x.first), x.second};
+      const auto [name, at, place] = nb::cast<std::tuple<std::string, int, int>>(h);
+      const Block b{kind(kinds, name), at, place};
       within({b.at, b.at + (b.kind == Block::se3 ? 5 : 2)}, n.nv, "block");
+      within({b.place, b.place + (b.kind == Block::se3 ? 6 : 3)}, n.nq, "block");
       out.blocks.push_back(b);
     }
     core.reset(new Core(m, limits, std::move(out)));

@@ -175,3 +175,29 @@ def test_quaternions_stay_normal_and_momentum_is_kept(flight):
         assert abs(np.linalg.norm(q_i[3:7]) - 1) < 1e-12
     np.testing.assert_allclose(np.array(momenta) - momenta[0], 0, atol=1e-8)
     assert np.abs(momenta[0]).max() > 0.1
+
+
+@pytest.mark.parametrize("w", [0.0, 1e-9, 3e-9, 1e-4, 3.0])
+def test_a_planar_joint_that_hardly_turns_goes_where_it_should(w):
+    """Pinocchio's (1 - cos w)/w is off by eps/w: 5e-8 at w = 1e-9."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "planar")
+    manifold, q, x = Manifold(model), np.array([0.2, -0.3, np.cos(0.4), np.sin(0.4)]), np.array([1.0, 0.5, w])
+    end = manifold.integrate(q, x)
+    half = 0.4 + w / 2  # along the chord
+    c, s, share = np.cos(half), np.sin(half), np.sinc(w / 2 / np.pi)
+    np.testing.assert_allclose(end[:2] - q[:2], share * np.array([c - 0.5 * s, s + 0.5 * c]), atol=5e-16)
+    np.testing.assert_allclose(manifold.difference(q, end), x, atol=2e-15)
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("w", [0.0, 1e-9, 1e-4])
+def test_a_free_body_that_hardly_turns_goes_straight_ahead(w):
+    model = pin.Model()
+    model.gravity.linear = np.zeros(3)
+    j = model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "planar")
+    model.appendBodyToJoint(j, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    v = np.array([np.cos(0.4), -np.sin(0.4), w])
+    start = np.array([0.2, -0.3, np.cos(0.4), np.sin(0.4)])
+    sol = mbdae.solve(mbdae.Mechanism(model), (0, 1), start, v, step=0.2, method="pherk6")
+    np.testing.assert_allclose(sol.q[-1], [1.2, -0.3, np.cos(0.4 + w), np.sin(0.4 + w)], atol=1e-15)

@@ -136,7 +136,7 @@ class ModeWatch:
     def _count(self, t: float, fired: list[Guard]) -> None:
         most = MANY * (1 + len(self.switches))
         self.times = [*self.times[-most:], t]
-        if len(self.times) > most and abs(t - self.times[0]) < max(self.rest, 1e-9 * abs(t)):
+        if len(self.times) > most and abs(t - self.times[0]) <= max(self.rest, 1e-9 * abs(t)):
             names = " and ".join(repr(g.name) for g in fired)
             mode = words(self.switches, self.system.mode)
             raise StepError("switching", f"{names}: modes switch without an end at t = {t:.17g} ({mode})")

@@ -46,7 +46,7 @@ class Compiled(Index2System):
         m = self.manifold
         pairs, rows, drivers = constraints_of(self.constraints)
         law_pairs, laws = laws_of(self.laws)
-        blocks = [(GROUPS[ad], s.start) for _, s, ad, _ in m.blocks]
+        blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.places, strict=True)]
         turning = m.turning.astype(int).tolist()
         self.native = native
         lists = self.place.tolist(), probe(self.nv).tolist()

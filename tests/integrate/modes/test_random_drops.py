@@ -8,15 +8,17 @@ import mbdae
 from mbdae.errors import STATUS
 from mbdae.solution.columns import residuals
 
+LEAST = 1e-3  # J: what lies still from the start has no energy of its own to compare with
 
-@pytest.mark.parametrize("seed", range(12))
+
+@pytest.mark.parametrize("seed", [*range(12), 38, 239])  # one that lies still; one whose end hardly turns
 def test_a_chain_that_falls(seed):
     mech, q, v = dropped_chain(np.random.default_rng(seed))
     sol = mbdae.solve(mech, (0, 1.0), q, v, rtol=1e-8)
     assert sol.success or (sol.status in STATUS and sol.message)
     assert min(gaps(mech, y[: mech.nq]).min() for y in sol.y) > -1e-9
     r = residuals(sol)
-    energy, scale = r.kinetic + r.potential, max(r.kinetic.max(), np.ptp(r.potential))
+    energy, scale = r.kinetic + r.potential, max(r.kinetic.max(), np.ptp(r.potential), LEAST)
     assert (energy - energy[0]).max() < 1e-8 * scale
     assert np.abs(energy - energy[0] - sol.work + sol.work[0]).max() < 1e-6 * scale
     if sol.success and sol.impacts:
