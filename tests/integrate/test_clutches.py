@@ -89,6 +89,15 @@ def test_a_file_with_clutches_is_saved_and_loaded(tmp_path):
     assert again.modes == sol.modes
 
 
+def test_clutches_that_take_turns_without_an_end_are_named():
+    """Both directions are locked, and no load tells at the start which of them holds."""
+    push = JointTorque(joint="input", torque=Harmonic(amplitude=3.0, omega=40.0))
+    both = [Clutch(joints=("wheel", "input"), direction=k, name=f"clutch {k}") for k in (1, -1)]
+    sol = mbdae.solve(wheels([push], clutches=both), (0, 1))
+    assert sol.status == "switching"
+    assert "modes switch without an end at t = 0 " in sol.message
+
+
 def test_wrong_clutches_are_refused():
     with pytest.raises(InputError, match="a clutch needs one of joint and joints"):
         Clutch()
