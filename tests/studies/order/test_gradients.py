@@ -20,10 +20,16 @@ def brief(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("model", "options"), [("four_bar", {"parameter": "joint.crank.mass", "T": 0.4}), ("heavy_top", {"T": 0.3})]
+    ("model", "options"),
+    [
+        ("four_bar", {"parameter": "joint.crank.mass", "T": 0.4}),
+        ("four_bar", {"parameter": "frame.coupler_tip.xyz.0", "T": 0.4}),
+        ("heavy_top", {"T": 0.3}),
+        ("stewart_platform", {"parameter": "gravity.2", "T": 0.2}),
+    ],
 )
-def test_two_models(model, options, brief):
-    """Derivatives converge as their runs do: by a mass, and by a velocity of a free body."""
+def test_models(model, options, brief):
+    """Derivatives converge as their runs do: by a mass, a place, a velocity of a free body; driven."""
     study = mbdae.check_gradients(mbdae.load(model), ["herk2"], steps=10, **options)
     assert study.holds, str(study)
     assert max(study.differences.values()) < 1e-10
