@@ -59,9 +59,9 @@ def test_errors_and_commands_print_no_control_characters(tmp_path):
 
 def test_a_lack_of_memory_is_one_line():
     program = """
-import sys, mbdae.__main__ as m, mbdae.cli.model as model
+import sys, mbdae.__main__ as m, mbdae.mechanism as mechanism
 def load(path): raise MemoryError("Unable to allocate 10 TiB")
-model.load = load
+mechanism.load = load
 sys.argv = ["mbdae", "run", "four_bar"]
 m.main()
 """
