@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from ..errors import InputError
 from ..mechanism.callbacks import function_name
 from ..system import Array
-from .signal_events import SignalEvent
+from .signal_events import TOUCH, SignalEvent
 
 if TYPE_CHECKING:
     from ..system import Step
@@ -100,6 +100,7 @@ class EventWatch:
         self.looked = self.stopped = False  # it has, at the last steps; and has found where the run ends
         self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
         self._last: dict[int, float] = {}
+        self._struck = False
 
     def begin(self, t: float, y: Array) -> None:
         """Evaluate every event at the start."""
@@ -107,6 +108,12 @@ class EventWatch:
         self._last = {i: self.evaluate(e, t, y) for i, e in self.functions.items()}
         for signal in self.signals.values():
             signal.begin(t, y)
+
+    def strike(self) -> None:
+        """Begin the next step behind an impact, at the time where the last one ended."""
+        self._struck = True
+        for signal in self.signals.values():
+            signal.struck = True
 
     @property
     def why_python(self) -> str:
@@ -138,11 +145,13 @@ class EventWatch:
             hits += [(theta, i, step.dense(theta)) for theta in self._zeros(i, event, t, h, step.dense)]
         for i, signal in self.signals.items():
             hits += [(theta, i, y) for theta, y in signal.zeros(step)]
-        same, stop = SAME * max(1.0, abs(t)), None
+        same, stop, self._struck = SAME * max(1.0, abs(t)), None, False
         for theta, i, y in sorted(hits, key=lambda hit: hit[:2]):
             if stop and (theta - stop[0]) * abs(h) > same:
                 break
             begins = t == self.start[0] and theta * abs(h) <= same
+            if theta == 0 and self.found[i] and abs(t - self.found[i][-1][0]) <= same:
+                continue  # found before the impact
             self.found[i].append(self.start if begins else (t + theta * h, y))
             if self.events[i].terminal and not begins and stop is None:
                 stop = theta, self.events[i]
@@ -158,6 +167,12 @@ class EventWatch:
             return self.evaluate(event, t + theta * h, at(theta))
 
         zeros, theta0, g0 = [], 0.0, self._last[i]
+        if self._struck:
+            g = value(0.0)
+            touches = max(abs(g0), abs(g)) <= TOUCH
+            if (touches and not event.direction and g0) or (not touches and g0 * g < 0 and event.direction * g >= 0):
+                zeros.append(0.0)
+            g0 = 0.0 if touches else g
         for theta1 in SAMPLES:
             g1 = value(theta1)
             rising = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)

@@ -25,6 +25,7 @@ TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 SHARP = 2  # roundings of t: how sharply the time of an event is found
 SHARE = 4 * float(np.finfo(float).eps)  # the same as a share of the step, relative
+TOUCH = 1e-12  # of 1 + |level|: as near before and behind an impact the signal is at its level, and turns round there
 ITERATIONS = 100  # of Brent's method, which halves at the worst
 Hit = tuple[float, Array]
 
@@ -68,6 +69,7 @@ class SignalEvent:
     def __init__(self, system: Index2System, signal: SignalValue, level: float, direction: int) -> None:
         self.system, self.signal, self.level, self.direction = system, signal, level, direction
         self.node = (np.nan, np.nan, 0.0)  # the last one: time, value, rate of an angle
+        self.struck = False  # an impact came behind it, at the same time
 
     @classmethod
     def of(cls, system: Index2System, mechanism: Mechanism, text: str, direction: int) -> "SignalEvent":
@@ -106,9 +108,14 @@ class SignalEvent:
     def zeros(self, step: "StepMap") -> list[Hit]:
         """Return the shares of a step at which the signal passes its level, and the points there; go on behind it."""
         hits: list[Hit] = []
-        if step.t != self.node[0]:  # behind a jump
-            self._passage(hits, (0.0, step.y, self.node[1]), (0.0, step.y, self.value(step.t, step.y)), step)
-            self.move(step.t, step.y, self.value(step.t, step.y))
+        if self.struck or step.t != self.node[0]:  # behind a jump
+            f0, f = self.node[1], self.value(step.t, step.y)
+            if max(abs(f0), abs(f)) <= TOUCH * (1 + abs(self.level)):
+                f = 0.0
+            if f or not self.direction:
+                self._passage(hits, (0.0, step.y, f0), (0.0, step.y, f), step)
+            self.move(step.t, step.y, f)
+            self.struck = False
         f0, f1 = self.node[1], self.value(step.t1, step.y1)
         marks = [(0.0, step.y, f0)]
         for theta in self._turns(step, f0, f1):
