@@ -139,11 +139,11 @@ def test_a_package_that_is_missing_is_named(results, monkeypatch):
 
 
 def test_what_has_no_columns_says_so(results, tmp_path):
-    with pytest.raises(InputError, match="Equilibrium has no columns"):
-        results["statics"].save(tmp_path / "a.csv")
-    with pytest.raises(InputError, match="Equilibrium has no table"):
-        results["statics"].to_latex()
-    results["statics"].save(tmp_path / "a.json")
+    with pytest.raises(InputError, match="Card has no columns"):
+        results["card"].save(tmp_path / "a.csv")
+    with pytest.raises(InputError, match="Solution has no table"):
+        results["solution"].to_latex()
+    results["card"].save(tmp_path / "a.json")
     assert json.loads((tmp_path / "a.json").read_text())["title"]
 
 

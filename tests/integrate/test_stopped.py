@@ -229,5 +229,5 @@ def test_a_run_that_explodes_says_so_once(model, options):
 def test_a_start_whose_accelerations_overflow_is_a_status(four_bar, options):
     q, v = four_bar.assemble(v={"crank": 1e150})
     sol = mbdae.solve(four_bar, (0, 1), q, v, **options)
-    assert sol.status in ("nonfinite", "newton")
+    assert sol.status in ("nonfinite", "newton", "singular")
     assert len(sol.t) == 1

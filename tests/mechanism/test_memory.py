@@ -29,6 +29,7 @@ print(sol.t[-1], peak)
 TIGHT = """
 import resource, sys
 from mbdae.__main__ import main
+import mbdae.integrate.solve, mbdae.studies.drift.drift
 taken = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (taken + 5 * 10**7,) * 2)
 sys.argv = ["mbdae", "run", "n_four_bar?N=1000", "-t", "0.01"]

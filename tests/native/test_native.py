@@ -31,7 +31,7 @@ SPANS = {  # s; 0.5 s for the others
     "rattleback": 0.1,
     "sleeping_top": 0.05,
     "spatial_slider_crank": 0.25,
-    "woodpecker": 0.02,
+    "woodpecker": 0.002,
 }
 
 

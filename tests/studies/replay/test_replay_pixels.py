@@ -78,6 +78,7 @@ def test_in_a_frame_of_slides_the_address_says_how_it_opens_and_nothing_is_fetch
           log.fetched = clock.getEntriesByType("resource").map(x => x.name).filter(x => !/^(data|blob):/.test(x));
         """)
     server.shutdown()
+    server.server_close()
     assert log["opened"] == [0.1, "front", True]
     assert (log["cut"], log["fetched"]) == ([], [])
     assert [path for path in asked if "favicon" not in path] == ["/slide.html", "/run.html"]
