@@ -81,12 +81,10 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
                 return True
         if run.modes and fired and run.to_go() > 0:
             run.modes.switch(run, fired)
-            events.strike()
         if run.t == run.leg.end and run.leg.restart is not None:
             run.cross(run.leg.restart)
             if run.modes and (fired := run.modes.violated(run.t, run.ys[-1])):
                 run.modes.switch(run, fired)
-                events.strike()
         if progress:
             progress(1 - run.to_go() / total)
     return False

@@ -103,6 +103,7 @@ class RunState:
         self.ts.append(self.t)
         self._begin_at(y, anew=True)
         self.stepper.restart()
+        self.events.strike()
         self.behind_jump()
 
     def behind_jump(self) -> None:

@@ -10,12 +10,11 @@ and then, with the dx' that this gives, that of `mbdae.mechanism.formulations.st
 dx', for a method with an explicit first stage carries the last one's.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...system import Array
-from .parameters import Parameters
 from .stage_slopes import Saddle, StageSlopes
 from .variations import IndexTwoVariations
 
@@ -26,27 +25,17 @@ if TYPE_CHECKING:
 class StabilisedStageSlopes(StageSlopes):
     """The slopes of a stage, see `mbdae.system.StageVariation`; F has dslip behind dx', (ny + nv, m)."""
 
-    def __init__(
-        self,
-        chart: "GGLChart",
-        times: tuple[float, float],
-        x: Array,
-        xhat: Array,
-        factor: float,
-        F: Array,
-        lam: Array,
-        parameters: Parameters,
-    ) -> None:
+    def __init__(self, chart: "GGLChart", *stage: Any) -> None:
         s = chart.system
         self.slip, kept, still = s.slip.copy(), chart.kept, np.zeros(s.nv)
-        super().__init__(chart, times, x, xhat, factor, F, lam, parameters)
+        super().__init__(chart, *stage)
         (t, q, _, inner, _), (that, qhat, *_), _ = self.points
         mu = np.zeros(s.ng)
         mu[kept] = chart.mu
         M, before, _ = (a.copy() for a in s.inertial.slopes(q, still, still))
         P = s.jacobian(q)[kept]
         self.W = s.constraints.slopes(still, mu)[0] - (s.inertial.slopes(q, still, self.slip)[1] - before)
-        p = parameters
+        p = self.parameters
         forces = p.of_forces(t, q, still, inner, self.slip, mu) - p.of_forces(t, q, still, inner, still, 0 * mu)
         self.by_p, self.g_p, self.g_t = forces[: s.nv], p.of_rows(that, qhat, still)[1][kept], s.g_t(that)[kept]
         self.Phat = s.jacobian(qhat)[kept]
@@ -98,24 +87,12 @@ class StabilisedVariations(IndexTwoVariations):
     """The slopes of what a half-explicit run in the stabilised form is made of; (slip, v', s', w') is carried."""
 
     system: "GGLSystem"
+    of_stage = StabilisedStageSlopes
 
     @property
     def width(self) -> int:
         """How many numbers a stage has, (ny + nv,)."""
         return self.ny + self.system.nv
-
-    def stage(
-        self,
-        chart: "GGLChart",  # type: ignore[override]
-        times: tuple[float, float],
-        x: Array,
-        xhat: Array,
-        factor: float,
-        F: Array,
-        lam: Array,
-    ) -> StabilisedStageSlopes:
-        """Take the slopes of a stage at t and that, which was just computed."""
-        return StabilisedStageSlopes(chart, times, x, xhat, factor, F, lam, self.parameters)
 
     def first(self, dy: Array, carry: Array) -> Array:
         """Return dx' of an explicit first stage, and dslip, (ny + nv, m)."""

@@ -59,7 +59,7 @@ class StageSlopes:
         lam: Array,
         parameters: Parameters,
     ) -> None:
-        self.s, self.factor, self.F = (s := chart.system), factor, F
+        self.s, self.factor, self.F, self.parameters = (s := chart.system), factor, F, parameters
         nv, m, rows, (t, that) = s.nv, s.manifold, chart.rows, times
         q, u, self.vdot = m.integrate(chart.q, x[:nv]), chart.y[s.nq :] + x[nv:], F[nv : 2 * nv]
         xh, vhat = xhat[:nv] + factor * F[:nv], chart.v + xhat[nv : 2 * nv] + factor * self.vdot

@@ -44,6 +44,8 @@ class IndexTwoVariations(Corrections):
         parameters: the numbers that vary.
     """
 
+    of_stage: type[StageSlopes] = StageSlopes
+
     def stage(
         self,
         chart: "Index2Chart",
@@ -55,7 +57,7 @@ class IndexTwoVariations(Corrections):
         lam: Array,
     ) -> StageSlopes:
         """Take the slopes of a stage at t and that, of x', (ny,), and lam, (r,)."""
-        return StageSlopes(chart, times, x, xhat, factor, F, lam, self.parameters)
+        return self.of_stage(chart, times, x, xhat, factor, F, lam, self.parameters)
 
     def implicit(self, chart: "Index2Chart", t: float, x: Array, F: Array, z: Array) -> StageEquations:
         """Take the slopes of a stage of a collocation method at t, of x and x', (ny,), and z, (m,)."""
