@@ -1,4 +1,4 @@
-"""The compiled core for type checkers; what fields mean stands in mbdae/native/*.hpp."""
+"""The compiled core for type checkers; what fields mean stands in mbdae/native/*/*.hpp."""
 
 from collections.abc import Sequence
 from typing import Any

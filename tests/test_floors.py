@@ -1,6 +1,7 @@
 """The house: who may import whom, where heavy imports live, and how long files are."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections import defaultdict
@@ -12,7 +13,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "mbdae"
 HOUSE = "errors < system < mechanism methods textbook < solution < integrate < cli < studies < __init__ < __main__"
-INSIDE = "frames joints signals < start < closures forces scene < formulations < mechanism < formats"  # of mechanism/
+INSIDE = "frames joints signals < start < closures forces scene < formulations < variations < mechanism < formats"
+CORE = "numbers < mechanism < system < steps < run < tangents < bindings"  # of native
 SECRETS = {  # heavy or special imports, and the only places that may know them
     "pinocchio": "mechanism/**/*.py backend.py",  # the latter compares versions
     "coal": "mechanism/**/*.py",
@@ -87,6 +89,13 @@ def test_imports_go_down(path):
             there = room(name, folder) if name.startswith(inside) else here
             below = floor(there, order)
             assert there == here or below is None or below < level, f"{path.name} ({here}) imports {name} ({there})"
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "native").rglob("*.[ch]pp")), ids=lambda p: p.name)
+def test_includes_of_the_core_go_down(path):
+    here = path.relative_to(PACKAGE / "native").parts[0]
+    for name in re.findall(r'#include "(\w+)/', path.read_text()):
+        assert name == here or floor(name, CORE) < floor(here, CORE), f"{path.name} ({here}) includes from {name}"
 
 
 def circle(graph):

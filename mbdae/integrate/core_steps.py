@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import NotCompiled
 from ..mechanism.formulations.compiled import Compiled
-from ..mechanism.formulations.compiled_parameters import vary
+from ..mechanism.variations.compiled_parameters import vary
 from ..methods import Tableau
 from ..system import Array, State
 from .steppers.adaptive import NOTHING

@@ -15,9 +15,9 @@ import numpy as np
 from .. import backend
 from ..errors import InputError, StepError
 from ..mechanism import Mechanism, NotCompiled
-from ..mechanism.formulations.parameters import Parameters
-from ..mechanism.formulations.stabilised_slopes import StabilisedVariations
-from ..mechanism.formulations.variations import IndexTwoVariations
+from ..mechanism.variations.parameters import Parameters
+from ..mechanism.variations.stabilised_slopes import StabilisedVariations
+from ..mechanism.variations.variations import IndexTwoVariations
 from ..methods import Method, Tableau, method_of
 from ..methods.collocation_tangent import CollocationSlopes
 from ..methods.radau import RadauIIA

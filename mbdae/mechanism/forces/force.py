@@ -80,7 +80,7 @@ class ForceElement:
         return s
 
     def plain(self) -> dict[str, Any]:
-        """Return what the core takes: ``kind``, the name of a file in native/laws, and what it reads.
+        """Return what the core takes: ``kind``, the name of a file in native/mechanism/laws, and what it reads.
 
         Raises:
             NotCompiled: if the core does not have it.

@@ -22,7 +22,7 @@ from .index2 import Index2System
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
-    from .parameters import Parameters
+    from ..variations.parameters import Parameters
 
 ITERATIONS = 12
 ROUNDING = 1e-15  # of 1 + |q|: a correction this small is not made, G belongs to the point without it

@@ -30,8 +30,8 @@ from .derivatives import Jacobians, jacobians
 from .implicit_slopes import implicit_stage
 
 if TYPE_CHECKING:
+    from ..variations.parameters import Parameters
     from .index2 import Index2System
-    from .parameters import Parameters
 
 
 class ImplicitStages:

@@ -21,9 +21,9 @@ from ...system import Array, StageEquations
 from .derivatives import time_slopes
 
 if TYPE_CHECKING:
+    from ..variations.parameters import Parameters
     from .ggl import GGLChart
     from .implicit import ImplicitStages
-    from .parameters import Parameters
 
 
 def implicit_stage(

@@ -23,7 +23,7 @@ from ..workspace import make_data
 
 if TYPE_CHECKING:
     from ..forces.force import ForceElement
-    from ..formulations.parameters import Parameters
+    from ..variations.parameters import Parameters
 
 
 class Directions(NamedTuple):

@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
-from ...mechanism.formulations.frame_slopes import frame_slopes
-from ...mechanism.formulations.parameters import Parameters
 from ...mechanism.frames import WORLD, frame_names, paths
+from ...mechanism.variations.frame_slopes import frame_slopes
+from ...mechanism.variations.parameters import Parameters
 from ...solution.columns import coordinates
 from ...solution.signal_value import signal_values
 from ...system import Array

@@ -13,7 +13,7 @@ from ...integrate.defaults import with_tolerance
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
-from ...mechanism.formulations.parameters import Parameters
+from ...mechanism.variations.parameters import Parameters
 from ...solution.solution import Solution
 from ...system import Array
 from ..fit.misfit import RTOL

@@ -10,7 +10,7 @@ from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import Remembered, number
 from ...mechanism.formats.template import Template
-from ...mechanism.formulations.parameters import Parameters
+from ...mechanism.variations.parameters import Parameters
 from ..sweep.run import Made
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()

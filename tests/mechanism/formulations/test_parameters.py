@@ -9,7 +9,7 @@ from mbdae import Bushing, Closure, Driver, JointFriction, JointPID, Mechanism, 
 from mbdae.differences import WEIGHTS
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.template import Template
-from mbdae.mechanism.formulations.parameters import Parameters
+from mbdae.mechanism.variations.parameters import Parameters
 
 KINDS = ["free", "revolute", "spherical", "universal", "planar", "prismatic", "continuous", "composite", "euler"]
 PARENTS = [0, 1, 2, 3, 1, 5, 0, 7, 8]

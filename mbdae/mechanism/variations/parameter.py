@@ -1,0 +1,147 @@
+"""A number of a mechanism as a direction in what it is made of, found from mechanisms with other values."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...differences import PLACES, quotient
+from ...errors import InputError
+from ...system import Array
+from ..closures.constraints import Constraints
+from ..forces import bind_forces
+from ..formulations.index2 import Index2System
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+FIRST = (-1, 1, 2)  # times h, and 0: third differences of these tell polynomials of degree 2
+ROUNDING = 1e-14  # of a number: what its third difference may be then
+
+
+class Nearby(Mapping[int, "Mechanism"]):
+    """The mechanisms with a parameter changed by k h, k = -3 .. 3 without 0, each made when it is asked for."""
+
+    def __init__(self, make: Callable[[int], "Mechanism"]) -> None:
+        self.make = cache(make)
+
+    def __getitem__(self, k: int) -> "Mechanism":
+        return self.make(k)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(PLACES)
+
+    def __len__(self) -> int:
+        return len(PLACES)
+
+
+class Parameter:
+    """A direction in the numbers of a mechanism.
+
+    Args:
+        name: for messages.
+        mech: the mechanism.
+        near: those with the parameter changed by k h, by k = -3 .. 3 without 0.
+        h: the width.
+    """
+
+    def __init__(self, name: str, mech: "Mechanism", near: Mapping[int, "Mechanism"], h: float) -> None:
+        self.name, self.mech, self.near, self.h = name, mech, near, h
+        self.first, model = [near[k] for k in FIRST], mech.model
+        for other in (m.model for m in self.first):
+            same = [list(x.names) + [f.name for f in x.frames] for x in (model, other)]
+            if same[0] != same[1] or (other.damping != model.damping).any():
+                raise InputError(f"parameter {name!r} changes joints, frames or their damping: it has no derivative")
+        self.inertias = self.each(model.njoints, lambda m, j: np.array(m.model.inertias[j].toDynamicParameters()))
+        self.places = self.moved(mech, model.njoints, lambda m, j: m.model.jointPlacements[j])
+        self.frames = self.moved(mech, model.nframes, lambda m, i: m.model.frames[i].placement)
+        self.gravity = self.rate(lambda m: m.model.gravity.linear)
+        self.armature = self.rate(lambda m: m.model.armature)
+        self.forces = self.changed(mech.forces, lambda m: m.forces)
+        self.specs = self.changed(mech.constraints, lambda m: m.constraints)
+
+    def changed(self, own: Sequence[Any], of: Callable[["Mechanism"], Sequence[Any]]) -> list[int]:
+        """Numbers of the forces, or of the closures and drivers, that it changes."""
+        if any(len(of(m)) != len(own) for m in self.first):
+            raise InputError(f"parameter {self.name!r} changes how many forces or closures there are")
+        return [i for i, x in enumerate(own) if any(of(m)[i] != x for m in self.first)]
+
+    def quotient(self, values: Mapping[int, Array]) -> Array:
+        """Central difference of order six of values at k h; exactly zero where they do not change."""
+        return np.array(quotient(values, self.h))
+
+    def rate(self, value: Callable[["Mechanism"], Array]) -> Array:
+        """Derivative of what a mechanism is made of: from the first values where these are exact."""
+        (before, after, further), here = (value(m) for m in self.first), value(self.mech)
+        size = np.abs(here) + np.abs(after) + np.abs(further)
+        if (np.abs(further - 3 * after + 3 * here - before) <= ROUNDING * size).all():
+            return np.array((after - before) / (2 * self.h))
+        return self.quotient({k: value(m) for k, m in self.near.items()})
+
+    def each(self, n: int, value: Callable[["Mechanism", int], Array]) -> dict[int, Array]:
+        """Derivatives of the parts 1 to n - 1 of a mechanism that change."""
+        found = {i: self.rate(lambda m, i=i: value(m, i)) for i in range(1, n)}  # type: ignore[misc]
+        return {i: d for i, d in found.items() if d.any()}
+
+    def moved(self, mech: "Mechanism", n: int, place: Callable[["Mechanism", int], pin.SE3]) -> dict[int, Array]:
+        """The motions (6,) of places that change, in their own axes."""
+        found = self.each(n, lambda m, i: place(m, i).homogeneous)
+        twists = {i: place(mech, i).inverse().homogeneous @ d for i, d in found.items()}
+        return {i: np.array([*T[:3, 3], T[2, 1], T[0, 2], T[1, 0]]) for i, T in twists.items()}
+
+
+class ChangedLaws:
+    """The forces that a parameter changes, with their other numbers, in one workspace."""
+
+    def __init__(self, p: Parameter, s: Index2System) -> None:
+        self.p, self.nv = p, s.nv
+        spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
+        self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
+        near = p.near.items() if p.forces else ()
+        self.near = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.data) for k, m in near}
+
+    def add(self, to: Array, t: float, q: Array, v: Array, s: Array) -> None:
+        """Add the slopes of (tau, s', power), (nv + ns + 1,)."""
+        if self.near:
+            found = self.p.quotient({k: np.concatenate(f.torque(t, q, v, s[self.at])) for k, f in self.near.items()})
+            to[: self.nv] += found[: self.nv]
+            to[self.nv + self.at] += found[self.nv : -1]
+            to[-1] += found[-1]
+
+
+class ChangedRows:
+    """The closures and drivers that a parameter changes, with their other numbers, in one workspace."""
+
+    def __init__(self, p: Parameter, s: Index2System) -> None:
+        self.p, self.nv = p, s.nv
+        spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
+        self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
+        near = p.near.items() if p.specs else ()
+        self.near = {k: Constraints(s.model, s.data, [m.constraints[i] for i in p.specs]) for k, m in near}
+
+    def add_forces(self, to: Array, t: float, lam: Array) -> None:
+        """Add the slopes of G^T lam and of the drivers' power lam . u'; J stands."""
+        if self.near:
+            own = lam[self.at]
+            found = {k: np.append(own @ c.jacobian(), own @ c.motion(t)[1]) for k, c in self.near.items()}
+            slope = self.p.quotient(found)
+            to[: self.nv] += slope[:-1]
+            to[-1] += slope[-1]
+
+    def add_rates(self, Q: Array, g: Array, t: float, v: Array) -> None:
+        """Add the slopes of G v + g_t and of g; J stands."""
+        if self.near:
+            found = {}
+            for k, c in self.near.items():
+                value, G = c.value(t)
+                found[k] = np.array([G @ v - c.motion(t)[1], value])
+            rate, value = self.p.quotient(found)
+            Q[self.at] += rate
+            g[self.at] += value
+
+    def add_bias(self, to: Array, t: float, v: Array) -> None:
+        """Add the slope of gamma; velocities stand, with accelerations for v' = 0."""
+        if self.near:
+            to[self.at] += self.p.quotient({k: c.bias(v) - c.motion(t)[2] for k, c in self.near.items()})

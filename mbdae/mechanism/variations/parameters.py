@@ -1,0 +1,168 @@
+"""Exact derivatives of a mechanism's equations with respect to its numbers: masses, places, lengths, stiffnesses, ...
+
+A parameter is a direction in what a mechanism is made of: ten inertial numbers dpi of a body, a motion xi of a joint's
+place or of a frame, gravity, armature, the numbers of closures, drivers and forces. The directions are found once,
+from mechanisms made with other values. At a point
+
+    inertial numbers             d(M v' + nle) = Y dpi with the bodies' regressors Y
+    places and frames            columns of K, B, G and gamma_q of a frozen free joint there, times xi
+    closures, drivers, forces    differences of these rows and laws alone, of order six: exact for numbers on which they
+                                 depend by polynomials, and to rounding for others
+"""
+
+from collections.abc import Callable, Mapping
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError
+from ...system import Array
+from ..formulations.index2 import Index2System
+from ..frames import support
+from .opened_tree import OpenedTree
+from .parameter import ChangedLaws, ChangedRows, Nearby, Parameter
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+WIDTH = 1e-2  # of the value, or the value itself where it is zero
+REACHED = 1e-7  # of |dg/dp|: what closures cannot follow
+Make = Callable[[Mapping[str, float]], "Mechanism"]
+
+
+class ParameterSlopes(NamedTuple):
+    """Slopes with respect to k parameters at a point (t, q, v, s, v', lam), all but the parameters held.
+
+    Attributes:
+        P: d(f + G^T lam - M v', h, power)/dp, (nv + ns + 1, k).
+        Q: d(G v + g_t)/dp, (ng, k).
+        g: dg/dp, (ng, k).
+        gamma: d gamma/dp, (ng, k).
+    """
+
+    P: Array
+    Q: Array
+    g: Array
+    gamma: Array
+
+
+class Parameters:
+    """Derivatives with respect to some numbers of a mechanism, bound to a workspace.
+
+    Args:
+        make: makes a mechanism with these values, for instance `mbdae.mechanism.formats.template.Template.make`.
+        values: names and values of the parameters.
+        native: the compiled core, for slopes of places and frames.
+        own: the values are those that ``make`` gives of itself.
+
+    Attributes:
+        mech: the mechanism with these values.
+        all: the parameters, k of them.
+
+    Raises:
+        InputError: for a parameter that changes more than numbers.
+    """
+
+    def __init__(
+        self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, own: bool = False
+    ) -> None:
+        self.mech = mech = make({} if own else values)
+        rest = {} if own else values
+        self.system = s = Index2System(mech)
+        self.all: list[Parameter] = []
+        for name, value in values.items():
+            h = WIDTH * (abs(value) or 1.0)
+            near = Nearby(lambda k, name=name, value=value, h=h: make({**rest, name: value + k * h}))  # type: ignore[misc]
+            self.all.append(Parameter(name, mech, near, h))
+        self.laws = [ChangedLaws(p, s) for p in self.all]
+        self.rows = [ChangedRows(p, s) for p in self.all]
+        places = sorted({j for p in self.all for j in p.places})
+        frames = sorted({i for p in self.all for i in p.frames})
+        self.opened = OpenedTree(mech, places, frames, s, native) if places or frames else None
+        self.plain: Any = None  # what the compiled core takes, see `compiled_parameters`
+        self._found: dict[str, tuple[Any, Array]] = {}
+        self.motions = np.array([self.opened.motion(p) for p in self.all]).T if self.opened else np.empty((0, 0))
+
+    def __len__(self) -> int:
+        return len(self.all)
+
+    def once(self, name: str, key: Any, find: Callable[[], Array]) -> Array:
+        """Slopes at the start of runs: found last for the same key, or found now."""
+        if name not in self._found or self._found[name][0] != key:
+            self._found[name] = key, find()
+        return self._found[name][1]
+
+    def slopes(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> ParameterSlopes:
+        """Take the slopes at (t, q, v, s, v', lam), lam (ng,) for all rows."""
+        return ParameterSlopes(self.of_forces(t, q, v, s, vdot, lam), *self.of_rows(t, q, v), self.of_bias(t, q, v))
+
+    def of_forces(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> Array:
+        """Take P of `ParameterSlopes`, (nv + ns + 1, k)."""
+        system, nv = self.system, self.system.nv
+        out = np.zeros((nv + len(s) + 1, len(self)))
+        if not len(self):
+            return out
+        if self.opened:
+            K = self.opened.torques(t, q, v, vdot, lam) @ self.motions
+            out[:nv] += K[:nv]
+            out[-1] += K[-1]
+        pin.forwardKinematics(system.model, system.data, q, v, vdot)
+        J = pin.computeJointJacobians(system.model, system.data, q)
+        for i, p in enumerate(self.all):
+            out[:nv, i] -= self._inertial(p, J) + p.armature * vdot
+        if any(laws.near for laws in self.laws):
+            pin.forwardKinematics(system.model, system.data, q, v, np.zeros(nv))
+        for i, (laws, rows) in enumerate(zip(self.laws, self.rows, strict=True)):
+            laws.add(out[:, i], t, q, v, s)
+            rows.add_forces(out[:, i], t, lam)
+        return out
+
+    def of_rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Take Q and g of `ParameterSlopes`, (ng, k) each."""
+        Q, g = np.zeros((2, self.system.ng, len(self)))
+        if self.opened:
+            B, G = self.opened.rows(t, q, v)
+            Q, g = B @ self.motions, G @ self.motions
+        if any(rows.near for rows in self.rows):
+            pin.computeJointJacobians(self.system.model, self.system.data, q)
+            for i, rows in enumerate(self.rows):
+                rows.add_rates(Q[:, i], g[:, i], t, v)
+        return Q, g
+
+    def of_bias(self, t: float, q: Array, v: Array) -> Array:
+        """Take gamma of `ParameterSlopes`, (ng, k)."""
+        out = np.zeros((self.system.ng, len(self)))
+        if self.opened:
+            out = self.opened.bias(q, v) @ self.motions
+        if any(rows.near for rows in self.rows):
+            pin.forwardKinematics(self.system.model, self.system.data, q, v, np.zeros(self.system.nv))
+            for i, rows in enumerate(self.rows):
+                rows.add_bias(out[:, i], t, v)
+        return out
+
+    def _inertial(self, p: Parameter, J: Array) -> Array:
+        """Slope of M v' + nle, (nv,), without armature; velocities and accelerations stand."""
+        model, data, out = self.system.model, self.system.data, np.zeros(self.system.nv)
+        for j in set(p.inertias) | (set(range(1, model.njoints)) if p.gravity.any() else set()):
+            place, wrench = data.oMi[j], np.zeros(6)
+            if j in p.inertias:
+                a = data.a[j] - place.actInv(model.gravity)
+                wrench += place.act(pin.Force(pin.bodyRegressor(data.v[j], a) @ p.inertias[j])).vector
+            wrench -= (place.act(model.inertias[j]) * pin.Motion(p.gravity, np.zeros(3))).vector
+            out += support(model, j) * (wrench @ J.reshape(6, -1))
+        return out
+
+    def refuse(self, t: float, q: Array) -> None:
+        """Refuse parameters that open closures in a way that no motion closes: rows that depend on others.
+
+        Raises:
+            InputError: names the parameter.
+        """
+        kept = self.system.constraints.positional
+        g, G = self.of_rows(t, q, np.zeros(self.system.nv))[1][kept], self.system.jacobian(q)[kept]
+        for p, column in zip(self.all, g.T, strict=True):
+            left = column + G @ np.linalg.lstsq(G, -column, rcond=1e-9)[0]
+            if np.abs(left).max(initial=0.0) > REACHED * np.abs(column).max(initial=0.0):
+                raise InputError(f"parameter {p.name!r} opens closures that depend on each other: no derivative exists")

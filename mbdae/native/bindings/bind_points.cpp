@@ -1,0 +1,134 @@
+// What a core computes at points: derivatives, slopes, residuals, ratios of pivots.
+#include <cmath>
+
+#include "bindings/py_core.hpp"
+#include "system/residuals.hpp"
+
+namespace mbdae {
+
+namespace {
+
+nb::object slopes(PyCore& c, double t, const Array& q, const Array& u, const Array& vdot, const Array& lam) {
+  return attempt(c, [&](Index2System& s) {
+    if (!s.mechanics.expanded()) refuse("slopes need the expanded tree");
+    const size_t nv = s.nv, n = s.ny - s.nv;
+    Numbers a = numbers(q, s.nq, "q"), b = numbers(u, n, "u"), d = numbers(vdot, nv, "vdot");
+    Numbers l = numbers(lam, s.ng, "lam");
+    Slopes out;
+    s.slopes(t, a.data(), b.data(), d.data(), l.data(), out);
+    const size_t r = out.g_t.size();
+    return nb::make_tuple(array(out.M, {nv, nv}), array(out.K, {n, nv}), array(out.D, {n, n}), array(out.G, {r, nv}),
+                          array(out.B, {r, nv}), vector(out.g_t));
+  });
+}
+
+nb::object derivative(PyCore& c, double t, const Array& y) {
+  return attempt(c, [&](Index2System& s) {
+    Numbers at = numbers(y, s.length, "y"), F(s.ny), z(s.ng);
+    s.derivative(t, at.data(), F.data(), z.data());
+    return nb::make_tuple(vector(F), vector(z));
+  });
+}
+
+nb::object rate(PyCore& c, double t, const Array& y) {
+  return attempt(c, [&](Index2System& s) {
+    Numbers at = numbers(y, s.length, "y"), dy(s.length), z(s.ng);
+    s.rate(t, at.data(), dy.data(), z.data());
+    return nb::make_tuple(vector(dy), vector(z));
+  });
+}
+
+nb::object derivatives(PyCore& c, const Array& t, const Array& y) {
+  const Turn turn(c);
+  Index2System& s = c.core->system;
+  const size_t n = t.size(), length = s.length, ng = s.ng, ny = s.ny;
+  Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
+  many(c, [&] {
+    for (size_t i = 0; i < n; ++i) try {
+        s.derivative(ts[i], &at[i * length], &F[i * ny], z.data() + i * ng);
+      } catch (const Trouble&) {
+        std::fill_n(F.begin() + i * ny, ny, NAN), std::fill_n(z.begin() + i * ng, ng, NAN);
+        if (c.callbacks->interrupted) break;
+      }
+  });
+  return nb::make_tuple(array(F, {n, ny}), array(z, {n, ng}));
+}
+
+nb::object residuals(PyCore& c, const Array& t, const Array& y) {
+  const Turn turn(c);
+  Index2System& s = c.core->system;
+  const size_t n = t.size(), length = s.length, ng = s.ng;
+  Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
+  many(c, [&] {
+    for (size_t i = 0; i < n; ++i) try {
+        residual(s, ts[i], &at[i * length], g.data() + i * ng, rate.data() + i * ng);
+        const Energy e = energy(s, &at[i * length]);
+        energies[2 * i] = e.kinetic, energies[2 * i + 1] = e.potential;
+      } catch (const Trouble&) {
+        energies[2 * i] = energies[2 * i + 1] = NAN;
+        if (c.callbacks->interrupted) break;
+      }
+  });
+  return nb::make_tuple(array(g, {n, ng}), array(rate, {n, ng}), array(energies, {n, 2}));
+}
+
+// Whatever the mode leaves out.
+nb::object every(PyCore& c, double t, const Array& y) {
+  return attempt(c, [&](Index2System& s) {
+    Numbers at = numbers(y, s.length, "y"), g(s.ng), rate(s.ng);
+    std::vector<bool> off;
+    off.swap(s.constraints.off);
+    try {
+      residual(s, t, at.data(), g.data(), rate.data());
+    } catch (const Trouble&) {
+      off.swap(s.constraints.off);
+      throw;
+    }
+    off.swap(s.constraints.off);
+    return nb::make_tuple(vector(g), vector(rate));
+  });
+}
+
+nb::object ratio(PyCore& c, const Array& q, int rank) {
+  Index2System& s = c.core->system;
+  Numbers at = numbers(q, s.nq, "q");
+  if (rank < 1 || rank > std::min(s.ng, s.nv)) refuse("rank out of range");
+  try {
+    return nb::float_(s.ratio(at.data(), rank));
+  } catch (const Trouble&) {
+    return nb::none();
+  }
+}
+
+double bare(PyCore& c, const Array& q, const Array& v, int repetitions) {
+  const Turn turn(c);
+  Index2System& s = c.core->system;
+  Numbers a = numbers(q, s.nq, "q"), b = numbers(v, s.nv, "v");
+  try {
+    return s.bare(a.data(), b.data(), repetitions);
+  } catch (const Trouble&) {
+    refuse("the point is singular");
+  }
+}
+
+}  // namespace
+
+void bind_points(nb::class_<PyCore>& core) {
+  core.def("slopes", slopes, nb::arg("t"), nb::arg("q"), nb::arg("u"), nb::arg("vdot"), nb::arg("lam"),
+           "Return M, K, D, G, B and g_t of the rows in use, or None; lam (ng,) stands by row.")
+      .def("derivative", derivative, nb::arg("t"), nb::arg("y"),
+           "Return y' (ny,) and lam (ng,) from the hidden constraint, or None.")
+      .def("rate", rate, nb::arg("t"), nb::arg("y"),
+           "Return dy/dt (length,) of raw coordinates and lam (ng,) from the hidden constraint, or None.")
+      .def("derivatives", derivatives, nb::arg("t"), nb::arg("y"),
+           "Return y' (n, ny) and lam (n, ng) at many points; nan where they cannot be found.")
+      .def("residuals", residuals, nb::arg("t"), nb::arg("y"),
+           "Return g (n, ng), G v + g_t (n, ng), and kinetic and potential energy (n, 2) at many points.")
+      .def("every", every, nb::arg("t"), nb::arg("y"), "Return g and G v + g_t over all rows whatever the mode, or None.")
+      .def("ratio", ratio, nb::arg("q"), nb::arg("rank"),
+           "Return the smallest pivot of independent rows of G M^-1/2 to the largest, or None.")
+      .def("bare", bare, nb::arg("q"), nb::arg("v"), nb::arg("repetitions"),
+           "Return seconds of one mass matrix, nonlinear effects, factorization and solve, for benchmarks.");
+}
+
+}  // namespace mbdae

@@ -1,0 +1,129 @@
+// All rows of a mechanism: what they share, and their drivers.
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <set>
+
+#include "mechanism/lines.hpp"
+#include "mechanism/rows.hpp"
+#include "numbers/vec3.hpp"
+
+namespace mbdae {
+
+Constraints::Constraints(const Mechanics& m, std::vector<Row> rows_,
+                         const std::vector<std::pair<Anchor, Anchor>>& anchors, std::vector<Driver> drivers_)
+    : rows(std::move(rows_)), all(rows.size()), drivers(std::move(drivers_)) {
+  std::iota(all.begin(), all.end(), 0);
+  const std::vector<std::vector<int>> supports = m.supports();
+  for (const auto& x : anchors) {
+    pairs.emplace_back(x.first, x.second, supports);
+    pairs.back().turns_a = pairs.back().turns_b = false;
+  }
+  of_pair.resize(pairs.size());
+  for (Row& r : rows) {
+    if (r.between_joints()) {
+      std::set<int> columns;
+      for (int i : r.iv)
+        if (i >= 0) columns.insert(i), columns.insert(m.ancestors[i].begin(), m.ancestors[i].end());
+      for (const auto& x : r.others) columns.insert(x[2]), columns.insert(m.ancestors[x[2]].begin(), m.ancestors[x[2]].end());
+      r.columns.assign(columns.begin(), columns.end());
+      continue;
+    }
+    of_pair[r.pair].push_back(static_cast<int>(&r - rows.data()));
+    Pair& pair = pairs[r.pair];
+    r.columns = pair.columns;
+    if (r.has_a) pair.turns_a = true;
+    if (r.has_b) pair.turns_b = true;
+    if (touches(r) || r.profile) pair.turns_a = pair.turns_b = true;
+  }
+  for (const Driver& d : drivers)
+    if (d.speed) rows[d.row].positional = false;
+}
+
+void Constraints::value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g) {
+  int located = -1;
+  const double* J = m.J();
+  for (int r : which) {
+    const Row& row = rows[r];
+    double* out = G + static_cast<size_t>(r) * m.nv;
+    if (!off.empty() && off[r]) {
+      for (int c : row.columns) out[c] = 0;
+      if (g) g[r] = 0;
+      continue;
+    }
+    if (row.between_joints()) {
+      double slope;
+      const double x = row.coordinate_value(q, &slope);
+      if (g) g[r] = row.positional ? x : 0;
+      for (int c : row.columns) out[c] = 0;
+      out[row.iv[0]] = 1;
+      if (row.iv[1] >= 0) out[row.iv[1]] = -slope;
+      for (size_t k = 0; k < row.others.size(); ++k) out[row.others[k][2]] = -row.c[k + 1];
+      continue;
+    }
+    Pair& pair = pairs[row.pair];
+    if (row.pair != located) pair.locate(m), located = row.pair;
+    double w[6];
+    const double x = row.wrench(pair, w);
+    if (g) g[r] = row.positional ? x : 0;
+    for (size_t k = 0; k < pair.columns.size(); ++k) {
+      const double* j = J + 6 * pair.columns[k];
+      out[pair.columns[k]] = pair.sign[k] == 0 ? 0 : pair.sign[k] * (dot(w, j) + dot(w + 3, j + 3));
+    }
+  }
+}
+
+void Constraints::gaps(double t, double* g) const {
+  for (const Driver& d : drivers) {
+    double u[3];
+    motion(t, d, u);
+    g[d.row] -= u[0];
+  }
+  for (size_t r = 0; r < rows.size(); ++r)
+    if (rows[r].period > 0 && rows[r].positional) g[r] -= rows[r].period * std::nearbyint(g[r] / rows[r].period);
+}
+
+void Constraints::bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which,
+                       double* out) {
+  int located = -1;
+  for (int r : which) {
+    const Row& row = rows[r];
+    if (!off.empty() && off[r]) {
+      out[r] = 0;
+      continue;
+    }
+    if (row.between_joints()) {
+      out[r] = row.coordinate_bias(q, v);
+      continue;
+    }
+    Pair& pair = pairs[row.pair];
+    if (row.pair != located) pair.locate(m), pair.twist(m), located = row.pair;
+    out[r] = row.rate(pair);
+  }
+}
+
+void Constraints::motion(double t, const Driver& d, double* u) const {
+  for (int k = 0; k < 3; ++k) {
+    u[k] = !d.speed ? d.motion.at(t, k) : k ? d.motion.at(t, k - 1) : 0;
+    if (!std::isfinite(u[k])) throw Trouble();
+  }
+  if (d.length && !(u[0] > 0)) throw Trouble();
+}
+
+void Constraints::speed(double t, double* out) const {
+  for (const Driver& d : drivers) {
+    double u[3];
+    motion(t, d, u);
+    out[d.row] = -u[1];
+  }
+}
+
+void Constraints::acceleration(double t, double* out) const {
+  for (const Driver& d : drivers) {
+    double u[3];
+    motion(t, d, u);
+    out[d.row] = -u[2];
+  }
+}
+
+}  // namespace mbdae

@@ -1,0 +1,211 @@
+#include "mechanism/manifold.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "mechanism/signals.hpp"
+#include "numbers/vec3.hpp"
+
+namespace mbdae {
+
+namespace {
+
+void times(int n, const double* A, const double* x, double* out) {
+  for (int i = 0; i < n; ++i) {
+    double s = 0;
+    for (int j = 0; j < n; ++j) s += A[i * n + j] * x[j];
+    out[i] = s;
+  }
+}
+
+// ad of p, (n, n) by rows; n.
+int ad(const Block& b, const double* p, double* X) {
+  std::fill(X, X + 36, 0.0);
+  auto skew = [&](const double* w, int row, int column, int width) {
+    X[row * width + column + 1] = -w[2], X[row * width + column + 2] = w[1];
+    X[(row + 1) * width + column] = w[2], X[(row + 1) * width + column + 2] = -w[0];
+    X[(row + 2) * width + column] = -w[1], X[(row + 2) * width + column + 1] = w[0];
+  };
+  if (b.kind == Block::se3) {
+    skew(p + 3, 0, 0, 6), skew(p, 0, 3, 6), skew(p + 3, 3, 3, 6);
+    return 6;
+  }
+  if (b.kind == Block::so3)
+    skew(p, 0, 0, 3);
+  else
+    X[1] = -p[2], X[2] = p[1], X[3] = p[2], X[5] = -p[0];
+  return 3;
+}
+
+}  // namespace
+
+// y = x + sum (-1)^k/(k + 1)! X^k x: the right Jacobian of exp.
+static void right_jacobian(const Limits& limits, int n, const double* X, const double* x, double* y) {
+  double term[6], next[6];
+  std::copy(x, x + n, term), std::copy(x, x + n, y);
+  const double size = largest(x, n);
+  for (size_t k = 1; k < 2 * limits.series.size(); ++k) {
+    times(n, X, term, next);
+    for (int i = 0; i < n; ++i) term[i] = -next[i] / (k + 1), y[i] += term[i];
+    if (largest(term, n) <= limits.series_end * size) break;
+  }
+}
+
+void inverse_jacobian(const Limits& limits, int n, const double* X, const double* x, double* y) {
+  double term[6], next[6];
+  times(n, X, x, next);
+  for (int i = 0; i < n; ++i) y[i] = x[i] + 0.5 * next[i], term[i] = x[i];
+  const double size = largest(x, n);
+  for (double b : limits.series) {
+    times(n, X, term, next), times(n, X, next, term);
+    for (int i = 0; i < n; ++i) y[i] += b * term[i];
+    if (largest(term, n) * std::fabs(b) <= limits.series_end * size) break;
+  }
+}
+
+void inverse_jacobian_rate(const Limits& limits, int n, const double* X, const double* dX, const double* v,
+                           double* out) {
+  double term[6], dterm[6] = {0, 0, 0, 0, 0, 0}, next[6], dnext[6], work[6];
+  times(n, dX, v, out);
+  for (int i = 0; i < n; ++i) out[i] *= 0.5, term[i] = v[i];
+  const double size = largest(v, n);
+  for (double b : limits.series) {
+    times(n, X, term, next), times(n, dX, term, dnext), times(n, X, dterm, work);
+    for (int i = 0; i < n; ++i) dnext[i] += work[i];
+    times(n, X, next, term), times(n, dX, next, dterm), times(n, X, dnext, work);
+    for (int i = 0; i < n; ++i) dterm[i] += work[i], out[i] += b * dterm[i];
+    if (std::max(largest(term, n), largest(dterm, n)) * std::fabs(b) <= limits.series_end * size) break;
+  }
+}
+
+Manifold::Manifold(Mechanics& m, bool flat_, std::vector<Block> blocks, std::vector<int> turning)
+    : flat(flat_), m_(m), blocks_(std::move(blocks)), turning_(std::move(turning)), neutral_(m.nq) {
+  m.neutral(neutral_.data());
+}
+
+// Along the chord of a planar joint, which half its turn turns: cosine and sine in q, times the chord to its arc.
+static void chord(const double* q, double turn, double* c, double* s, double* share) {
+  const double half = turn / 2, ch = std::cos(half), sh = std::sin(half);
+  *c = q[2] * ch - q[3] * sh, *s = q[3] * ch + q[2] * sh;
+  *share = half == 0 ? 1.0 : sh / half;
+}
+
+void Manifold::integrate(const double* q, const double* x, double* out) const {
+  for (int i = 0; flat && i < m_.nq; ++i) out[i] = q[i] + x[i];
+  if (flat) return;
+  double c, s, share;
+  std::vector<double> moved;
+  for (const Block& b : blocks_) {
+    if (b.kind != Block::se2) continue;
+    const double *p = q + b.place, *u = x + b.at;
+    chord(p, u[2], &c, &s, &share);
+    moved.push_back(p[0] + share * (c * u[0] - s * u[1])), moved.push_back(p[1] + share * (s * u[0] + c * u[1]));
+  }
+  m_.integrate(q, x, out);  // out may be q
+  for (size_t k = 0, i = 0; i < blocks_.size(); ++i)
+    if (blocks_[i].kind == Block::se2) std::copy_n(&moved[2 * k++], 2, out + blocks_[i].place);
+}
+
+void Manifold::difference(const double* q0, const double* q1, double* out) const {
+  for (int i = 0; flat && i < m_.nv; ++i) out[i] = q1[i] - q0[i];
+  if (flat) return;
+  m_.difference(q0, q1, out);
+  double c, s, share;
+  for (const Block& b : blocks_) {
+    if (b.kind != Block::se2) continue;
+    const double *p = q0 + b.place, dx = q1[b.place] - p[0], dy = q1[b.place + 1] - p[1];
+    chord(p, out[b.at + 2], &c, &s, &share);
+    out[b.at] = (c * dx + s * dy) / share, out[b.at + 1] = (c * dy - s * dx) / share;
+  }
+}
+
+void Manifold::size(const double* q, double* out) const {
+  if (!flat) difference(neutral_.data(), q, out);
+  for (int i = 0; i < m_.nv; ++i) out[i] = flat ? std::fabs(q[i]) : turning_[i] ? 1.0 : std::fabs(out[i]);
+}
+
+void Manifold::within(const double* x) const {
+  for (const Block& b : blocks_) {
+    const double turn =
+        b.kind == Block::se2 ? std::fabs(x[b.at + 2]) : norm(x + b.at + (b.kind == Block::se3 ? 3 : 0), 3);
+    if (turn > m_.limits.largest_turn) throw TooLong();
+  }
+}
+
+void Manifold::tangent(const double* x, double* dx) const {
+  if (blocks_.empty()) return;
+  within(x);
+  for (const Block& b : blocks_) {
+    double X[36], out[6];
+    const int n = ad(b, x + b.at, X);
+    inverse_jacobian(m_.limits, n, X, dx + b.at, out);
+    std::copy(out, out + n, dx + b.at);
+  }
+}
+
+void Manifold::velocity(const double* x, double* v) const {
+  for (const Block& b : blocks_) {
+    double X[36], out[6];
+    const int n = ad(b, x + b.at, X);
+    right_jacobian(m_.limits, n, X, v + b.at, out);
+    std::copy(out, out + n, v + b.at);
+  }
+}
+
+void Manifold::transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const {
+  out.resize(blocks_.size());
+  for (size_t i = 0; i < blocks_.size(); ++i) {
+    const Block& b = blocks_[i];
+    TangentBlock& t = out[i];
+    double from[36], X[36], middle[6], column[6];
+    t.at = b.at, t.n = ad(b, x + b.at, from);
+    ad(b, to + b.at, X);
+    for (int k = 0; k < t.n; ++k) {
+      double e[6] = {0, 0, 0, 0, 0, 0};
+      e[k] = 1;
+      inverse_jacobian(m_.limits, t.n, from, e, middle);
+      right_jacobian(m_.limits, t.n, X, middle, column);
+      for (int j = 0; j < t.n; ++j) t.J[j * t.n + k] = column[j];
+    }
+  }
+}
+
+void Manifold::slopes(const double* x, const double* v, std::vector<TangentBlock>& out) const {
+  out.resize(blocks_.size());
+  for (size_t i = 0; i < blocks_.size(); ++i) {
+    const Block& b = blocks_[i];
+    TangentBlock& t = out[i];
+    double X[36], dX[36], column[6];
+    t.at = b.at, t.n = ad(b, x + b.at, X);
+    for (int k = 0; k < t.n; ++k) {
+      double e[6] = {0, 0, 0, 0, 0, 0};
+      e[k] = 1;
+      inverse_jacobian(m_.limits, t.n, X, e, column);
+      for (int j = 0; j < t.n; ++j) t.J[j * t.n + k] = column[j];
+      ad(b, e, dX);
+      inverse_jacobian_rate(m_.limits, t.n, X, dX, v + b.at, column);
+      for (int j = 0; j < t.n; ++j) t.turn[j * t.n + k] = column[j];
+    }
+  }
+}
+
+void Manifold::turned(const double* x, const double* v, std::vector<TurnedBlock>& out) const {
+  std::vector<TangentBlock> tangents;
+  slopes(x, v, tangents);
+  out.resize(blocks_.size());
+  for (size_t i = 0; i < blocks_.size(); ++i) {
+    TurnedBlock& t = out[i];
+    const int n = t.n = tangents[i].n, at = t.at = tangents[i].at;
+    double X[36], column[6], moved[6];
+    std::copy_n(tangents[i].J, n * n, t.J), std::copy_n(tangents[i].turn, n * n, t.T);
+    ad(blocks_[i], x + at, X);
+    for (int k = 0; k < n; ++k) {
+      double e[6] = {0, 0, 0, 0, 0, 0};
+      e[k] = 1;
+      right_jacobian(m_.limits, n, X, e, column), times(n, X, column, moved);
+      for (int j = 0; j < n; ++j) t.R[j * n + k] = column[j], t.A[j * n + k] = (j == k) - moved[j];
+    }
+  }
+}
+
+}  // namespace mbdae

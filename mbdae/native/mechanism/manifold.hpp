@@ -1,0 +1,61 @@
+// The configuration manifold of a model, and the tangent map x' = J(x) v of a step (mbdae/mechanism/manifold.py).
+#pragma once
+
+#include <vector>
+
+#include "numbers/linear.hpp"
+#include "mechanism/mechanics.hpp"
+
+namespace mbdae {
+
+// A block of the tangent map: a spherical, free-flying or planar joint.
+struct Block {
+  enum Kind { so3, se3, se2 } kind;
+  int at, place;  // where it begins in the tangent, and in q
+};
+
+// J(x) and d(J(x) v)/dx at a block, (n, n) by rows.
+struct TangentBlock {
+  int at, n;
+  double J[36], turn[36];
+};
+
+// How coordinates x turn variations at a block: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (n, n) by rows.
+struct TurnedBlock {
+  int at, n;
+  double A[36], R[36], J[36], T[36];
+};
+
+class Manifold {
+ public:
+  Manifold(Mechanics& m, bool flat, std::vector<Block> blocks, std::vector<int> turning);
+
+  const bool flat;  // a vector space
+  bool curved() const { return !blocks_.empty(); }  // is J(x) other than 1?
+
+  void integrate(const double* q, const double* x, double* out) const;     // q (+) x, (nq,)
+  void difference(const double* q0, const double* q1, double* out) const;  // q1 (-) q0, (nv,)
+  void size(const double* q, double* out) const;                           // magnitudes in the tangent, (nv,)
+  void within(const double* x) const;               // Trouble where a joint turns too far in one step
+  void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v
+  void velocity(const double* x, double* v) const;  // v: x' (nv,) becomes J(x)^-1 x'
+  void transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const;  // J(to)^-1 J(x), in J
+  void turned(const double* x, const double* v, std::vector<TurnedBlock>& out) const;
+  // J(x), and d(J(x) v)/dx where J may differ from 1: (n, n) by rows for each block.
+  void slopes(const double* x, const double* v, std::vector<TangentBlock>& out) const;
+
+ private:
+  Mechanics& m_;
+  std::vector<Block> blocks_;
+  std::vector<int> turning_;  // (nv,) flags: rotations, which have no magnitude of their own
+  Numbers neutral_;           // (nq,)
+};
+
+// out = d/ds J(x + s e) v, with X = ad_x and dX = ad_e (n, n) by rows.
+void inverse_jacobian_rate(const Limits& limits, int n, const double* X, const double* dX, const double* v,
+                           double* out);
+
+// y = J x, J = 1 + X/2 + sum B_2k/(2k)! X^2k with X = ad (n, n) by rows: the inverse right Jacobian of exp.
+void inverse_jacobian(const Limits& limits, int n, const double* ad, const double* x, double* y);
+
+}  // namespace mbdae

@@ -1,0 +1,231 @@
+#include "mechanism/mechanics.hpp"
+
+#include <chrono>
+#include <iterator>
+
+#include <pinocchio/multibody.hpp>
+#include <Eigen/LU>
+#include <pinocchio/algorithm/cholesky.hpp>
+#include <pinocchio/algorithm/crba.hpp>
+#include <pinocchio/algorithm/jacobian.hpp>
+#include <pinocchio/algorithm/joint-configuration.hpp>
+#include <pinocchio/algorithm/kinematics.hpp>
+#include <pinocchio/algorithm/rnea-derivatives.hpp>
+#include <pinocchio/algorithm/rnea.hpp>
+
+namespace mbdae {
+
+using Eigen::VectorXd;
+using Vector = Eigen::Ref<const VectorXd>;  // the type for which the library has its algorithms compiled
+using In = Eigen::Map<const VectorXd>;
+using Out = Eigen::Map<VectorXd>;
+
+namespace {
+
+// A workspace for crba in the world's convention, nonLinearEffects, rnea, forwardKinematics and computeJointJacobians:
+// what the constructor from a model sets aside for second derivatives grows with nv^3. See mechanism/workspace.py.
+pinocchio::Data lean(const pinocchio::Model& model) {
+  using namespace pinocchio;
+  Data data;
+  const size_t n = model.njoints;
+  for (const JointModel& joint : model.joints) data.joints.push_back(joint.createData());
+  data.oMi.assign(n, SE3::Identity()), data.liMi = data.oMi;
+  data.v.assign(n, Motion::Zero()), data.a = data.a_gf = data.v;
+  data.f.assign(n, Force::Zero()), data.h = data.f;
+  data.oYcrb.assign(n, Inertia::Zero());
+  data.mass.assign(n, 0.0), data.com.assign(n, Eigen::Vector3d::Zero());
+  data.nvSubtree = model.nvs;
+  for (size_t i = n; --i > 0;) data.nvSubtree[model.parents[i]] += data.nvSubtree[i];
+  data.J.setZero(6, model.nv), data.Ag.setZero(6, model.nv), data.M.setZero(model.nv, model.nv);
+  data.nle.setZero(model.nv), data.tau.setZero(model.nv);
+  return data;
+}
+
+}  // namespace
+
+struct Mechanics::Workspace {
+  explicit Workspace(const pinocchio::Model& m) : model(m), data(lean(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {}
+  const pinocchio::Model& model;
+  pinocchio::Data data;
+  VectorXd q, v, a, rate, end;  // a stays 0
+  const pinocchio::Model* tree = nullptr;  // expanded
+  std::unique_ptr<pinocchio::Data> derived;
+};
+
+Mechanics::Mechanics(const void* model, const Limits& limits_)
+    : limits(limits_), w(new Workspace(*static_cast<const pinocchio::Model*>(model))) {
+  nq = w->model.nq, nv = w->model.nv, joints = w->model.njoints;
+  ancestors.resize(nv), tangent.assign(nq, 0);
+  const auto above = supports();
+  parents.assign(w->model.parents.begin(), w->model.parents.end());
+  for (int j = 1; j < joints; ++j) tangent[w->model.idx_qs[j]] = w->model.idx_vs[j];
+  for (int j = 1; j < joints; ++j)
+    for (int i = 0; i < w->model.nvs[j]; ++i) {
+      const auto& own = above[j];
+      const auto end = own.end() - w->model.nvs[j] + i;
+      ancestors[w->model.idx_vs[j] + i].assign(std::make_reverse_iterator(end), own.rend());
+    }
+}
+
+Mechanics::~Mechanics() = default;
+
+std::vector<std::vector<int>> Mechanics::supports() const {
+  std::vector<std::vector<int>> out(joints);
+  for (int j = 1; j < joints; ++j) {
+    out[j] = out[w->model.parents[j]];
+    for (int i = 0; i < w->model.nvs[j]; ++i) out[j].push_back(w->model.idx_vs[j] + i);
+  }
+  return out;
+}
+
+void Mechanics::inertia(const double* q) {
+  w->q = In(q, nq);
+  pinocchio::crba(w->model, w->data, Vector(w->q), pinocchio::Convention::WORLD);
+}
+
+void Mechanics::poses(const double* q) {
+  w->q = In(q, nq);
+  pinocchio::computeJointJacobians(w->model, w->data, Vector(w->q));
+}
+
+void Mechanics::motions(const double* q, const double* v) {
+  w->q = In(q, nq), w->v = In(v, nv);
+  pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->a));
+}
+
+void Mechanics::motions(const double* q, const double* v, const double* a) {
+  w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
+  pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
+}
+
+void Mechanics::bias(const double* q, const double* v, double* out) {
+  w->q = In(q, nq), w->v = In(v, nv);
+  Out(out, nv) = pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
+}
+
+void Mechanics::inverse(const double* q, const double* v, const double* a, double* out) {
+  w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
+  Out(out, nv) = pinocchio::rnea(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
+  pinocchio::updateGlobalPlacements(w->model, w->data);
+  pinocchio::computeJointJacobians(w->model, w->data);
+}
+
+void Mechanics::expand(const void* model) {
+  w->tree = static_cast<const pinocchio::Model*>(model);
+  w->derived.reset(new pinocchio::Data(*w->tree));
+  parts.resize(nv);
+  for (int j = 1; j < w->tree->njoints; ++j)
+    for (int i = 0; i < w->tree->nvs[j]; ++i) parts[w->tree->idx_vs[j] + i] = j;
+}
+
+void Mechanics::slopes(const double* q, const double* v, const double* a, double* M, double* by_q, double* by_v) {
+  using Rows = Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+  pinocchio::Data& data = *w->derived;
+  w->q = In(q, nq), w->v = In(v, nv);
+  w->rate = In(a, nv);
+  pinocchio::computeRNEADerivatives(*w->tree, data, Vector(w->q), Vector(w->v), Vector(w->rate));
+  Rows(by_q, nv, nv) = data.dtau_dq, Rows(by_v, nv, nv) = data.dtau_dv;
+  Rows(M, nv, nv) = data.M.selfadjointView<Eigen::Upper>();
+  w->data.J = data.J;
+  for (int j = 1; j < joints; ++j) w->data.oMi[j] = data.oMi[parts[w->model.idx_vs[j] + w->model.nvs[j] - 1]];
+}
+
+void Mechanics::integrate(const double* q, const double* x, double* out) {
+  w->q = In(q, nq), w->v = In(x, nv);
+  pinocchio::integrate(w->model, w->q, w->v, w->end);
+  Out(out, nq) = w->end;
+}
+
+void Mechanics::difference(const double* q0, const double* q1, double* out) {
+  Out(out, nv) = pinocchio::difference(w->model, VectorXd(In(q0, nq)), VectorXd(In(q1, nq)));
+}
+
+double Mechanics::bare(const double* q, const double* v, int r, const double* G_, int repetitions) {
+  using Matrix = Eigen::MatrixXd;
+  const Matrix GT = Eigen::Map<const Matrix>(G_, nv, r);
+  w->q = In(q, nq), w->v = In(v, nv);
+  pinocchio::Data data(w->model);
+  Matrix X(nv, r + 1), S(r, r);
+  VectorXd lam(r), vdot(nv);
+  const auto start = std::chrono::steady_clock::now();
+  for (int i = 0; i < repetitions; ++i) {
+    pinocchio::crba(w->model, data, Vector(w->q), pinocchio::Convention::WORLD);
+    pinocchio::cholesky::decompose(w->model, data);
+    X.leftCols(r) = GT;
+    X.col(r) = -pinocchio::nonLinearEffects(w->model, data, Vector(w->q), Vector(w->v));
+    pinocchio::cholesky::solve(w->model, data, X);
+    vdot = X.col(r);
+    if (r) {
+      S.noalias() = GT.transpose() * X.leftCols(r);
+      lam = S.partialPivLu().solve(-GT.transpose() * vdot);
+      vdot.noalias() += X.leftCols(r) * lam;
+    }
+  }
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / repetitions;
+}
+
+void Mechanics::normalize(double* q) {
+  w->q = In(q, nq);
+  pinocchio::normalize(w->model, w->q);
+  Out(q, nq) = w->q;
+}
+
+void Mechanics::tangent_map(const double* q, const double* v, double* dq) {
+  Eigen::MatrixXd T = Eigen::MatrixXd::Zero(nq, nv);
+  w->q = In(q, nq);
+  pinocchio::tangentMap(w->model, w->q, T, pinocchio::SETTO);
+  Out(dq, nq).noalias() = T * In(v, nv);
+}
+
+void Mechanics::neutral(double* q) { Out(q, nq) = pinocchio::neutral(w->model); }
+
+double Mechanics::potential() const {
+  double out = 0;
+  for (int j = 1; j < joints; ++j) {
+    const auto& body = w->model.inertias[j];
+    out -= body.mass() * w->model.gravity.linear().dot(w->data.oMi[j].act(body.lever()));
+  }
+  return out;
+}
+
+const double* Mechanics::M() const { return w->data.M.data(); }
+const double* Mechanics::J() const { return w->data.J.data(); }
+const double* Mechanics::rotation(int j) const { return w->data.oMi[j].rotation().data(); }
+const double* Mechanics::position(int j) const { return w->data.oMi[j].translation().data(); }
+
+void Mechanics::velocity(int j, double* out) const {
+  Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
+  if (j)
+    o = w->data.oMi[j].act(w->data.v[j]).toVector();
+  else
+    o.setZero();
+}
+
+void Mechanics::acceleration(int j, double* out) const {
+  Eigen::Map<Eigen::Matrix<double, 6, 1>> o(out);
+  if (j)
+    o = w->data.oMi[j].act(w->data.a[j]).toVector();
+  else
+    o.setZero();
+}
+
+void Mechanics::gravity(double* out) const {
+  Eigen::Map<Eigen::Vector3d>(out, 3) = w->model.gravity.linear();
+}
+
+void Mechanics::place(int j, double* R, double* p) const {
+  const pinocchio::SE3 place = w->data.oMi[w->model.parents[j]] * w->model.jointPlacements[j];
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R, 3, 3) = place.rotation();
+  Eigen::Map<Eigen::Vector3d>(p, 3) = place.translation();
+}
+
+Body Mechanics::body(int j) const {
+  const auto inertia = w->data.oMi[j].act(w->model.inertias[j]);
+  Body out;
+  out.mass = inertia.mass();
+  Eigen::Map<Eigen::Vector3d>(out.centre, 3) = inertia.lever();
+  Eigen::Map<Eigen::Matrix3d>(out.I, 3, 3) = inertia.inertia().matrix();
+  return out;
+}
+
+}  // namespace mbdae

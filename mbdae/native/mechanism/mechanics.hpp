@@ -1,0 +1,70 @@
+// What the core asks of Pinocchio, in plain numbers: mechanics.cpp alone sees its types.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "numbers/limits.hpp"
+
+namespace mbdae {
+
+// A body in the world: its mass, centre, and inertia about that by rows.
+struct Body {
+  double mass, centre[3], I[9];
+};
+
+class Mechanics {
+ public:
+  // model points to a pinocchio::Model that outlives this object.
+  Mechanics(const void* model, const Limits& limits);
+  ~Mechanics();
+
+  const Limits limits;
+  int nq, nv, joints;
+  std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
+  std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
+  std::vector<int> parents;                 // (joints,)
+  std::vector<int> parts;                   // (nv,) of each degree of freedom: its joint in the expanded tree
+
+  std::vector<std::vector<int>> supports() const;  // of each joint: the degrees of freedom that move it
+
+  void inertia(const double* q);                                  // M; J and poses in the world
+  void poses(const double* q);                                    // J and poses alone
+  void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
+  void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
+  void bias(const double* q, const double* v, double* out);       // nle(q, v)
+  void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
+
+  // model points to the expanded tree (mechanism/expanded.py), which outlives this object; its workspace grows as nv^3.
+  void expand(const void* model);
+  bool expanded() const { return !parts.empty(); }
+  // M, and the slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; J and poses stand then.
+  void slopes(const double* q, const double* v, const double* a, double* M, double* by_q, double* by_v);
+
+  void integrate(const double* q, const double* x, double* out);  // q (+) x
+  void difference(const double* q0, const double* q1, double* out);
+  void neutral(double* q);
+  void normalize(double* q);
+  void tangent_map(const double* q, const double* v, double* dq);  // dq/dt of raw coordinates
+
+  // Seconds of one crba, nle, Cholesky factorization of M and solve of the saddle-point system with G (r, nv) by rows,
+  // all with the routines of Pinocchio and Eigen: what a stage cannot do without.
+  double bare(const double* q, const double* v, int r, const double* G, int repetitions);
+
+  double potential() const;                 // of gravity in J, where poses stand
+  const double* M() const;                  // upper triangle by columns, (nv, nv)
+  const double* J() const;                  // at the world's origin by columns, (6, nv)
+  const double* rotation(int joint) const;  // by columns
+  const double* position(int joint) const;
+  void velocity(int joint, double* out) const;  // spatial, at the world's origin, linear part first
+  void acceleration(int joint, double* out) const;
+  void gravity(double* out) const;                              // (3,)
+  void place(int joint, double* R, double* p) const;            // of the joint's own place on the body before it, by rows
+  Body body(int joint) const;                                   // behind a joint
+
+ private:
+  struct Workspace;
+  std::unique_ptr<Workspace> w;
+};
+
+}  // namespace mbdae

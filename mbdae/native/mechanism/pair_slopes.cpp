@@ -1,0 +1,117 @@
+#include "mechanism/pair_slopes.hpp"
+
+#include <algorithm>
+
+#include "numbers/vec3.hpp"
+
+namespace mbdae {
+
+void motion_cross(const double* a, const double* b, double* out) {
+  double other[3];
+  cross(a + 3, b, out), cross(a, b + 3, other), cross(a + 3, b + 3, out + 3);
+  for (int i = 0; i < 3; ++i) out[i] += other[i];
+}
+
+void skew(const double* w, double* out) {
+  out[0] = out[4] = out[8] = 0;
+  out[1] = -w[2], out[2] = w[1], out[3] = w[2], out[5] = -w[0], out[6] = -w[1], out[7] = w[0];
+}
+
+void product(const double* a, const double* b, double* out) {
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
+}
+
+void of_skews(const double* a, const double* b, double* out) {
+  const double along = dot(a, b);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) out[3 * i + j] = b[i] * a[j] - (i == j) * along;
+}
+
+void block(double* D, int i, int j, const double* m, double factor) {
+  for (int k = 0; k < 3; ++k)
+    for (int l = 0; l < 3; ++l) D[6 * (i + k) + j + l] += factor * m[3 * k + l];
+}
+
+void times6(const double* D, const double* x, double* out) {
+  for (int i = 0; i < 6; ++i) out[i] = dot(D + 6 * i, x, 6);
+}
+
+void matrix_of_wrench(const double* F, double* out) {
+  double f[9], m[9];
+  skew(F, f), skew(F + 3, m);
+  std::fill(out, out + 36, 0.0);
+  block(out, 0, 3, f, -1), block(out, 3, 0, f, -1), block(out, 3, 3, m, -1);
+}
+
+void carried(const double* p, const double* n, double* D) {
+  double N[9], NP[9];
+  skew(n, N), of_skews(n, p, NP);
+  block(D, 3, 0, N, -1), block(D, 3, 3, NP, 1);
+}
+
+void line_slopes(const Pair& pair, double factor, Turning& t) {
+  double n[3], N[9], A[9], B[9], NA[9], NB[9], out[9];
+  const double d = unit_gap(pair, n);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) N[3 * i + j] = ((i == j) - n[i] * n[j]) / d * factor;
+  skew(pair.pa, A), skew(pair.pb, B), product(N, A, NA), product(N, B, NB);
+  block(t.Da, 0, 0, N, -1), block(t.Da, 0, 3, NA, 1), block(t.Db, 0, 0, N, 1), block(t.Db, 0, 3, NB, -1);
+  product(B, N, out), block(t.Da, 3, 0, out, -1), block(t.Db, 3, 0, out, 1);
+  product(B, NA, out), block(t.Da, 3, 3, out, 1);
+  product(B, NB, out), block(t.Db, 3, 3, out, -1);
+  for (double& x : n) x *= factor;
+  carried(pair.pb, n, t.Db);
+}
+
+PairSlopes::PairSlopes(const Mechanics& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {
+  std::fill(V, V + 6, 0.0);
+  columns_.reserve(pair.columns.size());
+  for (size_t k = 0; k < pair.columns.size(); ++k) {
+    const int at = pair.columns[k];
+    if (pair.sign[k] != 0) columns_.push_back({at, m.parts[at], pair.sign[k], m.J() + 6 * at, {}});
+  }
+  for (Column& c : columns_) {
+    double W[6] = {0, 0, 0, 0, 0, 0};  // of the frame that c moves, against what is before c's joint
+    for (const Column& k : columns_)
+      if (k.sign == c.sign && c.part <= k.part)
+        for (int i = 0; i < 6; ++i) W[i] += k.J[i] * v[k.at];
+    motion_cross(c.J, W, c.dV);
+    for (int i = 0; i < 6; ++i) V[i] += c.sign * c.J[i] * v[c.at];
+  }
+}
+
+void PairSlopes::torque(const Turning& t, double* K, size_t width) const {
+  for (const Column& m : columns_) {
+    double dF[6], turned[6], more[6];  // turned = J x* F
+    times6(m.sign > 0 ? t.Db : t.Da, m.J, dF);
+    cross(m.J + 3, t.F, turned), cross(m.J + 3, t.F + 3, turned + 3), cross(m.J, t.F, more);
+    for (int i = 0; i < 3; ++i) turned[3 + i] += more[i];
+    if (t.damped) {
+      times6(t.C, m.dV, more);
+      for (int i = 0; i < 6; ++i) dF[i] += m.sign * more[i];
+    }
+    for (const Column& k : columns_) {
+      double s = dot(k.J, dF, 6);
+      if (k.sign == m.sign && m.part <= k.part) s -= dot(k.J, turned, 6);
+      K[k.at * width + m.at] += k.sign * s;
+    }
+  }
+}
+
+void PairSlopes::damping(const double* C, double* D, size_t width) const {
+  for (const Column& m : columns_) {
+    double dF[6];
+    times6(C, m.J, dF);
+    for (const Column& k : columns_) D[k.at * width + m.at] += k.sign * m.sign * dot(k.J, dF, 6);
+  }
+}
+
+void PairSlopes::power(const double* w, const Turning& t, double* B) const {
+  double by_a[6] = {0, 0, 0, 0, 0, 0}, by_b[6] = {0, 0, 0, 0, 0, 0};
+  for (int i = 0; i < 6; ++i)
+    for (int j = 0; j < 6; ++j) by_a[j] += V[i] * t.Da[6 * i + j], by_b[j] += V[i] * t.Db[6 * i + j];
+  for (const Column& m : columns_) B[m.at] += dot(m.sign > 0 ? by_b : by_a, m.J, 6) + m.sign * dot(w, m.dV, 6);
+}
+
+}  // namespace mbdae

@@ -1,0 +1,221 @@
+#include "mechanism/rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "mechanism/lines.hpp"
+#include "mechanism/pair_slopes.hpp"
+#include "numbers/vec3.hpp"
+
+namespace mbdae {
+
+namespace {
+
+void place(const Mechanics& m, const Anchor& x, bool turns, double* __restrict R, double* __restrict p) {
+  if (!x.joint) return;  // fixed to the world: placed once
+  const double* __restrict o = m.rotation(x.joint), * __restrict at = m.position(x.joint);  // o by columns
+  for (int i = 0; i < 3; ++i) p[i] = o[i] * x.p[0] + o[3 + i] * x.p[1] + o[6 + i] * x.p[2] + at[i];
+  if (!turns) return;
+  if (x.straight) {
+    for (int i = 0; i < 3; ++i) R[3 * i] = o[i], R[3 * i + 1] = o[3 + i], R[3 * i + 2] = o[6 + i];
+    return;
+  }
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) R[3 * i + j] = o[i] * x.R[j] + o[3 + i] * x.R[3 + j] + o[6 + i] * x.R[6 + j];
+}
+
+double angle(const double* q, int nq) { return nq == 1 ? q[0] : std::atan2(q[1], q[0]); }
+
+void horner(const std::vector<double>& c, double x, double& p, double& slope, double& curve) {
+  p = slope = curve = 0;
+  for (size_t i = c.size(); i-- > 0;) curve = curve * x + 2 * slope, slope = slope * x + p, p = p * x + c[i];
+}
+
+}  // namespace
+
+Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<std::vector<int>>& supports) : a(a_), b(b_) {
+  std::set<int> all(supports[a.joint].begin(), supports[a.joint].end());
+  const std::set<int> of_a = all, of_b(supports[b.joint].begin(), supports[b.joint].end());
+  all.insert(of_b.begin(), of_b.end());
+  for (int i : all) columns.push_back(i), sign.push_back(static_cast<double>(of_b.count(i)) - of_a.count(i));
+  const double one[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  for (Anchor* x : {&a, &b}) x->straight = std::equal(one, one + 9, x->R);
+  std::copy(a.R, a.R + 9, Ra), std::copy(a.p, a.p + 3, pa), std::copy(b.R, b.R + 9, Rb), std::copy(b.p, b.p + 3, pb);
+}
+
+void Pair::locate(const Mechanics& m) {
+  place(m, a, turns_a, Ra, pa), place(m, b, turns_b, Rb, pb);
+  known_ = nothing;
+}
+
+void Pair::twist(const Mechanics& m) {
+  double other[6];
+  m.velocity(a.joint, Va), m.velocity(b.joint, Vb);
+  m.acceleration(a.joint, other), m.acceleration(b.joint, A);
+  for (int i = 0; i < 6; ++i) A[i] -= other[i];
+  known_ = nothing;
+}
+
+const Touch& Pair::touch(const Shape& s, bool moving) const {
+  const Known wanted = moving ? rates : places;
+  if (known_ < wanted) mbdae::touch(s, *this, moving ? Va : nullptr, Vb, touch_), known_ = wanted;
+  return touch_;
+}
+
+void Pair::relative(const Mechanics& m, const double* v, double* out) const {
+  std::fill(out, out + 6, 0.0);
+  for (size_t k = 0; k < columns.size(); ++k) {
+    const double f = sign[k] * v[columns[k]], *J = m.J() + 6 * columns[k];
+    for (int i = 0; i < 6; ++i) out[i] += J[i] * f;
+  }
+}
+
+void Pair::torque(const Mechanics& m, const double* w, double factor, double* tau) const {
+  for (size_t k = 0; k < columns.size(); ++k) {
+    const double* J = m.J() + 6 * columns[k];
+    tau[columns[k]] += factor * sign[k] * (dot(w, J) + dot(w + 3, J + 3));
+  }
+}
+
+double unit_gap(const Pair& pair, double* n) {
+  for (int i = 0; i < 3; ++i) n[i] = pair.pb[i] - pair.pa[i];
+  const double d = std::sqrt(dot(n, n));
+  if (!(d > 0)) {
+    n[0] = 1, n[1] = n[2] = 0;
+    return std::numeric_limits<double>::min();
+  }
+  for (int i = 0; i < 3; ++i) n[i] /= d;
+  return d;
+}
+
+double Row::wrench(const Pair& pair, double* w) const {
+  double g = 0;
+  if (kind >= height) return line_wrench(*this, pair, w);
+  if (kind == dot_product_1) {
+    double x[3], y[3];
+    turn(pair.Ra, a, x), turn(pair.Rb, b, y);
+    g = dot(x, y);
+    w[0] = w[1] = w[2] = 0;
+    cross(y, x, w + 3);
+    return g;
+  }
+  if (kind == dot_product_2) {
+    const double d[3] = {pair.pb[0] - pair.pa[0], pair.pb[1] - pair.pa[1], pair.pb[2] - pair.pa[2]};
+    turn(pair.Ra, a, w);
+    g = dot(d, w);
+  } else {
+    g = unit_gap(pair, w) - length;
+  }
+  cross(pair.pb, w, w + 3);
+  return g;
+}
+
+double Row::rate(const Pair& pair) const {
+  double w[6], dw[6] = {0, 0, 0, 0, 0, 0}, relative[6], out = 0;
+  if (touches(*this)) pair.touch(shape, true);
+  wrench(pair, w);
+  for (int i = 0; i < 6; ++i) relative[i] = pair.Vb[i] - pair.Va[i], out += pair.A[i] * w[i];
+  if (kind >= height) {
+    line_rate(*this, pair, pair.Va, pair.Vb, touches(*this) ? &pair.touch(shape, true) : nullptr, dw);
+  } else if (kind == dot_product_1) {
+    double x[3], y[3], dx[3], dy[3], s[3], u[3];
+    turn(pair.Ra, a, x), turn(pair.Rb, b, y);
+    cross(pair.Va + 3, x, dx), cross(pair.Vb + 3, y, dy);
+    cross(dy, x, s), cross(y, dx, u);
+    for (int i = 0; i < 3; ++i) dw[3 + i] = s[i] + u[i];
+  } else {
+    double dpb[3], s[3], u[3];
+    cross(pair.Vb + 3, pair.pb, dpb);
+    for (int i = 0; i < 3; ++i) dpb[i] += pair.Vb[i];
+    if (kind == dot_product_2) {
+      cross(pair.Va + 3, w, dw);
+    } else {
+      double dpa[3], n[3];
+      cross(pair.Va + 3, pair.pa, dpa);
+      const double d = unit_gap(pair, n);
+      double along = 0;
+      for (int i = 0; i < 3; ++i) dpa[i] += pair.Va[i], along += n[i] * (dpb[i] - dpa[i]);
+      for (int i = 0; i < 3; ++i) dw[i] = (dpb[i] - dpa[i] - n[i] * along) / d;
+    }
+    cross(dpb, w, s), cross(pair.pb, dw, u);
+    for (int i = 0; i < 3; ++i) dw[3 + i] = s[i] + u[i];
+  }
+  for (int i = 0; i < 6; ++i) out += relative[i] * dw[i];
+  return out;
+}
+
+void Row::slopes(const Pair& pair, Turning& t) const {
+  wrench(pair, t.F);
+  if (kind == distance) return line_slopes(pair, 1, t);
+  if (kind >= height) return slopes_of_line(*this, pair, t);
+  double x[3], y[3], X[9], XX[9];
+  turn(pair.Ra, a, x);
+  if (kind == dot_product_1) {
+    turn(pair.Rb, b, y);
+    of_skews(y, x, XX), block(t.Da, 3, 3, XX, -1);
+    of_skews(x, y, XX), block(t.Db, 3, 3, XX, 1);
+    return;
+  }
+  skew(x, X), of_skews(pair.pb, x, XX);
+  block(t.Da, 0, 3, X, -1), block(t.Da, 3, 3, XX, -1);
+  carried(pair.pb, x, t.Db);
+}
+
+double Row::coordinate_value(const double* q, double* slope) const {
+  if (kind == ratio) {
+    double by, curve;
+    horner(c, iv[2] < 0 ? 0 : angle(q + iq[2], nq[2]), *slope, by, curve);
+    return 0;
+  }
+  const double x = angle(q + iq[0], nq[0]);
+  double p = 0, curve = 0;
+  *slope = 0;
+  if (kind == curved) {
+    const double at = folded(q, &p);
+    *slope = law.at(at, 1);
+    return x - p - law.at(at);
+  }
+  if (kind == sum) {
+    for (size_t k = 0; k < others.size(); ++k) p += c[k + 1] * angle(q + others[k][0], others[k][1]);
+    return x - c[0] - p;
+  }
+  if (iv[1] < 0) {
+    for (double k : c) p += k;
+    return x - p;
+  }
+  horner(c, angle(q + iq[1], nq[1]), p, *slope, curve);
+  return x - p;
+}
+
+double Row::coordinate_bias(const double* q, const double* v) const {
+  const int k = kind == ratio ? iv[2] : iv[1];
+  return k < 0 ? 0 : -curvature(q) * v[iv[1]] * v[k];
+}
+
+double Row::folded(const double* q, double* rise) const {
+  const double x = angle(q + iq[1], nq[1]), turns = fold[1] > 0 ? std::floor((x - fold[0]) / fold[1]) : 0;
+  *rise = turns * fold[2];
+  return x - turns * fold[1];
+}
+
+double Row::curvature(const double* q) const {
+  if (kind == curved) {
+    double rise;
+    return law.at(folded(q, &rise), 2);
+  }
+  double p, slope, curve;
+  const int k = kind == ratio ? 2 : 1;
+  horner(c, angle(q + iq[k], nq[k]), p, slope, curve);
+  return kind == ratio ? slope : curve;
+}
+
+void Row::coordinate_slopes(const double* q, const double* v, double lam, double* K, double* B, size_t width) const {
+  const int j = iv[1], k = kind == ratio ? iv[2] : j;
+  if (k < 0) return;
+  const double curve = curvature(q);
+  K[j * width + k] -= lam * curve, B[k] -= curve * v[j];
+}
+
+}  // namespace mbdae

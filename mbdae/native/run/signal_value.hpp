@@ -1,0 +1,64 @@
+// Signals of a mechanism at a single point (mbdae/solution/signal_value.py).
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "system/index2.hpp"
+#include "system/residuals.hpp"
+
+namespace mbdae {
+
+// What signals are made of at a point, found once for all that ask for it. Nothing is counted.
+class PointValues {
+ public:
+  // kept: where the configuration of the run goes when another one is looked at; it comes back in the end.
+  explicit PointValues(Index2System& s, Point* kept = nullptr)
+      : s_(s), kept_(kept), F_(s.ny), z_(s.ng), g_(s.ng), rate_(s.ng) {}
+  ~PointValues() {
+    if (apart_) s_.point.exchange(*kept_);
+  }
+  PointValues(const PointValues&) = delete;
+  PointValues& operator=(const PointValues&) = delete;
+
+  void part() {  // before another configuration is looked at
+    if (kept_ && !apart_) s_.point.exchange(*kept_), apart_ = true;
+  }
+
+  void stand(double t, const double* y);
+  const Numbers& F() { return derive(), F_; }        // (ny,) y'
+  const Numbers& lam() { return derive(), z_; }      // (ng,) of the hidden constraint
+  const Numbers& gaps() { return measure(), g_; }    // (ng,) g
+  const Numbers& rates() { return measure(), rate_; }  // (ng,) G v + g_t
+  const Energy& energy() { return measure(), energy_; }
+  double moment(const std::vector<int>& rows);  // of lam on the body of the second frame, at its origin
+
+ private:
+  void derive();
+  void measure();
+
+  Index2System& s_;
+  Point* const kept_;
+  bool apart_ = false;
+  double t_ = NAN;
+  Numbers y_, F_, z_, g_, rate_;
+  Energy energy_{};
+  bool derived_ = false, measured_ = false;
+};
+
+struct SignalValue {
+  enum Kind { time, number, rated, angle, lam, force, torque, kinetic, potential, energy, gap, speed } kind = time;
+  int i = 0, rate = -1;   // its number in y or y', of an angle that of its cosine; that of its rate in y', -1: none
+  std::vector<int> rows;  // of closures
+
+  double at(PointValues& values, double t, const double* y) const;  // at a point y; an angle between -pi and pi
+  bool fits(const Index2System& s) const;                           // whether its numbers do
+};
+
+inline const std::map<std::string, SignalValue::Kind> SIGNAL_KINDS = {
+    {"t", SignalValue::time},           {"y", SignalValue::number},           {"rate", SignalValue::rated},
+    {"angle", SignalValue::angle},      {"lam", SignalValue::lam},            {"force", SignalValue::force},
+    {"torque", SignalValue::torque},    {"kinetic", SignalValue::kinetic},    {"potential", SignalValue::potential},
+    {"energy", SignalValue::energy},    {"g", SignalValue::gap},              {"Gv", SignalValue::speed}};
+
+}  // namespace mbdae

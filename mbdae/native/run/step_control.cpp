@@ -1,0 +1,72 @@
+#include "run/step_control.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mbdae {
+
+bool StepControl::propose(const Leg& leg, Proposal& p) {
+  const double left = std::fabs(leg.stop - leg.t);
+  p.h = std::min(h, largest);
+  cut = p.h > left ? h : 0.0;
+  if (p.h >= left * (1 - nearly)) {
+    p = {left, leg.end};
+    return true;
+  }
+  if (!large_enough(leg, p.h)) return false;
+  p.t_next = leg.t + leg.sign * p.h;
+  return true;
+}
+
+bool StepControl::large_enough(const Leg& leg, double size) const {
+  const double t = std::max(std::fabs(leg.t), std::fabs(leg.t1));
+  return size >= spacings * (std::nextafter(t, INFINITY) - t);
+}
+
+double StepControl::error_norm(const double* e, int errors, int ny, int n, const double* size0, const double* size1,
+                               int from, int to, double noise) const {
+  double norms[2] = {0, 0};
+  for (int i = 0; i < errors && i < 2; ++i) {
+    double s = 0;
+    for (int k = 0; k < n; ++k) {
+      double scale = atol[atol.size() == 1 ? 0 : k] + rtol * std::max(size0[k], size1[k]) + nothing;
+      if (k >= from && k < to) scale += noise;
+      const double x = e[static_cast<size_t>(i) * ny + k] / scale;
+      s += x * x;
+    }
+    norms[i] = std::sqrt(s / n);
+  }
+  if (errors == 1 || norms[0] == 0) return norms[0];
+  const double both = std::pow(norms[0], blend) + companion * std::pow(norms[1], blend);
+  return norms[0] * norms[0] / std::pow(both, 1 / blend);
+}
+
+double StepControl::next_step(double taken, double error) {
+  if (!(error <= 1)) {
+    rejected = true;
+    const double shrink = std::isfinite(error) ? safety * std::pow(error, -1 / power) : 0.0;
+    return taken * std::max(smallest_factor, shrink);
+  }
+  error = std::max(error, smallest_error);
+  double factor = safety * std::pow(error, exponent) * std::pow(last, last_exponent);
+  factor = std::min(rejected ? 1.0 : largest_factor, std::max(smallest_factor, factor));
+  if (factor > 1 && factor <= steady) factor = 1;
+  last = std::max(error, smallest_last), rejected = false;
+  return taken * factor;
+}
+
+double Grid::at(const Leg& leg, long k) const { return k >= n ? leg.t1 : t0 + leg.sign * k * step; }
+
+Proposal Grid::propose(const Leg& leg) {
+  const bool started = on_grid;
+  const double left = std::fabs(leg.stop - leg.t), t = at(leg, i + 1);
+  const double beyond = leg.sign * (t - leg.stop);
+  on_grid = beyond <= near * step;
+  i += on_grid;
+  if (beyond >= -near * step) return {left, leg.end};
+  return {started ? step : std::fabs(t - leg.t), t};
+}
+
+bool Grid::behind(const Leg& leg) const { return on_grid && i < n && leg.sign * (leg.stop - at(leg, i + 1)) >= 0; }
+
+}  // namespace mbdae

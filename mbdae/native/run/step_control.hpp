@@ -1,0 +1,66 @@
+// Step sizes: under error control, or on a grid (mbdae/integrate/steppers, mbdae/methods/controller.py).
+#pragma once
+
+#include "numbers/linear.hpp"
+
+namespace mbdae {
+
+// Where a leg of a run stands, and where it ends.
+struct Leg {
+  double t = 0, sign = 1;    // s; 1 forwards, -1 backwards
+  double stop = 0, end = 0;  // s: what forces see of the end of the leg, and its name
+  double t1 = 0;             // s: end of the span
+};
+
+// A step: its size, positive, and the time where it ends.
+struct Proposal {
+  double h, t_next;
+};
+
+// Steps under control. The first four change from step to step.
+struct StepMemory {
+  double h = 0;           // s: the next step
+  double cut = 0;         // s: the step that would have been taken, had there not been the end of a leg
+  double last = 0;        // error norm of the last step
+  bool rejected = false;  // was the last step?
+};
+
+struct StepControl : StepMemory {
+  double largest = 0;  // s
+  double rtol = 0;
+  Numbers atol;                            // (1,) or (measured,)
+  double nothing = 0;                      // keeps scales positive where neither tolerance does
+  double companion = 0, blend = 1;         // weight of the second of two error estimates, and how they are blended
+  double power = 1;                        // of h in the error estimate
+  double exponent = 0, last_exponent = 0;  // of an accepted error, and of the one before
+  double safety = 0, smallest_factor = 0, largest_factor = 0;
+  double steady = 1;                             // growth up to this factor is left out
+  double smallest_error = 0, smallest_last = 0;  // errors below count as these
+  double nearly = 0;                             // of the way left: a step so near to it takes all of it
+  double spacings = 0;                           // of the times of a run: below, a step is too small
+
+  bool large_enough(const Leg& leg, double size) const;  // well above the rounding of times
+  bool propose(const Leg& leg, Proposal& p);  // false where Python has something to say about it
+  // Norm of error estimates (errors, ny), of which the first n components are measured. What rounding makes of v at a
+  // stage, eps |v| / (h ahat_ii), cannot be controlled: `noise` adds to the scale of components from..to, those of v.
+  double error_norm(const double* e, int errors, int ny, int n, const double* size0, const double* size1, int from,
+                    int to, double noise) const;
+  double next_step(double taken, double error);  // size, after one with an error norm
+};
+
+struct GridMemory {
+  long i = 0;           // the last point of the grid
+  bool on_grid = true;  // does the run stand there?
+};
+
+struct Grid : GridMemory {
+  double step = 0, t0 = 0;  // s
+  long n = 0;               // steps of the whole span
+  double near = 0;          // of a step: how near to the grid a time counts as on it
+
+  Proposal propose(const Leg& leg);
+  bool behind(const Leg& leg) const;        // on this leg, is there a point of the grid behind the next one?
+  double at(const Leg& leg, long k) const;  // s: time of point k
+};
+
+}  // namespace mbdae

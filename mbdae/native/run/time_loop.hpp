@@ -1,0 +1,124 @@
+// Many steps in a row: what mbdae/integrate/loop.py does where nothing unusual happens.
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "steps/collocation.hpp"
+#include "run/event_watch.hpp"
+#include "run/jumps.hpp"
+#include "system/projection.hpp"
+#include "steps/step.hpp"
+#include "run/step_control.hpp"
+
+namespace mbdae {
+
+// The watch for singular configurations, in ratios of pivots (mbdae/integrate/singularity_watch.py).
+struct SingularWatch {
+  double usual = 0, before = 0;  // the largest so far, and the last
+  double suspect = 0, landed = 0, zone = 0;
+  double ahead = 0;      // steps within which a ratio that falls on would vanish: then Python looks ahead
+  bool entered = false;  // it does so already
+};
+
+// The nodes that steps, n of them, and jumps led to.
+struct Steps {
+  Numbers t, least_pivot_ratio;  // (n,); least_pivot_ratio: smallest ratio of pivots that each of them met
+  Numbers y, z;        // (n, length), (n, nz) by rows
+  std::vector<std::pair<long, std::vector<int>>> changes;  // at which of them which rows came into use
+  Numbers carry;                                           // (k, nc) by rows: what the method carries from the first k
+  std::vector<long> renewed;                               // at which of those it was found anew
+  std::vector<long> behind;                                // which of them lie behind a jump: no step led there
+};
+
+// What a run hands over, and gets back.
+struct Run {
+  Leg leg;
+  State state;
+  StepControl control;
+  Grid grid;
+  SingularWatch watch;
+  Events events;
+  Jumps jumps;
+  bool adaptive = false;  // by control; else on the grid
+  bool project = false;   // the ends of steps
+  bool watched = false;   // by the watch
+  double tolerated = 0;   // fixed steps: what a projection may move a state whose derivative is kept
+  double seconds = 0;     // of computing, or little more
+  long budget = 0;        // steps taken or rejected, at most
+  long kept = 0;          // nodes at which what the method carries is recorded, at most
+
+  Steps steps;
+  long taken = 0, rejected = 0;
+  bool stuck = false;  // the next step is not for the core
+};
+
+// A method that takes the steps of a run.
+class Method {
+ public:
+  virtual ~Method() = default;
+  virtual void take(bool controlled, double t, double h, const State& in, State& out, double* z, Numbers& errors) = 0;
+
+  const int errors;    // error estimates of a controlled step
+  const double noise;  // rounding of v by which they exceed eps |v|
+  const bool carries;  // a derivative or stages from step to step
+
+ protected:
+  Method(int errors_, double noise_, bool carries_) : errors(errors_), noise(noise_), carries(carries_) {}
+};
+
+class HalfExplicitMethod final : public Method {
+ public:
+  HalfExplicitMethod(HalfExplicitStep& step, const Tableau& a)
+      : Method(a.doubled ? 1 : a.errors, a.noise, a.first), step_(step), a_(a) {}
+  void take(bool controlled, double t, double h, const State& in, State& out, double* z, Numbers& errors) override {
+    controlled ? step_.controlled(a_, t, h, in, out, z, errors) : step_.take(a_, t, h, in, out, z, errors);
+  }
+
+ private:
+  HalfExplicitStep& step_;
+  const Tableau& a_;
+};
+
+class CollocationMethod final : public Method {
+ public:
+  CollocationMethod(CollocationStep& step, const Radau& a) : Method(a.errors, 0, true), step_(step), a_(a) {}
+  void take(bool controlled, double t, double h, const State& in, State& out, double* z, Numbers& errors) override {
+    step_.take(a_, controlled, t, h, in, out, z, errors);
+  }
+
+ private:
+  CollocationStep& step_;
+  const Radau& a_;
+};
+
+class TimeLoop {
+ public:
+  TimeLoop(Method& method, Index2System& system, Run& run);
+
+  void advance();  // take steps until something asks for Python
+
+ private:
+  bool attempt();          // a step; false where Python has something to say about it
+  bool judge(double h);    // is it accepted?
+  bool shorten(double h);  // after a step that was too long; false where a shorter one is too short
+  void project(double t);  // its end
+  void look(Proposal& p);  // for events on the step just taken, which ends where one ends the run
+  bool cross();            // the jump behind a leg; false where Python has something to say about it
+  void push();             // record the state
+  bool landing();          // does a fixed step lead into a singular configuration where another can be taken?
+  double error_norm(const double* e, int errors, double noise) const;
+
+  Method& method_;
+  Index2System& s_;
+  Run& run_;
+  State next_;
+  bool renewed_ = false;   // what it carries was found anew
+  Look seen_;              // on the step just taken
+  Numbers errors_;         // (errors, ny)
+  Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
+  Numbers z_;              // (nz,) multipliers of the method
+  Point aside_;            // for that of the run while events are looked for
+};
+
+}  // namespace mbdae

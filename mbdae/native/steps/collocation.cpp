@@ -1,0 +1,248 @@
+#include "steps/collocation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "numbers/matrices.hpp"
+#include "steps/stage_solver.hpp"
+#include "numbers/vec3.hpp"
+
+namespace mbdae {
+
+namespace {
+
+using In = Eigen::Map<const Vector<double>>;
+
+// out (s, n) = h A K of A (s, s) and K (s, n), by rows.
+void combine(const Numbers& A, const double* K, int s, int n, double h, double* out) {
+  std::fill(out, out + s * n, 0.0);
+  for (int i = 0; i < s; ++i) {
+    double* o = out + i * n;
+    for (int j = 0; j < s; ++j) {
+      const double a = A[i * s + j], *k = K + j * n;
+      for (int l = 0; l < n; ++l) o[l] += a * k[l];
+    }
+    for (int l = 0; l < n; ++l) o[l] *= h;
+  }
+}
+
+// The Lagrange polynomials of the nodes c at the points x, (n, s).
+Rows<double> lagrange(const Numbers& c, const Numbers& x) {
+  const int n = static_cast<int>(x.size()), s = static_cast<int>(c.size());
+  Rows<double> out = Rows<double>::Ones(n, s);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < s; ++j)
+      for (int k = 0; k < s; ++k)
+        if (k != j) out(i, j) *= (x[i] - c[k]) / (c[j] - c[k]);
+  return out;
+}
+
+// Iterations that are left after a change by `size`, until the next one would be below the tolerance.
+int iterations_left(const Radau& a, double size, double rate) {
+  if (rate * size <= a.tolerance) return 0;
+  if (!(rate < 1)) return a.further;
+  return static_cast<int>(std::fmin(a.further, std::ceil(std::log(a.tolerance / size) / std::log(rate)) - 1));
+}
+
+}  // namespace
+
+CollocationStep::CollocationStep(Index2System& s)
+    : s_(s),
+      nq_(s.nq),
+      nv_(s.nv),
+      ns_(s.ns),
+      ny_(s.ny),
+      y0_(s.length),
+      size_(s.ny),
+      q_(s.nq),
+      u_(s.ny - s.nv),
+      f_(s.nv),
+      inertial_(s.nv),
+      G_(static_cast<size_t>(s.ng) * s.nv),
+      gt_(s.ng),
+      lam_(s.ng),
+      rates_(s.ng),
+      scale_(s.ny) {}
+
+CollocationStep::~CollocationStep() = default;
+
+void CollocationStep::correction(const Radau& a, double t, const StageMemory& m) {
+  const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size());
+  for (int i = 0; i < s; ++i)
+    residual(t + a.c[i] * m.h, &X_[i * ny], &m.K[i * ny], m.Z.data() + i * r, &R_[i * ny], C_.data() + i * r);
+  std::fill(dK_.begin(), dK_.end(), 0.0), std::fill(dZ_.begin(), dZ_.end(), 0.0);
+  for (size_t i = 0; i < a.modes.size(); ++i) {
+    const Mode& mode = a.modes[i];
+    const bool real = mode.value.imag() == 0;
+    std::fill(dk_.begin(), dk_.end(), 0.0), std::fill(dz_.begin(), dz_.end(), 0.0);
+    auto gather = [&](const double* from, int n, double* to) {
+      for (int j = 0; j < s; ++j, from += n) {
+        const double x = mode.row[j].real(), y = mode.row[j].imag();
+        for (int k = 0; k < n; ++k) to[k] += x * from[k];
+        for (int k = 0; k < n && !real; ++k) to[n + k] += y * from[k];
+      }
+    };
+    auto spread = [&](const double* from, int n, double* to) {
+      for (int j = 0; j < s; ++j, to += n) {
+        const double x = mode.column[j].real(), y = mode.column[j].imag();
+        for (int k = 0; k < n; ++k) to[k] += x * from[k];
+        for (int k = 0; k < n && !real; ++k) to[k] -= y * from[n + k];
+      }
+    };
+    gather(R_.data(), ny, dk_.data()), gather(C_.data(), r, dz_.data());
+    s_.counts.solves += 1;
+    m.solvers[i]->solve(dk_.data(), dz_.data(), work_);
+    spread(dk_.data(), ny, dK_.data()), spread(dz_.data(), r, dZ_.data());
+  }
+}
+
+bool CollocationStep::solve(const Radau& a, int patience, double t, StageMemory& m) {
+  const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), measured = s_.measured();
+  const double h = m.h;
+  for (Numbers* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
+  C_.resize(s * r), dZ_.resize(s * r), dk_.resize(2 * ny), dz_.resize(2 * r);
+  combine(a.A, m.K.data(), s, ny, h, X_.data());
+  double most = 0;
+  for (int k = 0; k < measured; ++k) {
+    double move = 0;
+    for (int i = 0; i < s; ++i) move = std::max(move, std::fabs(X_[i * ny + k]));
+    scale_[k] = size_[k] + move, most = std::max(most, scale_[k]);
+  }
+  for (int k = 0; k < measured; ++k) scale_[k] = 1 / (scale_[k] + a.share * most + std::numeric_limits<double>::min());
+  double last = INFINITY, rate = a.expected;
+  int left = 0;
+  for (int k = 0; k < patience; ++k) {
+    correction(a, t, m);
+    for (int i = 0; i < s * ny; ++i) m.K[i] += dK_[i];
+    for (int i = 0; i < s * r; ++i) m.Z[i] += dZ_[i];
+    combine(a.A, m.K.data(), s, ny, h, X_.data());
+    combine(a.A, dK_.data(), s, ny, h, moves_.data());
+    double sum = 0;
+    for (int i = 0; i < s; ++i)
+      for (int j = 0; j < measured; ++j) {
+        const double move = moves_[i * ny + j] * scale_[j];
+        sum += move * move;
+      }
+    const double size = std::sqrt(sum / (s * measured));
+    s_.counts.newton += 1;
+    if (last > a.near) {
+      if (k) rate = k == 1 ? size / last : std::sqrt(rate * size / last);
+      left = k ? iterations_left(a, size, rate) : a.first;
+    } else {
+      --left;
+    }
+    if (size <= a.near && (left <= 0 || k == patience - 1)) {
+      m.rate = rate;
+      return true;
+    }
+    const bool slow = k > 1 && last > a.near && (rate >= 1 || std::pow(rate, patience - 1 - k) * size > a.near);
+    if (slow || !std::isfinite(size)) return false;
+    last = size;
+  }
+  return false;
+}
+
+void CollocationStep::take(const Radau& a, bool controlled, double t, double h, const State& in, State& out,
+                           double* z, Numbers& errors) {
+  const int s = a.s, patience = controlled ? a.short_patience : a.patience;
+  y0_ = in.y;
+  const double* y = y0_.data();
+  IndependentRows& rows = s_.rows;
+  if (s_.ng && !rows.held) {
+    if (!s_.point.near(y)) s_.point.evaluate(y, true);
+    rows.choose_with_reason(s_.point.Z.data());
+  }
+  open(y);
+  auto m = std::make_shared<StageMemory>();
+  m->unknowns = unknowns();
+  const int r = static_cast<int>(m->unknowns.size()), used = static_cast<int>(rows.in_use().size());
+  s_.size(y, size_.data());
+  const RowsIn A(a.A.data(), s, s);
+  m->h = h, m->K.resize(static_cast<size_t>(s) * ny_), m->Z.resize(s * r);
+  RowsOut K(m->K.data(), s, ny_), Z(m->Z.data(), s, r);
+  Vector<double> F(ny_);
+  const StageMemory* before = in.memory.get();
+  if (before && (before->unknowns != m->unknowns || before->K.size() != m->K.size())) before = nullptr;
+  if (before) {
+    const RowsIn K0(before->K.data(), s, ny_), Z0(before->Z.data(), s, r);
+    F.head(nv_) = In(y + nq_, nv_), F.tail(ny_ - nv_) = K0.row(s - 1).tail(ny_ - nv_).transpose();
+    Numbers x(a.c);
+    for (double& c : x) c = 1 + c * h / before->h;
+    const Rows<double> onward = lagrange(a.c, x);
+    K = onward * K0, Z = onward * Z0;
+  } else {
+    Numbers lam(s_.ng);
+    s_.derivative(t, y, F.data(), lam.data());
+    for (int i = 0; i < s; ++i) {
+      K.row(i) = F.transpose();
+      for (int j = 0; j < used; ++j) Z(i, j) = s_.multipliers()[m->unknowns[j]];
+    }
+  }
+  bool found = false;
+  if (before && before->h == h && before->rate < a.reuse) {
+    const Numbers K1(m->K), Z1(m->Z);
+    m->slopes = before->slopes, m->solvers = before->solvers;
+    try {
+      found = solve(a, patience, t, *m);
+    } catch (const Interrupted&) {
+      throw;
+    } catch (const Trouble&) {
+    }
+    if (!found) m->K = K1, m->Z = Z1;
+  }
+  if (!found) {
+    RowsOut K2(m->K.data(), s, ny_), Z2(m->Z.data(), s, r);
+    const Vector<double> middle = h * (A.row(a.middle) * K2).transpose();
+    m->slopes = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
+    m->solvers = factorize(a, m->slopes, h);
+    if (!solve(a, patience, t, *m)) throw TooLong();
+  }
+  const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
+  Vector<double> x = h * (A.row(s - 1) * K3).transpose();
+  if (!in.low.empty()) x += In(in.low.data(), ny_);
+  out.y.resize(s_.length), out.low.assign(ny_, 0.0), out.carry.clear(), out.memory = m;
+  s_.manifold.within(x.data());
+  s_.add(y, x.data(), out.y.data());
+  for (int k = s_.manifold.flat ? 0 : nv_; k < ny_; ++k) {
+    const int i = k < nv_ ? k : k - nv_ + nq_;
+    out.low[k] = x[k] - (out.y[i] - y[i]);
+  }
+  s_.point.evaluate(out.y.data(), true);
+  Vector<double> R(ny_), C(r);
+  CollocationStep::residual(t + h, x.data(), K3.row(s - 1).data(), Z3.row(s - 1).data(), R.data(), C.data());
+  std::fill(lam_.begin(), lam_.end(), 0.0);
+  for (int i = 0; i < used; ++i) lam_[m->unknowns[i]] = Z3(s - 1, i);
+  if (used) {
+    s_.saddle.symmetric();
+    for (int i = 0; i < used; ++i) rates_[m->unknowns[i]] = -C[i];
+    s_.saddle.normal(rates_.data(), f_.data());
+    for (int i = 0; i < nv_; ++i) {
+      x[nv_ + i] -= f_[i];
+      out.y[nq_ + i] = y[nq_ + i] + x[nv_ + i];
+      out.low[nv_ + i] = x[nv_ + i] - (out.y[nq_ + i] - y[nq_ + i]);
+    }
+    s_.saddle.balance(R.data() + nv_, lam_.data());
+  }
+  all_multipliers(t + h, Z3.row(s - 1).data(), z);
+  errors.clear();
+  if (controlled) {
+    std::shared_ptr<const StageSolver> filtered;
+    if (a.real < 0)
+      s_.counts.factorizations += 1, filtered = stage_solver(m->slopes, h * a.gamma);
+    else
+      filtered = m->solvers[a.real];
+    const RowsIn M(m->slopes->slopes.M.data(), nv_, nv_), start(a.start.data(), a.errors, s);
+    for (int i = 0; i < a.errors; ++i) {
+      Vector<double> miss = h * a.gamma * (F - (start.row(i) * K3).transpose());
+      miss.segment(nv_, nv_) = (M * miss.segment(nv_, nv_)).eval();
+      std::fill(dz_.begin(), dz_.end(), 0.0);
+      s_.counts.solves += 1;
+      filtered->solve(miss.data(), dz_.data(), work_);
+      errors.insert(errors.end(), miss.data(), miss.data() + ny_);
+    }
+  }
+  if (!finite(out.y.data(), s_.length) || !finite(z, s_.nz)) throw Trouble();
+}
+
+}  // namespace mbdae

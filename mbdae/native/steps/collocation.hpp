@@ -1,0 +1,83 @@
+// Steps of collocation methods (mbdae/methods/collocation.py, mbdae/mechanism/formulations/implicit.py).
+#pragma once
+
+#include <complex>
+#include <memory>
+#include <vector>
+
+#include "system/index2.hpp"
+
+namespace mbdae {
+
+struct Mode {  // of A: A x = Re sum column value (row . x)
+  std::complex<double> value;
+  std::vector<std::complex<double>> column, row;  // (s,)
+};
+
+// Coefficients of a method with s stages, and the thresholds of its iteration.
+struct Radau {
+  int s = 0;
+  Numbers c, A;  // (s,), (s, s) by rows
+  std::vector<Mode> modes;
+  int real = -1;  // the number of the real mode; -1: none
+  double gamma = 0;
+  Numbers start;  // (1 or 2, s) by rows
+  int errors = 0, middle = 0;
+  int patience = 0, short_patience = 0;  // iterations for a given step, and where a smaller one can be taken
+  int further = 0;                       // iterations behind a change that is near to rounding, at most
+  int first = 0;                         // and behind the first one
+  double tolerance = 0, near = 0, expected = 0, reuse = 0, share = 0;
+};
+
+class StageSolver;
+
+// Slopes at a point, in the coordinates of a step.
+struct LinearizedStages {
+  Slopes slopes;
+  std::vector<TangentBlock> turning;
+};
+
+// What a step leaves to the next one.
+struct StageMemory {
+  std::vector<int> unknowns;
+  double h = 0, rate = 0;
+  Numbers K, Z;  // (s, ny), (s, m) by rows
+  std::shared_ptr<const LinearizedStages> slopes;
+  std::vector<std::shared_ptr<const StageSolver>> solvers;
+};
+
+class CollocationStep {
+ public:
+  explicit CollocationStep(Index2System& system);
+  virtual ~CollocationStep();
+
+  // From t to t + h: the state, lam of the method (ng,), and under control error estimates (errors, ny).
+  void take(const Radau& a, bool controlled, double t, double h, const State& in, State& out, double* z,
+            Numbers& errors);
+
+ protected:
+  // R (ny,) and C (m,) of a stage at x (ny,) with x' and z (m,): lam of the rows in use, and what a formulation adds.
+  virtual void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C);
+  virtual std::shared_ptr<const StageSolver> stage_solver(const std::shared_ptr<const LinearizedStages>& slopes,
+                                                          std::complex<double> mu) const;
+  virtual std::vector<int> unknowns() const;  // rows of z, (m,): those in use first
+  virtual void open(const double*) {}         // a step begins at y (length,)
+  virtual void all_multipliers(double t, const double* z, double* out);  // (nz,) where a step ends; lam_ stands
+
+  virtual std::shared_ptr<const LinearizedStages> linearize(double t, const double* x, const double* dx,
+                                                            const double* z);
+  std::vector<std::shared_ptr<const StageSolver>> factorize(const Radau& a,
+                                                            const std::shared_ptr<const LinearizedStages>& slopes,
+                                                            double h);
+  void correction(const Radau& a, double t, const StageMemory& m);  // dK_ and dZ_ of an iteration
+  bool solve(const Radau& a, int patience, double t, StageMemory& m);  // found; else slopes or h do not serve
+
+  Index2System& s_;
+  const int nq_, nv_, ns_, ny_;
+  Numbers y0_, size_;                       // (length,), (ny,) where the step starts
+  Numbers q_, u_, f_, inertial_, G_, gt_, lam_, rates_;  // scratch
+  Numbers scale_, X_, R_, dK_, moves_, C_, dZ_;  // (ny,), (s, ny) four times, (s, r) twice
+  Numbers dk_, dz_, work_;                       // (2, ny), (2, r)
+};
+
+}  // namespace mbdae

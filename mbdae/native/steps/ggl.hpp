@@ -1,0 +1,34 @@
+// Half-explicit steps that keep g = 0 too: x' = J (v + M^-1 G^T mu) (mbdae/mechanism/formulations/ggl.py).
+#pragma once
+
+#include "system/positions.hpp"
+#include "steps/step.hpp"
+
+namespace mbdae {
+
+class GGLStep final : public HalfExplicitStep {
+ public:
+  explicit GGLStep(Index2System& system);
+
+ protected:
+  void open(const double* y) override { positions_.open(y); }
+  void begin(const Numbers& carry, double* F) const override;
+  void finish(const double* F, Numbers& carry) const override;
+  void stage(double t, double that, double factor, double* F, bool last) override;
+  void meet(double that, double factor, double* dx) override;  // by Newton's method for mu
+  void project(double* e) override;
+  void all_multipliers(double* z) override;
+
+ private:
+  void correct(const Numbers& G);  // the change of mu, of the slip and of x' that closes the gaps by rows G; S of them
+  void transfer();                 // Gmet_
+  void watch(double that);         // Trouble where a row that is not in use stands open
+
+  Positions positions_;
+  Numbers mu_, gap_, dmu_;                // (ng,) by row
+  Numbers slip_, dslip_, move_, at_;      // (nv,) M^-1 G^T mu, its change by itself and in coordinates; x of a stage
+  Numbers Gmet_;                          // (ng, nv) Ghat J(xhat)^-1 J(x), where coordinates are curved
+  std::vector<TangentBlock> transfer_;
+};
+
+}  // namespace mbdae

@@ -1,0 +1,29 @@
+// Steps of collocation methods that keep g = 0 too, by mu (mbdae/mechanism/formulations/ggl.py).
+#pragma once
+
+#include "steps/collocation.hpp"
+#include "system/positions.hpp"
+
+namespace mbdae {
+
+class GGLCollocation final : public CollocationStep {
+ public:
+  explicit GGLCollocation(Index2System& system);
+
+ protected:
+  void residual(double t, const double* x, const double* dx, const double* z, double* R, double* C) override;
+  std::shared_ptr<const StageSolver> stage_solver(const std::shared_ptr<const LinearizedStages>& slopes,
+                                                  std::complex<double> mu) const override;
+  std::shared_ptr<const LinearizedStages> linearize(double t, const double* x, const double* dx,
+                                                    const double* z) override;
+  std::vector<int> unknowns() const override;
+  void open(const double* y) override { positions_.open(y); }
+  void all_multipliers(double t, const double* z, double* out) override;
+
+ private:
+  Positions positions_;
+  Numbers gap_, mu_;  // (ng,)
+  Numbers slip_;      // (nv,)
+};
+
+}  // namespace mbdae

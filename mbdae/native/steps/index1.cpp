@@ -1,0 +1,31 @@
+#include "steps/index1.hpp"
+
+#include <algorithm>
+
+#include "numbers/vec3.hpp"
+
+namespace mbdae {
+
+void Index1Step::stage(double t, double, double, double* F, bool) {
+  s_.manifold.integrate(q0_.data(), x_.data(), q_.data());
+  for (int i = 0; i < nv_; ++i) v_[i] = v0_[i] + x_[nv_ + i];
+  for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
+  s_.point.evaluate(q_.data(), true);
+  std::copy(v_.begin(), v_.end(), F);
+  s_.manifold.tangent(x_.data(), F);
+  s_.accelerate(t, q_.data(), v_.data(), s_in_.data(), F + nv_, F + 2 * nv_);
+  lam_ = s_.multipliers();
+}
+
+void Index2System::rate(double t, const double* y, double* dy, double* z) {
+  Numbers at(y, y + length), F(ny);
+  if (!manifold.flat) mechanics.normalize(at.data());
+  derivative(t, at.data(), F.data(), z);
+  std::copy(F.begin() + nv, F.end(), dy + nq);
+  if (manifold.flat)
+    std::copy_n(F.begin(), nv, dy);
+  else
+    mechanics.tangent_map(at.data(), F.data(), dy);
+}
+
+}  // namespace mbdae

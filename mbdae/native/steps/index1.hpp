@@ -1,0 +1,17 @@
+// Explicit steps of accelerations: stages meet nothing but the hidden constraint
+// (mbdae/mechanism/formulations/index1.py).
+#pragma once
+
+#include "steps/step.hpp"
+
+namespace mbdae {
+
+class Index1Step final : public HalfExplicitStep {
+ public:
+  explicit Index1Step(Index2System& system) : HalfExplicitStep(system) {}
+
+ protected:
+  void stage(double t, double that, double factor, double* F, bool last) override;
+};
+
+}  // namespace mbdae

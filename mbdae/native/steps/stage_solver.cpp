@@ -1,0 +1,163 @@
+#include "steps/stage_solver.hpp"
+
+#include <algorithm>
+
+#include "numbers/dense_lu.hpp"
+#include "numbers/vec3.hpp"
+
+namespace mbdae {
+
+namespace {
+
+// The work w' stands in no other equation: it is found last, from `w_`.
+template <int parts>
+class ModeSolver final : public StageSolver {
+ public:
+  ModeSolver(std::shared_ptr<const LinearizedStages> slopes, int nv, Complex mu)
+      : at_(std::move(slopes)), nv_(nv), mu_(mu) {
+    const Slopes& s = at_->slopes;
+    r_ = static_cast<int>(s.g_t.size()), n_ = static_cast<int>(s.K.size()) / nv, m_ = n_ - 1 + r_;
+    lu_.resize(m_), w_.assign(static_cast<size_t>(m_) * parts, 0.0);
+    for (const TangentBlock& b : at_->turning) blocks_.emplace_back(b, mu);
+    for (int i = 0; i < n_; ++i) {
+      for (int j = 0; j < n_ - 1; ++j) add(i, j, -mu * s.D[i * n_ + j]);
+      add_turned(i, &s.K[static_cast<size_t>(i) * nv], -mu * mu);
+    }
+    for (int i = 0; i < nv; ++i)
+      for (int j = 0; j < nv; ++j) lu_.column(j)[i] += s.M[i * nv + j];
+    for (int i = nv; i < n_ - 1; ++i) lu_.column(i)[i] += 1;
+    for (int k = 0; k < r_; ++k) {
+      const double* G = &s.G[static_cast<size_t>(k) * nv];
+      for (int j = 0; j < nv; ++j) lu_.column(n_ - 1 + k)[j] = -G[j], lu_.column(j)[n_ - 1 + k] = G[j];
+      w_[n_ - 1 + k] = s.g_t[k];
+      add_turned(n_ + k, &s.B[static_cast<size_t>(k) * nv], mu);
+      if (s.friction.empty()) continue;
+      const double* by_lam = &s.friction[static_cast<size_t>(k) * (nv + 1)];
+      for (int j = 0; j < nv; ++j) lu_.column(n_ - 1 + k)[j] -= by_lam[j];
+      w_[n_ - 1 + k] -= by_lam[nv];
+    }
+    if (!lu_.factorize()) throw Trouble();
+  }
+
+  void solve(double* r, double* c, Numbers& work) const override {
+    const Slopes& s = at_->slopes;
+    const int ny = nv_ + n_;
+    work.resize(static_cast<size_t>(parts) * (nv_ + m_));
+    double *x = work.data(), *b = x + parts * nv_;
+    for (int p = 0; p < parts; ++p) std::copy(r + p * ny, r + p * ny + nv_, x + p * nv_);
+    for (const Turned& block : blocks_) block.back(x, nv_);
+    Complex w = 0;
+    for (int i = 0; i < n_; ++i) {
+      const Complex sum = number(r, nv_ + i, ny) + times(mu_, times(&s.K[static_cast<size_t>(i) * nv_], x));
+      i < n_ - 1 ? write(b, i, m_, sum) : void(w = sum);
+    }
+    for (int k = 0; k < r_; ++k)
+      write(b, n_ - 1 + k, m_, number(c, k, r_) / mu_ - times(&s.B[static_cast<size_t>(k) * nv_], x));
+    lu_.solve(b);
+    for (int i = 0; i < m_; ++i) w -= times(number(w_.data(), i, m_), number(b, i, m_));
+    for (int p = 0; p < parts; ++p) std::copy(b + p * m_, b + p * m_ + nv_, x + p * nv_);
+    for (const Turned& block : blocks_) block.forth(x, nv_);
+    for (int i = 0; i < nv_; ++i) write(x, i, nv_, number(r, i, ny) + times(mu_, number(x, i, nv_)));
+    for (const Turned& block : blocks_) block.back(x, nv_), block.forth(x, nv_);
+    for (int p = 0; p < parts; ++p) {
+      std::copy(x + p * nv_, x + (p + 1) * nv_, r + p * ny);
+      std::copy(b + p * m_, b + p * m_ + n_ - 1, r + p * ny + nv_);
+      std::copy(b + p * m_ + n_ - 1, b + (p + 1) * m_, c + p * r_);
+    }
+    write(r, ny - 1, ny, w);
+  }
+
+ private:
+  static Complex times(Complex a, Complex b) {  // without a look at numbers that are not finite
+    return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
+  }
+  static Complex number(const double* x, int i, int n) { return parts == 1 ? Complex(x[i]) : Complex(x[i], x[n + i]); }
+  static void write(double* x, int i, int n, Complex value) {
+    x[i] = value.real();
+    if constexpr (parts == 2) x[n + i] = value.imag();
+  }
+
+  struct Turned {  // J of a block, with S = ((1 - mu turn) J)^-1
+    const TangentBlock& b;
+    DenseLU<parts> S;
+    Complex SJ[36];
+
+    Turned(const TangentBlock& block, Complex mu) : b(block) {
+      const int n = b.n;
+      S.resize(n);
+      double column[2 * 6];
+      for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i) {
+          double turned = 0;
+          for (int k = 0; k < n; ++k) turned += b.turn[i * n + k] * b.J[k * n + j];
+          write(S.column(j), i, n, b.J[i * n + j] - mu * turned);
+        }
+      if (!S.factorize()) throw Trouble();
+      for (int j = 0; j < n; ++j) {
+        for (int i = 0; i < n; ++i) write(column, i, n, b.J[i * n + j]);
+        S.solve(column);
+        for (int i = 0; i < n; ++i) SJ[i * n + j] = number(column, i, n);
+      }
+    }
+
+    void back(double* x, int nv) const {  // x := S x
+      double part[2 * 6];
+      for (int i = 0; i < b.n; ++i) write(part, i, b.n, number(x, b.at + i, nv));
+      S.solve(part);
+      for (int i = 0; i < b.n; ++i) write(x, b.at + i, nv, number(part, i, b.n));
+    }
+
+    void forth(double* x, int nv) const {  // x := J x
+      for (int p = 0; p < parts; ++p, x += nv) {
+        double part[6];
+        std::copy(x + b.at, x + b.at + b.n, part);
+        for (int i = 0; i < b.n; ++i) x[b.at + i] = dot(b.J + i * b.n, part, b.n);
+      }
+    }
+  };
+
+  void add(int i, int j, Complex value) {  // to row i, where n - 1 stands for that of w'
+    double* at = i == n_ - 1 ? &w_[j] : lu_.column(j) + (i < n_ ? i : i - 1);
+    at[0] += value.real();
+    if constexpr (parts == 2) at[m_] += value.imag();
+  }
+
+  void add_turned(int i, const double* K, Complex factor) {  // factor K S J
+    int j = 0;
+    for (const Turned& block : blocks_) {
+      const TangentBlock& b = block.b;
+      for (; j < b.at; ++j) add(i, j, factor * K[j]);
+      for (; j < b.at + b.n; ++j) {
+        Complex sum = 0;
+        for (int k = 0; k < b.n; ++k) sum += K[b.at + k] * block.SJ[k * b.n + j - b.at];
+        add(i, j, times(factor, sum));
+      }
+    }
+    for (; j < nv_; ++j) add(i, j, factor * K[j]);
+  }
+
+  Complex times(const double* K, const double* x) const {  // of a row, and a vector
+    double re = 0, im = 0;
+    for (int j = 0; j < nv_; ++j) {
+      re += K[j] * x[j];
+      if constexpr (parts == 2) im += K[j] * x[nv_ + j];
+    }
+    return {re, im};
+  }
+
+  std::shared_ptr<const LinearizedStages> at_;
+  int nv_, n_, r_, m_;
+  Complex mu_;
+  std::vector<Turned> blocks_;
+  DenseLU<parts> lu_;
+  Numbers w_;
+};
+
+}  // namespace
+
+std::shared_ptr<const StageSolver> solver(const std::shared_ptr<const LinearizedStages>& slopes, int nv, Complex mu) {
+  if (mu.imag() == 0) return std::make_shared<ModeSolver<1>>(slopes, nv, mu);
+  return std::make_shared<ModeSolver<2>>(slopes, nv, mu);
+}
+
+}  // namespace mbdae

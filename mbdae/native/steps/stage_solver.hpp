@@ -1,0 +1,20 @@
+// Linear systems of a stage of a collocation method, one for each mode (mbdae/mechanism/formulations/implicit.py).
+#pragma once
+
+#include "steps/collocation.hpp"
+
+namespace mbdae {
+
+using Complex = std::complex<double>;
+
+// The system of one stage for a mode. Vectors of a complex mode have their imaginary parts behind the real ones.
+class StageSolver {
+ public:
+  virtual ~StageSolver() = default;
+  // r (ny,) becomes the change of x', c (r,) that of z.
+  virtual void solve(double* r, double* c, Numbers& work) const = 0;
+};
+
+std::shared_ptr<const StageSolver> solver(const std::shared_ptr<const LinearizedStages>& slopes, int nv, Complex mu);
+
+}  // namespace mbdae

@@ -1,0 +1,73 @@
+// The rows in use: independent ones, chosen anew where they become worse than others
+// (mbdae/mechanism/closures/independent_rows.py).
+#pragma once
+
+#include <cmath>
+#include <vector>
+
+#include "mechanism/rows.hpp"
+
+namespace mbdae {
+
+class IndependentRows {
+ public:
+  // Of all rows; or of those alone that have a g.
+  IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Limits& limits,
+                  bool positions = false);
+
+  int rank = -1;           // -1: not known yet
+  double floor = 0;        // of the ratio of pivots: below, the rank has fallen
+  bool held = false;       // the rows in use stay as they are, but for `settle`
+  double least_pivot_ratio = 1;      // smallest ratio of pivots of G M^-1 G^T met since Python looked
+  bool estranged = false;  // other rows than those in use may be independent of them
+
+  const std::vector<int>& neighbours(int row) const { return neighbours_[row]; }  // with a column in common, sorted
+  const std::vector<int>& in_use() const { return rows_; }                        // (r,) in the order of elimination
+  const std::vector<int>& others() const { return others_; }                      // (ng - r,) sorted
+  const std::vector<int>& position() const { return position_; }  // (ng,) in the saddle system; -1 where not in use
+  int half_bandwidth() const { return half_bandwidth_; }          // of the saddle system
+  long version() const { return version_; }                       // how often other rows came into use
+  bool dependent() const { return !others_.empty() && !rows_.empty(); }
+  bool many() const { return static_cast<int>(position_.size()) > limits_.many; }
+
+  void use(const std::vector<int>& rows, int rank, double floor, bool held);
+  void met(double ratio);  // of the pivots of a saddle system
+  // From Z (ng, nv), the rows of G M^-1/2: choose anew; are other rows in use now?
+  bool choose(const double* Z);
+  bool choose_with_reason(const double* Z);  // where a step begins: few rows always, many where there is reason to
+  double ratio(const double* Z, int rank);   // smallest pivot of so many rows to the largest
+
+  class Aside;  // while one stands, the rows in use stay, and what is solved is no part of the run
+
+ private:
+  void set(std::vector<int> rows);
+
+  const Limits& limits_;
+  const int nv_;
+  const std::vector<int> place_;               // (ng,) of each row in the order of elimination
+  std::vector<std::vector<int>> neighbours_;   // (ng,)
+  std::vector<bool> left_out_;                 // (ng,)
+  std::vector<int> rows_, others_, position_;  // (r,), (ng - r,), (ng,)
+  int half_bandwidth_ = 0;
+  long version_ = 0;
+  double best_ = 0, now_ = NAN;  // ratios of pivots: best since the last look, and last; nan: nothing was solved since
+  std::vector<int> order_, order_in_use_;      // (ng,), (r,) of pivots
+  Numbers pivots_, pivots_in_use_, B_, work_;  // (min(nv, ng),), (min(nv, r),), (r, nv), scratch
+};
+
+class IndependentRows::Aside {
+ public:
+  explicit Aside(IndependentRows& rows)
+      : rows_(rows), held_(rows.held), least_(rows.least_pivot_ratio), best_(rows.best_), now_(rows.now_) {
+    rows.held = true;
+  }
+  ~Aside() { rows_.held = held_, rows_.least_pivot_ratio = least_, rows_.best_ = best_, rows_.now_ = now_; }
+  Aside(const Aside&) = delete;
+
+ private:
+  IndependentRows& rows_;
+  const bool held_;
+  const double least_, best_, now_;
+};
+
+}  // namespace mbdae

@@ -1,0 +1,216 @@
+#include "system/index2.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "numbers/vec3.hpp"
+
+namespace mbdae {
+
+Index2System::Index2System(const void* model, const Limits& limits, Description d)
+    : mechanics(model, limits),
+      constraints(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers)),
+      manifold(mechanics, d.flat, std::move(d.blocks), std::move(d.turning)),
+      rows(constraints, std::move(d.place), mechanics.nv, mechanics.limits),
+      point(mechanics, constraints, counts),
+      saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),
+      sliding(mechanics, constraints, rows),
+      formulation(d.formulation),
+      nq(mechanics.nq),
+      nv(mechanics.nv),
+      ng(static_cast<int>(constraints.rows.size())),
+      ns(d.ns),
+      nz(formulation == Formulation::ggl ? 2 * ng : ng),
+      ny(2 * nv + ns + 1),
+      length(nq + nv + ns + 1),
+      laws_(std::move(d.laws)),
+      probe_(std::move(d.probe)),
+      alpha_(d.alpha),
+      beta_(d.beta),
+      conservative_(nv),
+      other_(nv),
+      f_(nv),
+      f_bias_(nv),
+      lam_(ng),
+      gt_(ng),
+      gap_(ng),
+      rate_(ng) {
+  const std::vector<std::vector<int>> supports = mechanics.supports();
+  for (auto& p : d.law_pairs) law_pairs_.emplace_back(p.first, p.second, supports);
+  for (size_t i = 0; i < laws_.size(); ++i)
+    if (d.pair_of_law[i] >= 0) laws_[i].pair = &law_pairs_[d.pair_of_law[i]];
+}
+
+void Index2System::use(const std::vector<int>& in_use, int rank, double floor, bool held) {
+  point.forget();
+  rows.use(in_use, rank, floor, held);
+}
+
+bool Index2System::change_law(int k, const Numbers& a) {
+  if (k < 0 || k >= static_cast<int>(laws_.size()) || laws_[k].a.size() != a.size()) return false;
+  laws_[k].a = a, known.t = NAN;
+  return true;
+}
+
+void Index2System::leave_out(std::vector<bool> off) {
+  constraints.off = std::move(off);
+  point.forget();
+  std::fill(point.G.begin(), point.G.end(), 0.0), std::fill(point.Z.begin(), point.Z.end(), 0.0);
+}
+
+void Index2System::probe() {
+  if (rows.many() && rows.dependent() && !saddle.others_depend(probe_)) rows.estranged = true;
+}
+
+void Index2System::torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates) {
+  counts.f += 1;
+  std::fill(conservative_.begin(), conservative_.end(), 0.0);
+  std::fill(other_.begin(), other_.end(), 0.0);
+  for (const Law& law : laws_)
+    law.add(mechanics, t, q, v, s + law.state, conservative_.data(), other_.data(), rates + law.state);
+  rates[ns] = dot(other_.data(), v, nv);
+  for (int i = 0; i < nv; ++i) tau[i] = conservative_[i] + other_[i];
+}
+
+void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates) {
+  torque(t, q, v, s, f, rates);
+  mechanics.bias(q, v, f_bias_.data());
+  for (int i = 0; i < nv; ++i) f[i] -= f_bias_[i];
+  if (!finite(f, nv)) throw Trouble();
+}
+
+void Index2System::solve(const Numbers& Zhat, double* rhs, double* f, double* power) {
+  if (sliding)
+    *power += sliding.solve(saddle, point.G.data(), Zhat, rhs, f);
+  else
+    saddle.solve(Zhat, rhs, f);
+}
+
+void Index2System::accelerate(double t, const double* q, const double* v, const double* s, double* vdot,
+                              double* rates, bool forces_known) {
+  if (sliding) sliding.slips(v);
+  if (!forces_known) forces(t, q, v, s, vdot, rates);
+  if (ng) {
+    if (!rows.held) rows.choose_with_reason(point.Z.data());
+    mechanics.motions(q, v);
+    std::fill(gt_.begin(), gt_.end(), 0.0);
+    constraints.acceleration(t, gt_.data());
+    constraints.bias(mechanics, q, v, rows.in_use(), lam_.data());
+    for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
+    std::fill(gt_.begin(), gt_.end(), 0.0);
+    constraints.speed(t, gt_.data());
+    if (stabilised && (alpha_ != 0 || beta_ != 0)) {
+      gap_ = point.g;
+      constraints.gaps(t, gap_.data()), residual_rate(t, v, rate_.data());
+      for (int k : rows.in_use()) lam_[k] -= 2 * alpha_ * rate_[k] + beta_ * beta_ * gap_[k];
+    }
+  }
+  saddle.symmetric();
+  solve(point.Z, lam_.data(), vdot, rates + ns);
+  for (int k : rows.in_use()) rates[ns] -= lam_[k] * gt_[k];
+}
+
+bool Index2System::is_known(double t, const double* q, const double* v, const double* s) const {
+  auto near = [&](const double* x, const double* y, int n) {
+    const double least = mechanics.limits.same_point * (1 + largest(x, n));
+    for (int i = 0; i < n; ++i)
+      if (!(std::fabs(x[i] - y[i]) <= least)) return false;
+    return true;
+  };
+  return near(&t, &known.t, 1) && near(q, known.q.data(), nq) && near(v, known.v.data(), nv) && near(s, known.s.data(), ns);
+}
+
+void Index2System::derivative(double t, const double* y, double* F, double* z, bool there) {
+  const double *q = y, *v = y + nq, *s = v + nv;
+  const bool stands = there && is_known(t, q, v, s);
+  if (there || point.exactly(q)) {
+    if (!stands || sliding) mechanics.poses(q);
+    counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;
+  } else {
+    point.evaluate(q, true);
+  }
+  std::copy(v, v + nv, F);
+  if (stands) std::copy(known.f.begin(), known.f.end(), F + nv), std::copy(known.rates.begin(), known.rates.end(), F + 2 * nv);
+  accelerate(t, q, v, s, F + nv, F + 2 * nv, stands);
+  saddle.all_multipliers(lam_.data(), z);
+}
+
+Numbers Index2System::carry(const Numbers& F) const {
+  Numbers out(carried(), 0.0);
+  std::copy(F.begin() + nv, F.end(), out.end() - (ny - nv));
+  return out;
+}
+
+void Index2System::residual_rate(double t, const double* v, double* rate) const {
+  std::fill(rate, rate + ng, 0.0);
+  constraints.speed(t, rate);
+  for (int k = 0; k < ng; ++k)
+    for (int c : constraints.rows[k].columns) rate[k] += point.G[static_cast<size_t>(k) * nv + c] * v[c];
+}
+
+bool Index2System::settle(double t, State& s) {
+  if (!ng) return false;
+  const double* q = s.y.data();
+  double* v = s.y.data() + nq;
+  if (!point.near(q)) point.evaluate(q, true);
+  const bool changed = rows.choose_with_reason(point.Z.data());
+  residual_rate(t, v, rate_.data());
+  if (changed && formulation != Formulation::index1) {
+    saddle.symmetric();
+    saddle.normal(rate_.data(), f_.data());
+    for (int i = 0; i < nv; ++i) v[i] -= f_[i];
+    s.memory.reset();
+    if (!s.carry.empty()) {
+      Numbers F(ny), z(ng);
+      derivative(t, s.y.data(), F.data(), z.data());
+      s.carry = carry(F);
+    }
+    residual_rate(t, v, rate_.data());
+  }
+  gap_ = point.g;
+  constraints.gaps(t, gap_.data());
+  largest_g = std::max(largest_g, largest(gap_.data(), ng));
+  largest_rate = std::max(largest_rate, largest(rate_.data(), ng) / (1 + largest(v, nv)));
+  return changed;
+}
+
+void Index2System::add(const double* y, const double* x, double* out) const {
+  manifold.integrate(y, x, out);
+  for (int i = 0; i < nv + ns + 1; ++i) out[nq + i] = y[nq + i] + x[nv + i];
+}
+
+void Index2System::difference(const double* y0, const double* y1, double* out) const {
+  manifold.difference(y0, y1, out);
+  for (int i = 0; i < nv + ns + 1; ++i) out[nv + i] = y1[nq + i] - y0[nq + i];
+}
+
+void Index2System::size(const double* y, double* out) {
+  manifold.size(y, out);
+  for (int i = 0; i < nv + ns + 1; ++i) out[nv + i] = std::fabs(y[nq + i]);
+  if (!driven()) return;
+  mechanics.inertia(y);  // the kinetic energy: the work of drivers is measured by it
+  const double *M = mechanics.M(), *v = y + nq;
+  for (int k = 0; k < nv; ++k) {
+    const double* c = M + static_cast<size_t>(k) * nv;
+    double s = 0.5 * c[k] * v[k];
+    for (int i : mechanics.ancestors[k]) s += c[i] * v[i];
+    out[ny - 1] += s * v[k];
+  }
+}
+
+double Index2System::ratio(const double* q, int rank) {
+  if (!point.near(q)) point.evaluate(q, false);
+  return rows.ratio(point.Z.data(), rank);
+}
+
+double Index2System::bare(const double* q, const double* v, int repetitions) {
+  point.evaluate(q, false);
+  Numbers G;
+  for (int k : rows.in_use()) {
+    const auto row = point.G.begin() + static_cast<size_t>(k) * nv;
+    G.insert(G.end(), row, row + nv);
+  }
+  return mechanics.bare(q, v, static_cast<int>(rows.in_use().size()), G.data(), repetitions);
+}
+
+}  // namespace mbdae

@@ -1,0 +1,145 @@
+// A mechanism in index-2 descriptor form, in a workspace of its own (mbdae/mechanism/formulations/index2.py).
+#pragma once
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "system/independent_rows.hpp"
+#include "mechanism/laws.hpp"
+#include "mechanism/manifold.hpp"
+#include "mechanism/mechanics.hpp"
+#include "system/point.hpp"
+#include "mechanism/rows.hpp"
+#include "system/saddle.hpp"
+#include "system/sampler.hpp"
+#include "system/sliding.hpp"
+
+namespace mbdae {
+
+struct StageMemory;  // collocation.hpp
+
+struct State {
+  Numbers y;           // (nq + nv + ns + 1,): q, v, s, w
+  Numbers carry, low;  // (nv + ns + 1,): v', s', w', and (ny,): what rounding took off y; both may be empty
+  std::shared_ptr<StageMemory> memory;  // what an implicit method carries instead; may be missing
+};
+
+// Slopes of (f + G^T lam - M v', h, power) and of G v + g_t at a point, by rows; n = nv + ns + 1
+// (mbdae/mechanism/formulations/derivatives.py).
+struct Slopes {
+  Numbers M, K, D, G, B;  // (nv, nv), (n, nv) by q, (n, n) by (v, s, w), (r, nv), (r, nv) of G v by q
+  Numbers g_t;            // (r,)
+  Numbers friction;       // (r, nv + 1) what slides adds to slopes of f and of the power by lam; empty: nothing slides
+};
+
+// Which equations are stepped: G v + g_t = 0 kept; g = 0 too, by a second multiplier; or neither, accelerations known
+// (mbdae/mechanism/formulations/).
+enum class Formulation { index2, ggl, index1 };
+
+// What Python says of a mechanism.
+struct Description {
+  Formulation formulation = Formulation::index2;
+  double alpha = 0, beta = 0;  // 1/s, of Baumgarte's stabilisation
+  bool flat = false;
+  std::vector<Row> rows;
+  std::vector<std::pair<Anchor, Anchor>> pairs, law_pairs;
+  std::vector<Driver> drivers;
+  std::vector<Law> laws;
+  std::vector<int> pair_of_law;  // -1: none
+  int ns = 0;
+  std::vector<Block> blocks;
+  std::vector<int> turning;  // (nv,)
+  std::vector<int> place;    // (ng,) of each row in the order of elimination
+  Numbers probe;             // (nv,) in general position, of unit variance
+};
+
+class Index2System {
+ public:
+  Index2System(const void* model, const Limits& limits, Description d);
+
+  Mechanics mechanics;
+  Constraints constraints;
+  Manifold manifold;
+  Counts counts;
+  IndependentRows rows;
+  Point point;
+  SaddleSystem saddle;
+  Sliding sliding;
+  const Formulation formulation;
+  const int nq, nv, ng, ns, nz;    // nz: multipliers of a method, lam and mu
+  const int ny, length;            // of the tangent (x, v, s, w), and of y
+  bool stabilised = true;          // v' and lam with Baumgarte's terms, where there are some
+  double largest_g = 0, largest_rate = 0;  // |g|, and |G v + g_t| / (1 + |v|), over all rows at the ends of steps
+
+  int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // numbers, from step to step
+  Numbers carry(const Numbers& F) const;  // what a method with an explicit first stage keeps of y' (ny,) at a point
+  bool driven() const { return !constraints.drivers.empty(); }
+  int measured() const { return driven() ? ny : ny - 1; }  // components under error control
+  // Where `saddle.symmetric` was called: do rows that are not in use still depend on the others? Else a reason to look.
+  void probe();
+  void use(const std::vector<int>& in_use, int rank, double floor, bool held);
+  bool change_law(int k, const Numbers& a);  // other numbers for law k, as many as it has
+  void leave_out(std::vector<bool> off);  // rows that the mode does not have, (ng,); say then which are in use
+
+  // f (nv,) and the rates (s', power in W), (ns + 1,), where the kinematics stand at q.
+  void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates);
+  // tau (nv,) of all laws, and the rates, where the kinematics stand at q.
+  void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
+  // Slopes at a point with v' (nv,) and lam (ng,) by row; the tree is expanded. Where asked for, the wrenches of laws
+  // between frames, too, and then those of closures, whose rows are summed up.
+  void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out,
+              std::vector<ActingWrench>* wrenches = nullptr);
+  // Slopes of G v by q, (r, nv) by rows, and added to K (nv, nv) those of G^T lam where there is lam (ng,); poses stand
+  // at q, and the pairs of the rows in use are located.
+  void closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers& B,
+                      std::vector<ActingWrench>* wrenches = nullptr) const;
+  // Where G and, where anything slides, its slips stand: rhs (ng,) by row becomes lam, f (nv,) v'; the power of what slides
+  // is added.
+  void solve(const Numbers& Zhat, double* rhs, double* f, double* power);
+  // v' (nv,) and the rates from the hidden constraint, where `point` stands at q; `multipliers` are found. forces_known:
+  // f and the rates of forces stand in their places.
+  void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates,
+                  bool forces_known = false);
+  // y' (ny,) and lam (ng,) from the hidden constraint; there: `point` is known to stand at q, but for rounding, and what
+  // is `known` there is taken.
+  void derivative(double t, const double* y, double* F, double* z, bool there = false);
+  // The same of raw coordinates, which are normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
+  void rate(double t, const double* y, double* dy, double* z);
+  // Between two steps: which rows serve, and how far all of them are kept. True where others are taken; v is brought
+  // onto them then, and the carried derivative is found anew.
+  bool settle(double t, State& s);
+
+  // f and the rates where the last stage of a step stood.
+  struct Known {
+    double t = NAN;
+    Numbers q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
+  } known;
+
+  std::vector<Sampler> samplers;
+  void jump(double t, double* y);     // to just after t, where some of them look
+  double potential(const double* q);  // of gravity and springs in J, where poses stand
+
+  void add(const double* y, const double* x, double* out) const;  // y (+) x
+  void difference(const double* y0, const double* y1, double* out) const;
+  void size(const double* y, double* out);  // magnitudes in the tangent, (ny,)
+
+  const std::vector<Pair>& law_pairs() const { return law_pairs_; }
+  const Numbers& multipliers() const { return lam_; }  // (ng,) of the rows in use, that `derivative` found last
+  void residual_rate(double t, const double* v, double* rate) const;  // G v + g_t over all rows, where G stands
+  double ratio(const double* q, int rank);                         // see mbdae/mechanism/singularity.py; uncounted
+  double bare(const double* q, const double* v, int repetitions);  // see Mechanics::bare
+
+ private:
+  bool is_known(double t, const double* q, const double* v, const double* s) const;
+
+  std::vector<Pair> law_pairs_;
+  std::vector<Law> laws_;
+  const Numbers probe_;               // (nv,)
+  const double alpha_, beta_;         // 1/s
+  Numbers conservative_, other_, f_, f_bias_;  // (nv,)
+  Numbers lam_, gt_, gap_, rate_;     // (ng,)
+  Numbers law_slopes_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
+};
+
+}  // namespace mbdae

@@ -1,0 +1,47 @@
+// A configuration: the factorized mass matrix M = U D U^T, and the rows of G and of Z = (D^-1/2 U^-1 G^T)^T.
+#pragma once
+
+#include <vector>
+
+#include "mechanism/rows.hpp"
+
+namespace mbdae {
+
+struct Counts {
+  long f = 0, M = 0, G = 0, solves = 0, factorizations = 0, newton = 0, projections = 0, state_projections = 0;
+};
+
+class Point {
+ public:
+  Point(Mechanics& m, Constraints& constraints, Counts& counts);
+
+  void inertia(const double* q);                                // M and its factors; G and Z do not stand then
+  void evaluate(const double* q, bool counted);                 // all of it, over all rows
+  void scale(int row) { scale(row, G, Z); }                     // Z of a row, from G
+  void scale(int row, const Numbers& G, Numbers& Z) const;      // the same of other rows (ng, nv)
+  void half(double* x) const;                                   // x := D^-1/2 U^-1 x
+  void half(double* x, const std::vector<int>& columns) const;  // the same where x is zero elsewhere
+  void back(double* x) const;                                   // x := U^-T D^-1/2 x
+
+  void stand(const double* q);  // all of it is that of q now
+  void forget() { stands_ = false, ++stamp_; }
+  long stamp() const { return stamp_; }  // another one where Z may be another
+  bool near(const double* q) const;     // it is that of q, but for rounding
+  bool exactly(const double* q) const;  // it is that of q
+  void exchange(Point& other);          // with another one of the same mechanism
+
+  Numbers G, Z;  // (ng, nv) by rows
+  Numbers g;     // (ng,) over all rows, without the motion of drivers
+
+ private:
+  Mechanics& m_;
+  Constraints& constraints_;
+  Counts& counts_;
+  bool stands_ = false;
+  long stamp_ = 0;
+  Numbers q_;     // (nq,) where it stands
+  Numbers U_;     // (nv, nv) by columns: above the diagonal, U
+  Numbers root_;  // (nv,) D^1/2
+};
+
+}  // namespace mbdae

@@ -1,0 +1,38 @@
+#include "system/residuals.hpp"
+
+#include <algorithm>
+
+namespace mbdae {
+
+void residual(Index2System& s, double t, const double* y, double* g, double* rate) {
+  const double* v = y + s.nq;
+  s.mechanics.inertia(y);
+  s.point.forget();
+  s.constraints.value(s.mechanics, y, s.constraints.all, s.point.G.data(), g);
+  s.constraints.gaps(t, g);
+  std::fill(rate, rate + s.ng, 0.0);
+  s.constraints.speed(t, rate);
+  for (int k = 0; k < s.ng; ++k)
+    for (int c : s.constraints.rows[k].columns) rate[k] += s.point.G[static_cast<size_t>(k) * s.nv + c] * v[c];
+}
+
+Energy energy(Index2System& s, const double* y) {
+  const double *M = s.mechanics.M(), *v = y + s.nq;
+  double kinetic = 0;
+  for (int k = 0; k < s.nv; ++k) {
+    const double* c = M + static_cast<size_t>(k) * s.nv;
+    double sum = 0.5 * c[k] * v[k];
+    for (int i : s.mechanics.ancestors[k]) sum += c[i] * v[i];
+    kinetic += sum * v[k];
+  }
+  return {kinetic, s.potential(y)};
+}
+
+double Index2System::potential(const double* q) {
+  double out = mechanics.potential();
+  for (const Law& law : laws_)
+    if (law.kind->potential) out += law.kind->potential(law, {mechanics, 0.0, q, nullptr, nullptr});
+  return out;
+}
+
+}  // namespace mbdae

@@ -1,0 +1,177 @@
+#include "system/saddle.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "numbers/vec3.hpp"
+
+namespace mbdae {
+
+SaddleSystem::SaddleSystem(const Point& point, const Constraints& constraints, IndependentRows& rows,
+                           const Limits& limits, Counts& counts, int nv)
+    : point_(point), constraints_(constraints), rows_(rows), limits_(limits), counts_(counts), nv_(nv) {}
+
+void SaddleSystem::assemble(const Numbers& Zhat) {
+  const std::vector<int>& position = rows_.position();
+  if (version_ != rows_.version()) {
+    const int r = static_cast<int>(rows_.in_use().size());
+    lu_.resize(r, rows_.half_bandwidth()), x_.resize(std::max(nv_, r));
+    version_ = rows_.version();
+  } else {
+    lu_.zero();
+  }
+  for (int k : rows_.in_use()) {
+    const std::vector<int>& columns = constraints_.rows[k].columns;
+    const double* a = &Zhat[static_cast<size_t>(k) * nv_];
+    for (int l : rows_.neighbours(k)) {
+      if (position[l] < 0) continue;
+      const double* b = &point_.Z[static_cast<size_t>(l) * nv_];
+      double s = 0;
+      for (int c : columns) s += a[c] * b[c];
+      lu_.at(position[k], position[l]) = s;
+    }
+  }
+}
+
+void SaddleSystem::factorize(const Numbers& Zhat) {
+  symmetric_ = -1;
+  if (rows_.in_use().empty()) return;
+  assemble(Zhat);
+  const bool regular = lu_.factorize();
+  if (!regular || !(lu_.ratio() > limits_.smallest_pivot)) throw Trouble();
+}
+
+void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
+  counts_.solves += 1;
+  if (!rows_.in_use().empty()) counts_.factorizations += 1, rows_.met(lu_.ratio());
+  respond(Zhat, rhs, f);
+}
+
+void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f) {
+  point_.half(f);
+  if (!rows_.in_use().empty()) {
+    const std::vector<int>& position = rows_.position();
+    for (int k : rows_.in_use()) {
+      double s = rhs[k];
+      for (int c : constraints_.rows[k].columns) s -= Zhat[static_cast<size_t>(k) * nv_ + c] * f[c];
+      x_[position[k]] = s;
+    }
+    lu_.solve(x_.data());
+    for (int k : rows_.in_use()) {
+      const double l = rhs[k] = x_[position[k]];
+      const double* z = &point_.Z[static_cast<size_t>(k) * nv_];
+      for (int c : constraints_.rows[k].columns) f[c] += z[c] * l;
+    }
+  }
+  point_.back(f);
+  if (!finite(f, nv_)) throw Trouble();
+}
+
+void SaddleSystem::symmetric() {
+  if (symmetric_ == point_.stamp() && version_ == rows_.version()) return;
+  factorize(point_.Z);
+  symmetric_ = point_.stamp();
+}
+
+void SaddleSystem::normal(const double* by_row, double* out, double* multipliers) {
+  const std::vector<int>& position = rows_.position();
+  for (int k : rows_.in_use()) x_[position[k]] = by_row[k];
+  lu_.solve(x_.data());
+  std::fill(out, out + nv_, 0.0);
+  for (int k : rows_.in_use())
+    for (int c : constraints_.rows[k].columns) out[c] += point_.Z[static_cast<size_t>(k) * nv_ + c] * x_[position[k]];
+  if (multipliers)
+    for (int k : rows_.in_use()) multipliers[k] = x_[position[k]];
+  point_.back(out);
+}
+
+void SaddleSystem::balance(double* left, double* lam) {
+  const std::vector<int>& position = rows_.position();
+  point_.half(left);
+  for (int k : rows_.in_use()) {
+    double s = 0;
+    for (int c : constraints_.rows[k].columns) s += point_.Z[static_cast<size_t>(k) * nv_ + c] * left[c];
+    x_[position[k]] = s;
+  }
+  lu_.solve(x_.data());
+  for (int k : rows_.in_use()) lam[k] -= x_[position[k]];
+}
+
+// A vector that the rows in use leave alone is left alone by those that depend on them.
+bool SaddleSystem::others_depend(const Numbers& probe) {
+  const std::vector<int>& position = rows_.position();
+  Numbers w(probe);
+  double scale = 0;
+  for (int k : rows_.in_use()) {
+    double s = 0, size = 0;
+    for (int c : constraints_.rows[k].columns) {
+      const double zc = point_.Z[static_cast<size_t>(k) * nv_ + c];
+      s += zc * w[c], size += zc * zc;
+    }
+    x_[position[k]] = s, scale = std::max(scale, size);
+  }
+  lu_.solve(x_.data());
+  for (int k : rows_.in_use())
+    for (int c : constraints_.rows[k].columns) w[c] -= point_.Z[static_cast<size_t>(k) * nv_ + c] * x_[position[k]];
+  for (int k : rows_.others()) {
+    double s = 0;
+    for (int c : constraints_.rows[k].columns) s += point_.Z[static_cast<size_t>(k) * nv_ + c] * w[c];
+    if (s * s > limits_.probed * limits_.probed * scale) return false;
+  }
+  return true;
+}
+
+double SaddleSystem::product(int k, int l) const {
+  double s = 0;
+  for (int c : constraints_.rows[k].columns)
+    s += point_.Z[static_cast<size_t>(k) * nv_ + c] * point_.Z[static_cast<size_t>(l) * nv_ + c];
+  return s;
+}
+
+// Dependent rows G_D = C G_R give the null vectors (-C^T n, n) of G^T, and (1 + C C^T) n = C lam_R; by conjugate
+// gradients, C = G_D M^-1 G_R^T (G_R M^-1 G_R^T)^-1.
+void SaddleSystem::all_multipliers(const double* lam, double* z) {
+  const std::vector<int>& position = rows_.position();
+  const std::vector<int>& others = rows_.others();
+  const size_t ng = position.size();
+  for (size_t k = 0; k < ng; ++k) z[k] = position[k] >= 0 ? lam[k] : 0.0;
+  if (!rows_.dependent()) return;
+  const int d = static_cast<int>(others.size());
+  u_.resize(rows_.in_use().size()), n_.assign(d, 0.0), residual_.resize(d), p_.resize(d), Ap_.resize(d);
+  cross_.clear();
+  for (int i = 0; i < d; ++i)
+    for (int l : rows_.neighbours(others[i]))
+      if (position[l] >= 0) cross_.push_back({i, position[l], product(others[i], l)});
+  auto down = [&](Numbers& u, Numbers& out) {  // out = C u; u is lost
+    lu_.solve(u.data());
+    std::fill(out.begin(), out.end(), 0.0);
+    for (const Entry& e : cross_) out[e.i] += e.s * u[e.j];
+  };
+  auto up = [&](const Numbers& n, Numbers& out) {  // out = C^T n
+    std::fill(out.begin(), out.end(), 0.0);
+    for (const Entry& e : cross_) out[e.j] += e.s * n[e.i];
+    lu_.solve(out.data());
+  };
+  for (int k : rows_.in_use()) u_[position[k]] = lam[k];
+  down(u_, residual_);
+  p_ = residual_;
+  double rho = dot(residual_.data(), residual_.data(), d);
+  const double enough = limits_.converged * rho;
+  for (int it = 0; it < d + limits_.spare && rho > enough && rho > 0; ++it) {
+    up(p_, u_);
+    down(u_, Ap_);
+    for (int i = 0; i < d; ++i) Ap_[i] += p_[i];
+    const double alpha = rho / dot(p_.data(), Ap_.data(), d);
+    for (int i = 0; i < d; ++i) n_[i] += alpha * p_[i], residual_[i] -= alpha * Ap_[i];
+    const double next = dot(residual_.data(), residual_.data(), d);
+    for (int i = 0; i < d; ++i) p_[i] = residual_[i] + next / rho * p_[i];
+    rho = next;
+  }
+  up(n_, u_);
+  for (int k : rows_.in_use()) z[k] -= u_[position[k]];
+  for (int i = 0; i < d; ++i) z[others[i]] = n_[i];
+  if (!finite(z, static_cast<int>(ng)))
+    throw Trouble();  // in a singular configuration Python finds those of minimum norm
+}
+
+}  // namespace mbdae

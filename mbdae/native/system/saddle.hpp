@@ -1,0 +1,54 @@
+// The saddle-point system M v' = f + G^T lam, Ghat v' = rhs of the rows in use, by S = Ghat M^-1 G^T = Zhat Z^T.
+#pragma once
+
+#include <vector>
+
+#include "system/independent_rows.hpp"
+#include "system/point.hpp"
+
+namespace mbdae {
+
+class SaddleSystem {
+ public:
+  SaddleSystem(const Point& point, const Constraints& constraints, IndependentRows& rows, const Limits& limits,
+               Counts& counts, int nv);
+
+  void factorize(const Numbers& Zhat);  // S
+  // Where `factorize` was called last: rhs (ng,) by row becomes lam, f (nv,) becomes v'.
+  void solve(const Numbers& Zhat, double* rhs, double* f);
+  // The same without `counts`, for further right sides.
+  void respond(const Numbers& Zhat, double* rhs, double* f);
+  const BandLU& factors() const { return lu_; }  // of S
+  void symmetric();  // factorize G M^-1 G^T where Z stands, unless those are the factors
+  // M^-1 G^T S^-1 times a vector (ng,) by row, (nv,); and, where asked for, S^-1 times it, (ng,) by row.
+  void normal(const double* by_row, double* out, double* multipliers = nullptr);
+  // Where `symmetric` was called last:
+  bool others_depend(const Numbers& probe);        // do the rows that are not in use? Seen on one vector (nv,)
+  // lam (ng,) by row of the rows in use, so that M^-1/2 (left + G^T dlam) is least; left (nv,) is lost.
+  void balance(double* left, double* lam);
+  // Multipliers of all rows (ng,) from those in use, of minimum norm.
+  void all_multipliers(const double* lam, double* z);
+
+ private:
+  struct Entry {
+    int i, j;
+    double s;
+  };
+  void assemble(const Numbers& Zhat);  // S of the rows in use
+  double product(int k, int l) const;  // of two rows of Z
+
+  const Point& point_;
+  const Constraints& constraints_;
+  IndependentRows& rows_;
+  const Limits& limits_;
+  Counts& counts_;
+  const int nv_;
+  BandLU lu_;                          // of S, (r, r)
+  long symmetric_ = -1;  // the stamp of the point whose Z Z^T is factorized
+  long version_ = -1;                  // of the rows for which it has its size
+  Numbers x_;                          // (max(nv, r),) right-hand side, and solution
+  std::vector<Entry> cross_;           // of Z_others Z_in_use^T, (ng - r, r)
+  Numbers u_, n_, residual_, p_, Ap_;  // conjugate gradients: (r,), and (ng - r,) four times
+};
+
+}  // namespace mbdae

@@ -1,0 +1,34 @@
+// A half-explicit step once more, and how it moves (mbdae/methods/tangent.py).
+#pragma once
+
+#include <memory>
+
+#include "tangents/parameter_slopes.hpp"
+#include "tangents/stage_slopes.hpp"
+#include "steps/step.hpp"
+
+namespace mbdae {
+
+class StepSlopes : public HalfExplicitStep {
+ public:
+  StepSlopes(Index2System& system, ParameterSlopes* parameters);
+
+  // The step from (t, y), which carries (nc,), to t + h; its slopes are kept where they are asked for.
+  void repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes);
+  // Variations (ny + nc,) of y and of what is carried become those behind the step, for dp (k,), direction by direction.
+  void forward(int directions, double* moved, const double* dp);
+  // Cotangents (ny + nc,) behind the step become those before it; those of parameters are added up.
+  void reverse(double* bar);
+
+ private:
+  void keep(StageSlopes& stage, double t, double that, double factor, const double* F);
+
+  ParameterSlopes* parameters_;
+  const Tableau* a_ = nullptr;
+  double h_ = 0;
+  std::vector<std::unique_ptr<StageSlopes>> stages_;
+  std::vector<TurnedBlock> end_;
+  Numbers dF_, dx_end_, x_bar_, xhat_bar_, P_, Q_, p_;
+};
+
+}  // namespace mbdae
