@@ -37,6 +37,30 @@ void add_transposed(const Numbers& A, size_t rows, size_t columns, const double*
   }
 }
 
+// In rows of Z that are long where bodies are light, digits cancel: what is missed is made good once more.
+void StageSlopes::meet(const Numbers& seen, bool transposed, const Numbers& moved) {
+  const std::vector<int>& position = s_.rows.position();
+  nu.assign(met_.size(), 0.0), miss_.resize(met_.size());
+  for (int pass = 0; pass < 2; ++pass) {
+    for (int k : s_.rows.in_use()) {
+      const double* Z = &seen[static_cast<size_t>(k) * s_.nv];
+      double& miss = miss_[position[k]] = met_[position[k]];
+      for (int c : s_.constraints.rows[k].columns) miss -= Z[c] * above[c];
+    }
+    if (transposed) {
+      lu.solve_transposed(miss_.data());
+    } else {
+      lu.solve(miss_.data());
+    }
+    for (int k : s_.rows.in_use()) {
+      const double* Z = &moved[static_cast<size_t>(k) * s_.nv];
+      const double by = miss_[position[k]];
+      for (int c : s_.constraints.rows[k].columns) above[c] += Z[c] * by;
+      nu[position[k]] += by;
+    }
+  }
+}
+
 void StageSlopes::forward(const double* dx, const double* dxhat, const double* dy, const double* P, const double* Q,
                           double* dF) {
   const int nv = s_.nv, n = nv + s_.ns + 1;
@@ -59,19 +83,16 @@ void StageSlopes::forward(const double* dx, const double* dxhat, const double* d
     apply(hat, &TurnedBlock::R, false, true, nv, more_.data(), du_.data());
     apply(hat, &TurnedBlock::A, false, true, nv, dy, dq_.data());
     for (int i = 0; i < nv; ++i) dq_[i] += du_[i], more_[i] = dy[nv + i] + dxhat[nv + i];
-    if (Q) std::copy(Q, Q + r, nu.begin());
-    add_times(Bhat, r, nv, dq_.data(), nu.data());
+    met_.assign(r, 0.0);
+    if (Q) std::copy(Q, Q + r, met_.begin());
+    add_times(Bhat, r, nv, dq_.data(), met_.data());
     for (int k : rows) {
-      const size_t row = static_cast<size_t>(k) * nv;
-      double met = nu[position[k]], had = 0;
-      for (int c : s_.constraints.rows[k].columns) met += Ghat[row + c] * more_[c], had += Zhat[row + c] * above[c];
-      nu[position[k]] = met / -factor - had;
+      const double* G = &Ghat[static_cast<size_t>(k) * nv];
+      double& met = met_[position[k]];
+      for (int c : s_.constraints.rows[k].columns) met += G[c] * more_[c];
+      met /= -factor;
     }
-    lu.solve(nu.data());
-    for (int k : rows) {
-      const size_t row = static_cast<size_t>(k) * nv;
-      for (int c : s_.constraints.rows[k].columns) above[c] += point.Z[row + c] * nu[position[k]];
-    }
+    meet(Zhat, false, point.Z);
     above[n - 1] -= dot(at.g_t.data(), nu.data(), static_cast<int>(r));
   }
   point.back(above.data());
@@ -87,18 +108,10 @@ void StageSlopes::reverse(const double* F, double* x, double* xhat, double* y) {
   above.assign(F + nv, F + nv + n), nu.assign(r, 0.0);
   point.half(above.data());
   if (r) {
-    for (int k : rows) {
-      const size_t row = static_cast<size_t>(k) * nv;
-      double s = -at.g_t[position[k]] * above[n - 1];
-      for (int c : s_.constraints.rows[k].columns) s += point.Z[row + c] * above[c];
-      nu[position[k]] = s;
-    }
-    lu.solve_transposed(nu.data());
-    for (int k : rows) {
-      const size_t row = static_cast<size_t>(k) * nv;
-      for (int c : s_.constraints.rows[k].columns) above[c] -= Zhat[row + c] * nu[position[k]];
-    }
-    for (double& w : nu) w /= -factor;
+    met_.resize(r);
+    for (size_t k = 0; k < r; ++k) met_[k] = at.g_t[k] * above[n - 1];
+    meet(point.Z, true, Zhat);
+    for (double& w : nu) w /= factor;
     add_transposed(Bhat, r, nv, nu.data(), dq_.data());
     apply(hat, &TurnedBlock::R, true, true, nv, dq_.data(), more_.data());
     for (int i = 0; i < nv; ++i) xhat[i] += more_[i], rate_[i] += factor * more_[i];

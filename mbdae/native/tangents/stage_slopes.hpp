@@ -42,8 +42,11 @@ class StageSlopes : public VariedPoint {
   Numbers above, nu;
 
  private:
+  // above += Z^T nu with the nu of which Z' above = `met_`; Z' and Z stand in the step's matrix or in its transpose.
+  void meet(const Numbers& seen, bool transposed, const Numbers& moved);
+
   Index2System& s_;
-  Numbers rate_, dq_, du_, more_;
+  Numbers rate_, dq_, du_, more_, met_, miss_;
 };
 
 void add_times(const Numbers& A, size_t rows, size_t columns, const double* x, double* out);       // out += A x

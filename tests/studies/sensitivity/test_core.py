@@ -52,7 +52,7 @@ def compare(sol, names, **options):
         slopes = {name: tangent.signal(name) for name in weights}
         forwards = sum(w @ slopes[name] for name, w in weights.items())
         size = sum(np.abs(w) @ np.abs(slopes[name]) for name, w in weights.items())
-        assert (np.abs(forwards - backwards) <= 5e-13 * size.max()).all()
+        assert (np.abs(forwards - backwards) <= 1e-13 * size.max()).all()
         found.append((tangent.dy, backwards, size.max()))
     (dy, back, _), (expected, expected_back, size) = found
     assert np.abs(dy - expected).max() <= 1e-11 * max(1.0, np.abs(expected).max())
