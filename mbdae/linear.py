@@ -10,20 +10,23 @@ from .errors import StepError
 from .system import Array
 
 
-def factorized(matrix: Array, message: str) -> Callable[[Array], Array]:
+def factorized(matrix: Array, name: str) -> Callable[[Array], Array]:
     """Return b -> matrix^-1 b.
 
     Args:
         matrix: square, real or complex, (n, n).
-        message: of the error.
+        name: of the system, for messages.
 
     Raises:
-        StepError: ``"singular"`` with the message, where no factorization exists.
+        StepError: ``"nonfinite"``, where numbers of the matrix or of its factors overflow or are not finite;
+            ``"singular"``, where no factorization exists.
     """
     getrf, trsv = (zgetrf, ztrsv) if np.iscomplexobj(matrix) else (dgetrf, dtrsv)
     lu, pivots, info = getrf(matrix)
-    if info or not np.isfinite(lu).all():
-        raise StepError("singular", message)
+    if not np.isfinite(lu).all():
+        raise StepError("nonfinite", f"{name} has numbers that are not finite")
+    if info:
+        raise StepError("singular", f"{name} is singular")
     order = list(range(len(pivots)))
     for i, k in enumerate(pivots.tolist()):
         order[i], order[k] = order[k], order[i]

@@ -54,7 +54,7 @@ class LinearizedHessenberg(NamedTuple):
         """Factorize [[1 - mu f_y, -f_z], [g_y, 0]], real or complex."""
         ny, nz = self.f_z.shape
         matrix = np.block([[np.eye(ny) - mu * self.f_y, -self.f_z], [self.g_y, np.zeros((nz, nz))]])
-        back = factorized(matrix, f"the linear system of an implicit step is singular at t = {self.t:.17g}")
+        back = factorized(matrix, f"the linear system of an implicit step at t = {self.t:.17g}")
         self.counts.factorizations += 1
 
         def solve(r: Array, c: Array) -> tuple[Array, Array]:

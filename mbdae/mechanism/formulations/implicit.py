@@ -139,8 +139,7 @@ class Linearized(NamedTuple):
     def back(self, blocks: list[list[Array]]) -> Callable[[Array], Array]:
         """Count and return the factorization b -> matrix^-1 b of a matrix of blocks."""
         self.counts.factorizations += 1
-        where = f"the linear system of an implicit step is singular at t = {self.t:.17g}"
-        return factorized(np.block(blocks), where)
+        return factorized(np.block(blocks), f"the linear system of an implicit step at t = {self.t:.17g}")
 
     def parts(self, mu: complex) -> tuple[Array, Array, Array, Array]:
         """Return S, mu K S, B S and the upper left block of the module's matrix."""

@@ -131,10 +131,15 @@ def test_textbook_slopes():
 
 
 def test_singular_systems_are_named():
-    with pytest.raises(StepError, match="here it is"):
-        factorized(np.zeros((2, 2)), "here it is")
-    with pytest.raises(StepError, match="here it is"):
-        factorized(np.full((2, 2), np.nan + 0j), "here it is")
+    overflows = np.array([[1e-300, 1e300], [-1e-300, 1e300]]) * 1e8
+    for matrix, status, said in (
+        (np.zeros((2, 2)), "singular", "it is singular"),
+        (np.full((2, 2), np.nan + 0j), "nonfinite", "it has numbers that are not finite"),
+        (overflows, "nonfinite", "it has numbers that are not finite"),
+    ):
+        with pytest.raises(StepError, match=said) as raised:
+            factorized(matrix, "it")
+        assert raised.value.status == status
     back = factorized(np.array([[0, 2j], [1, 0]]), "")
     np.testing.assert_allclose(back(np.array([2.0, 3.0])), [3, -1j])
 
