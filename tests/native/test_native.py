@@ -31,8 +31,11 @@ SPANS = {  # s; 0.5 s for the others
     "rattleback": 0.1,
     "sleeping_top": 0.05,
     "spatial_slider_crank": 0.25,
-    "woodpecker": 0.002,
+    "woodpecker": 0.02,
 }
+# A sleeve of 5e-9 kg m^2 rests against its pole, and its velocity is rounding of some 1e-14 rad/s, which must not choose
+# the step behind an impact: an atol of 1e-8 rad/s makes 3e-7 of it, where the steps' largest growth begins.
+ATOL = {"woodpecker": 1e-6}
 
 
 @cache
@@ -77,7 +80,7 @@ def test_fixed_steps(name, method):
 @pytest.mark.parametrize("options", [{"method": "herk5"}, {"method": "rk4"}, {"project": True}], ids=str)
 @pytest.mark.parametrize("name", IN_CORE)
 def test_controlled_steps(name, options):
-    native, python = both(model(name), (0, SPANS.get(name, 0.5)), rtol=1e-6, **options)
+    native, python = both(model(name), (0, SPANS.get(name, 0.5)), rtol=1e-6, atol=ATOL.get(name), **options)
     assert native.status == python.status == "finished"
     assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
     assert_near(native.y[-1], python.y[-1], 1e-10)  # step sizes follow the rounding of small errors
