@@ -34,8 +34,10 @@ def end_in_event(at: StepMap, theta: float, event: Event) -> None:
         start = None
     if start and run.stepper.any_size:
         with suppress(StepError):
-            if isinstance(event.function, str):
-                step = at.take(theta) if theta else Step(start, run.zs[at.node], np.empty(0))
+            if theta == 0:
+                step = Step(start, run.zs[at.node], np.empty(0))
+            elif isinstance(event.function, str):
+                step = at.take(theta)
             else:
                 theta, step = run.events.land(event, theta, t, h, at.dense, at.take)
     if step is None and start:

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from ..errors import InputError
 from ..mechanism.callbacks import function_name
 from ..system import Array
-from .signal_events import TOUCH, SignalEvent
+from .signal_events import TOUCH, SignalEvent, behind_jump
 
 if TYPE_CHECKING:
     from ..system import Step
@@ -100,20 +100,18 @@ class EventWatch:
         self.looked = self.stopped = False  # it has, at the last steps; and has found where the run ends
         self.found: list[list[tuple[float, Array]]] = [[] for _ in events]
         self._last: dict[int, float] = {}
-        self._struck = False
+        self._seen = np.nan  # time up to which steps were looked at; nan behind an impact
 
     def begin(self, t: float, y: Array) -> None:
         """Evaluate every event at the start."""
-        self.start = (t, y)
+        self.start, self._seen = (t, y), t
         self._last = {i: self.evaluate(e, t, y) for i, e in self.functions.items()}
         for signal in self.signals.values():
             signal.begin(t, y)
 
     def strike(self) -> None:
         """Begin the next step behind an impact, at the time where the last one ended."""
-        self._struck = True
-        for signal in self.signals.values():
-            signal.struck = True
+        self._seen = np.nan
 
     @property
     def why_python(self) -> str:
@@ -136,16 +134,20 @@ class EventWatch:
             self.found[i].append(self.start if t == self.start[0] else (t, y))
         for signal, node in zip(self.signals.values(), native.nodes, strict=True):
             signal.node = node
+            self._seen = node[0]
 
     def step(self, step: "StepMap") -> tuple[float, Event] | None:
         """Look at a step; return the first terminal event in it, behind the share of the step there."""
         t, h = step.t, step.h
+        touch = None if t == self._seen else TOUCH if np.isnan(self._seen) else 0.0
+        self._seen = step.t1
         hits: list[tuple[float, int, Array]] = []
         for i, event in self.functions.items():
-            hits += [(theta, i, step.dense(theta)) for theta in self._zeros(i, event, t, h, step.dense)]
+            zeros = self._zeros(i, event, step, touch)
+            hits += [(theta, i, step.dense(theta) if theta else step.y) for theta in zeros]
         for i, signal in self.signals.items():
-            hits += [(theta, i, y) for theta, y in signal.zeros(step)]
-        same, stop, self._struck = SAME * max(1.0, abs(t)), None, False
+            hits += [(theta, i, y) for theta, y in signal.zeros(step, touch)]
+        same, stop = SAME * max(1.0, abs(t)), None
         for theta, i, y in sorted(hits, key=lambda hit: hit[:2]):
             if stop and (theta - stop[0]) * abs(h) > same:
                 break
@@ -162,22 +164,23 @@ class EventWatch:
         limit = sign * t - SAME * max(1.0, abs(t))
         self.found = [[(t, y) if sign * when >= limit else (when, x) for when, x in hits] for hits in self.found]
 
-    def _zeros(self, i: int, event: Event, t: float, h: float, at: Callable[[float], Array]) -> list[float]:
-        def value(theta: float) -> float:
-            return self.evaluate(event, t + theta * h, at(theta))
-
+    def _zeros(self, i: int, event: Event, step: "StepMap", touch: float | None) -> list[float]:
         zeros, theta0, g0 = [], 0.0, self._last[i]
-        if self._struck:
-            g = value(0.0)
-            touches = max(abs(g0), abs(g)) <= TOUCH
-            if (touches and not event.direction and g0) or (not touches and g0 * g < 0 and event.direction * g >= 0):
-                zeros.append(0.0)
-            g0 = 0.0 if touches else g
+        if touch is not None:
+            passes, g0 = behind_jump(g0, self.evaluate(event, step.t, step.y), event.direction, touch)
+            zeros = [0.0] if passes else []
+        known = {0.0: g0}
+
+        def value(theta: float) -> float:
+            if theta not in known:
+                known[theta] = self.evaluate(event, step.t + theta * step.h, step.dense(theta))
+            return known[theta]
+
         for theta1 in SAMPLES:
             g1 = value(theta1)
             rising = np.sign(g1) if g0 == 0 else np.sign(g1 - g0)
             if event.direction * rising >= 0:
-                if g0 == 0 and theta0 == 0 and g1 != 0 and t == self.start[0]:
+                if g0 == 0 and theta0 == 0 and g1 != 0 and step.t == self.start[0]:
                     zeros.append(0.0)
                 elif g0 * g1 < 0:
                     zeros.append(float(brentq(value, theta0, theta1, xtol=1e-15, rtol=1e-15)))

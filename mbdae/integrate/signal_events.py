@@ -56,6 +56,20 @@ def parse(text: str) -> Passage:
     return Passage(found["signal"], level, DIRECTIONS[found["sign"]])
 
 
+def behind_jump(before: float, behind: float, direction: int, touch: float) -> tuple[bool, float]:
+    """Say whether a value passes zero, or turns round there, in a jump; return the value from which it goes on.
+
+    Args:
+        before: the value before the jump.
+        behind: the value behind it.
+        direction: 1 for passages where it rises, -1 where it falls, 0 for both.
+        touch: what is as near to zero on both sides turns round there.
+    """
+    if max(abs(before), abs(behind)) <= touch:
+        return before != 0 and not direction, 0.0
+    return before != 0 and before * behind <= 0 and direction * (behind - before) >= 0, behind
+
+
 class SignalEvent:
     """A signal less its level, followed from step to step.
 
@@ -69,7 +83,6 @@ class SignalEvent:
     def __init__(self, system: Index2System, signal: SignalValue, level: float, direction: int) -> None:
         self.system, self.signal, self.level, self.direction = system, signal, level, direction
         self.node = (np.nan, np.nan, 0.0)  # the last one: time, value, rate of an angle
-        self.struck = False  # an impact came behind it, at the same time
 
     @classmethod
     def of(cls, system: Index2System, mechanism: Mechanism, text: str, direction: int) -> "SignalEvent":
@@ -105,17 +118,19 @@ class SignalEvent:
         t0, f0, w0 = self.node
         return f + TURN * float(np.round((f0 + (t - t0) * (w0 + self._speed(y)) / 2 - f) / TURN))
 
-    def zeros(self, step: "StepMap") -> list[Hit]:
-        """Return the shares of a step at which the signal passes its level, and the points there; go on behind it."""
+    def zeros(self, step: "StepMap", touch: float | None) -> list[Hit]:
+        """Return the shares of a step at which the signal passes its level, and the points there; go on behind it.
+
+        Args:
+            step: the step.
+            touch: of `behind_jump` and a level of zero, where a jump lies between the last step and this one.
+        """
         hits: list[Hit] = []
-        if self.struck or step.t != self.node[0]:  # behind a jump
-            f0, f = self.node[1], self.value(step.t, step.y)
-            if max(abs(f0), abs(f)) <= TOUCH * (1 + abs(self.level)):
-                f = 0.0
-            if f or not self.direction:
-                self._passage(hits, (0.0, step.y, f0), (0.0, step.y, f), step)
+        if touch is not None:
+            touch *= 1 + abs(self.level)
+            passes, f = behind_jump(self.node[1], self.value(step.t, step.y), self.direction, touch)
+            hits += [(0.0, step.y)] if passes else []
             self.move(step.t, step.y, f)
-            self.struck = False
         f0, f1 = self.node[1], self.value(step.t1, step.y1)
         marks = [(0.0, step.y, f0)]
         for theta in self._turns(step, f0, f1):
@@ -136,8 +151,6 @@ class SignalEvent:
             return
         if f0 == 0 and f1 != 0 and theta0 == 0 and step.first:
             hits.append((0.0, y0))
-        elif f0 * f1 < 0 and theta0 == theta1:  # it jumps
-            hits.append((theta1, y1))
         elif f0 * f1 < 0:
             hits.append(self._locate(a, b, step))
         elif f1 == 0 and f0 != 0:

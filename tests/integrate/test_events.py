@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from links import arm
 from scipy.special import ellipk
 from smooth import SMOOTH
 
 import mbdae
+from mbdae.mechanism.signals import Steps
 
 QUARTER = float(ellipk(0.5)) / np.sqrt(9.81)  # from horizontal rest to the lowest point: K(sin 45 degrees) / omega
 
@@ -113,3 +115,31 @@ def test_a_jumping_function_ends_a_run_where_it_jumps():
     sol = run(events=mbdae.Event(lambda t, q, v: -1.0 if t < 0.3 else 1.0, terminal=True))
     assert sol.status == "event"
     assert sol.t[-1] == pytest.approx(0.3, abs=1e-12)
+
+
+JUMPS = {0.2: 2.0, 0.31: -4.0, 0.5: 0.0, 0.77: 1.0, 0.9: -1.0}  # s, and the torque from there on, N m
+
+
+def torque(t, q=None, v=None):
+    return [1.0, *JUMPS.values()][int(np.searchsorted(list(JUMPS), t, side="right"))]
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("direction", [0, 1, -1])
+@pytest.mark.parametrize("options", [{"rtol": 1e-8}, {"step": 0.05, "method": "herk3"}], ids=str)
+def test_functions_and_signals_see_a_jump(direction, options):
+    """A torque changes its sign, or goes to zero, at given times; the time itself passes one of them."""
+    push = mbdae.JointTorque(joint="arm", torque=Steps(points=((0.0, 1.0), *JUMPS.items())), name="push")
+    rising, falling, passed = [0.5], [0.31, 0.9], [0.31] if direction >= 0 else []
+    expected = {0: [0.31, 0.5, 0.9], 1: rising, -1: falling}[direction]
+    watched = ["torque.push", torque, "t = 0.31", lambda t, q, v: t - 0.31]
+    events = [mbdae.Event(what, direction=direction) for what in watched]
+    sol = mbdae.solve(arm(push), (0, 1), events=events, **options)
+    for (times, _), exact in zip(sol.events, [expected, expected, passed, passed], strict=True):
+        np.testing.assert_allclose(times, exact, rtol=0, atol=1e-14)
+    assert all(np.array_equal(a, b) for a, b in zip(sol.events[0], sol.events[1], strict=True))
+    for what in watched[:2]:
+        event = mbdae.Event(what, terminal=True, direction=direction)
+        ended = mbdae.solve(arm(push), (0, 1), events=event, **options)
+        assert (ended.status, ended.t[-1]) == ("event", sol.events[0][0][0])
+        np.testing.assert_array_equal(ended.y[-1], sol.y[np.flatnonzero(sol.t == ended.t[-1])[0]])
