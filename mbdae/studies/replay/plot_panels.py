@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError, several
-from ...solution.signals import ENERGIES, find, signals, units
+from ...solution.signals import find, signals, units
 from ...system import Array
 from ..figures import NAMES
 
@@ -20,7 +20,7 @@ Plot = str | Sequence[str]
 POINTS = 1500  # more than a curve has pixels
 ROUNDING = 1e-16  # of |g|: below is nothing to see
 MOST = 7  # curves of one pane that can be told apart
-STEPPED = tuple(ENERGIES)  # shown at the steps: between them is interpolation
+STEPPED = ("energy", "work", "g", "Gv")  # what judges a run is shown at its steps: between them is interpolation
 WORDS = {**NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|"}
 
 
@@ -70,7 +70,8 @@ def panes(
         return []
     mech, entries = sol.mechanism, _entries(plots)
     chosen = [tuple(x for name in entry for x in ([name] if name in own else find(mech, name))) for entry in entries]
-    wanted = [*(x for entry in chosen for x in entry if x not in own), *(n for n in units(mech) if n.startswith("q."))]
+    seen = [*(n for n in units(mech) if n.startswith("q.")), *(() if plots else ("kinetic", "potential"))]
+    wanted = [*(x for entry in chosen for x in entry if x not in own), *seen]
     table = _table(sol, own, wanted)
     groups = _defaults(table, mech) if plots is None else [_Group(tuple(dict.fromkeys(names))) for names in chosen]
     asked = {name for group in groups for name in group.names}

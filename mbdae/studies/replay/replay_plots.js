@@ -48,7 +48,7 @@ class Pane {
     });
     const series = data.curves.map((curve, i) => ({
       label: curve.ghost < 0 ? curve.name : `${curve.name}, ${scene.ghosts[curve.ghost].name}`, stroke: colour(curve),
-      class: curve.ghost < 0 ? "own" : "ghost", width: curve.ghost < 0 ? 1.7 : 1.3, dash: dash(curve), points: {show: false},
+      class: curve.ghost < 0 ? "own" : "ghost", width: curve.ghost < 0 ? 1.7 : 1.3, dash: dash(curve), points: {show: false}, pxAlign: 0,  // no steps of one pixel
       value: () => number(valueAt(curve, this.time)),
       gaps: (u, k, from, to, found) => found.map(([left, right]) => [left - 2, right + 2]),  // the line across ends there
     }));
@@ -67,7 +67,7 @@ class Pane {
       scales: {x: {time: false}, y: range ? {distr: 3, range: () => range} : {}},
       axes: [
         {...axis, size: 24, gap: 2, space: 60, values: seconds},
-        {...axis, size: 58, gap: 3, space: 26, ...(range ? {values: powers, splits: every} : {})},
+        {...axis, size: 58, gap: 3, space: 26, ...(range ? {values: powers, splits: every, filter: (u, splits) => splits} : {})},
       ],
       hooks: {
         setScale: [(u, key) => { if (key === "x") zoom(panes, u); }],

@@ -159,7 +159,8 @@ def test_default_plots_are_coordinates_energies_and_drift(sol, tmp_path):
     energies = curves(data, "energies (J), potential from its start")
     assert energies["potential", -1][1][0] == 0
     t, y = energies["kinetic", -1]
-    np.testing.assert_allclose(y, [mech.energy(q, v)[0] for q, v in zip(sol.q, sol.v, strict=True)], rtol=1e-6)
+    np.testing.assert_allclose(y[::100], [mech.energy(sol(x).q, sol(x).v)[0] for x in t[::100]], rtol=1e-5)
+    assert len(t) > 1000, "a curve has no corners at the steps"
     t, y = curves(data, "angles (rad), within π")["crank", -1]
     few = np.flatnonzero(~np.isnan(y))[::20]
     at = mbdae.mechanism.frames.find_joint(mech.model, "crank").idx_q

@@ -214,6 +214,15 @@ def test_plots_zoom_hide_and_set_the_time(crank, chromium, tmp_path):
         assert log["label"] == "q.slider (m) over time: slider"
 
 
+def test_an_axis_of_powers_is_labelled_at_each_of_its_lines(crank, chromium, tmp_path):
+    drifting = mbdae.solve(crank.mechanism, (0, 5), method="pherk5", rtol=1e-8, project=False)
+    page = animate(drifting, tmp_path / "run.html", plots=["q", "v", "kinetic", "g"], fps=20)
+    log = chromium.ask(page, "log.labels = mbdae.plots.panes.at(-1).plot.axes[1]._values;", size=(1280, 500))
+    powers = [int(x.replace("1e", "").replace("\N{MINUS SIGN}", "-")) for x in log["labels"]]
+    assert len(powers) >= 4
+    assert set(np.diff(powers)) == {powers[1] - powers[0]}
+
+
 def test_ghosts_traces_and_arrows_are_seen(crank, chromium, tmp_path):
     other = mbdae.solve(crank.mechanism, (0, 2), method="herk1", step=0.02)
     options = {"traces": ["rod_tip"], "ghosts": {"herk1": other}, "arrows": True}
