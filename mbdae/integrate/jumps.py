@@ -5,6 +5,7 @@ So a step towards a jump ends a few roundings before it, where everything still 
 the jump. A solution has both points.
 """
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -39,13 +40,16 @@ class Jumps:
         times: the user's.
         t1: end of the span.
         sign: direction of time.
+        knots: further times where steps end.
 
     Raises:
         InputError: for times that are not numbers.
     """
 
-    def __init__(self, system: System, times: Sequence[float], t1: float, sign: float) -> None:
-        self.system, self.times, self.t1, self.sign = system, _checked(times), t1, sign
+    def __init__(
+        self, system: System, times: Sequence[float], t1: float, sign: float, knots: Sequence[float] = ()
+    ) -> None:
+        self.system, self.times, self.t1, self.sign = system, sorted({*_checked(times), *knots}), t1, sign
 
     def leg(self, t: float) -> Leg:
         """Return the leg from t on. Jumps that differ by roundings only count as one.
@@ -65,7 +69,9 @@ class Jumps:
 
     def _next(self, t: float) -> float:
         s = self.sign
-        return s * min(s * self.system.breakpoint(t, s), *(s * x for x in self.times if s * x > s * t), np.inf)
+        i = bisect_right(self.times, t) if s > 0 else bisect_left(self.times, t) - 1
+        own = self.times[i] if 0 <= i < len(self.times) else s * np.inf
+        return s * min(s * self.system.breakpoint(t, s), s * own)
 
     def _last(self, t: float, near: float) -> float:
         """The last jump of those that follow t, and one another, within ``near``; t if none does."""

@@ -64,7 +64,7 @@ def prepare(
     stepper: Stepper = inner
     if system.native and not isinstance(tableau, Baseline):
         stepper = NativeStepper(inner, system, tableau, project)
-    ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0)
+    ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0, _knots(problem, system))
     y = _start(problem, start, t0, None if step else control[0])
     run = RunState(problem, tableau, system, stepper, t0, y, ahead, project)
     run.fallback, run.settings = fallback, {
@@ -83,6 +83,15 @@ def prepare(
         _refuse_modes(formulation, tableau, run.sign)
         run.modes, run.events.by_signal = ModeWatch(system), False
     return run
+
+
+def _knots(problem: Problem, system: System) -> Sequence[float]:
+    """Return the times where pieces of loads and motions meet, if modes follow them: between two a load may turn."""
+    if not isinstance(problem, Mechanism) or not isinstance(system, Index2System) or not problem.switches:
+        return ()
+    laws = (signal for law, _ in system.laws.bound for signal in law.signals)
+    drives = (signal for d in problem.drivers for signal in (d.motion, d.speed) if signal)
+    return [t for signal in (*laws, *drives) for t in signal.knots]
 
 
 def _refuse_modes(formulation: str, tableau: Any, sign: float) -> None:

@@ -44,6 +44,11 @@ class _Signal(Table):
         """The times where it is not smooth."""
         return ()
 
+    @property
+    def knots(self) -> Sequence[float]:
+        """The times where its pieces meet."""
+        return ()
+
     def jump(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, where it is not smooth; sign * inf if none."""
         return sign * min((sign * s for s in self.breaks if sign * s > sign * t), default=inf)
@@ -67,6 +72,10 @@ class _Piecewise(_Signal):
     @property
     def breaks(self) -> Sequence[float]:
         return self.pieces.breaks
+
+    @property
+    def knots(self) -> Sequence[float]:
+        return self.pieces.starts[1:]
 
     def plain(self) -> dict[str, Any]:
         return self.pieces.plain()
@@ -143,7 +152,6 @@ class _Points(_Piecewise):
     @classmethod
     def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
         return increasing(points)
-
 
 class TimeTable(_Points):
     """A smooth curve through points (t, value), t increasing; before and behind them the end values are held.

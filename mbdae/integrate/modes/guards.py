@@ -1,6 +1,6 @@
 """Where the first guard of a mode passes zero in a step: located on steps of the method, so that order survives."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -9,24 +9,19 @@ from scipy.optimize import brentq
 
 from ...errors import StepError
 from ...mechanism.modes.switch import Guard
+from ...system import Array
 from ..signal_events import ITERATIONS, SHARE, SHARP
+from .loads import QUARTERS, At, places
 
 if TYPE_CHECKING:
     from ...mechanism.modes.point import ModePoint
     from ..step_map import StepMap
 
 BAND = 1e-13  # of the size of a guard: nearer to zero it is rounding
-SAMPLES = (0.25, 0.5, 0.75)  # of a step: where multipliers are looked at
 LATER = 1.05  # times the flight that speed and acceleration tell: when a row that was struck is below zero
-FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth difference of samples
-ROUGH = 0.05  # of what a load has left to its limit: how far it may be off a cubic within a step
-NEAR_LIMIT = 0.02  # of the limit: no less counts as left
-NEARLY = 0.9  # of the limit: peaks of loads beyond are looked at
-EPS = 1e-9  # of an imaginary part
 ROOT = 1e-6  # of a bracket: a zero of a struck row that is nearer to the start is the start itself
 HALVINGS = 40  # towards the start of a step
 NEWTON = 12  # iterations, of which three or four are needed
-At = Callable[[float], "ModePoint"]
 
 
 class FollowedGuard:
@@ -63,17 +58,20 @@ class FollowedGuard:
         return BAND * (1 + self.size)
 
 
-def first(guards: Sequence[FollowedGuard], step: "StepMap", at: At) -> tuple[float, list[Guard]]:
+def first(
+    guards: Sequence[FollowedGuard], step: "StepMap", at: At, thetas: Array = QUARTERS
+) -> tuple[float, list[Guard]]:
     """Return the share of a step at which the first guards pass zero, and these; 2 and none where none does.
 
     Args:
         guards: of the mode.
         step: the step.
         at: the point after a share of it.
+        thetas: shares at which loads are looked at.
     """
     theta, fired = 2.0, list[Guard]()
     near = 4 * _sharp(step)
-    waiting = [(guard, _below(guard, step, at)) for guard in guards]
+    waiting = [(guard, _below(guard, step, at, thetas)) for guard in guards]
     while True:
         if theta <= 1:  # those that pass zero before, perhaps more than once
             waiting = [(g, theta) for g in guards if g.guard not in fired and g.value(at(theta)) < -g.band]
@@ -94,9 +92,16 @@ def _sharp(step: "StepMap") -> float:
     return SHARP * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
 
 
-def _below(followed: FollowedGuard, step: "StepMap", at: At) -> float | None:
-    """A share of the step at which a guard is negative; None where it is not."""
-    f1, band, guard = followed.value(at(1.0)), followed.band, followed.guard
+def _below(followed: FollowedGuard, step: "StepMap", at: At, thetas: Array) -> float | None:
+    """A share of the step at which a guard is negative, of loads the first one found; None where it is not."""
+    band, guard = followed.band, followed.guard
+    if guard.loads:
+        for theta in places(guard, at, thetas)[1:]:
+            with suppress(StepError):
+                if followed.value(at(float(theta))) < -band:
+                    return float(theta)
+        return None
+    f1 = followed.value(at(1.0))
     if f1 < -band:
         return 1.0
     back = (followed.back - step.t) / step.h
@@ -112,42 +117,7 @@ def _below(followed: FollowedGuard, step: "StepMap", at: At) -> float | None:
         rate = guard.rate
         theta = float(brentq(lambda x: rate(at(x)), 0.0, 1.0, xtol=1e-9, rtol=1e-9, maxiter=ITERATIONS))
         return theta if followed.value(at(theta)) < -band else None
-    if guard.loads:
-        for theta in (*SAMPLES, *_peaks(guard, at)):
-            with suppress(StepError):
-                if followed.value(at(theta)) < -band:
-                    return theta
     return None
-
-
-def _peaks(guard: Guard, at: At) -> list[float]:
-    """Where a load is largest between samples: extrema of the quartic through them that come near the limit."""
-    with suppress(StepError):
-        loads = [guard.load(at(theta)) for theta in (0.0, *SAMPLES, 1.0)] if guard.load else []
-        if loads:
-            c = np.polyfit((0.0, *SAMPLES, 1.0), loads, len(SAMPLES) + 1)
-            turns = [float(x.real) for x in np.roots(np.polyder(c)) if abs(x.imag) < EPS and 0 < x.real < 1]
-            return [x for x in turns if abs(np.polyval(c, x)) > NEARLY]
-    return []
-
-
-def unresolved(guards: Sequence[FollowedGuard], at: At, step_size: float) -> float:
-    """Return how far loads of what sticks go beyond cubics through their samples in a step; above 1 it is too long.
-
-    A step that may pass a guard twice is too long, too.
-
-    What sticks has no error, and steps would grow until a load comes and goes between two samples.
-    """
-    worst = 0.0
-    for guard in guards:
-        if guard.guard.longest is not None:
-            longest = min(guard.guard.longest(at(theta)) for theta in (0.0, 1.0))
-            worst = max(worst, (step_size / longest) ** 4)
-        if guard.guard.load is not None:
-            loads = np.array([guard.guard.load(at(theta)) for theta in (0.0, *SAMPLES, 1.0)])
-            bend = abs(float(loads @ FOURTH))
-            worst = max(worst, bend / (ROUGH * max(1.0 - float(np.abs(loads).max()), NEAR_LIMIT)))
-    return worst
 
 
 def _least(f0: float, f1: float, m0: float, m1: float) -> float:

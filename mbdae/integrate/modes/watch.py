@@ -8,7 +8,8 @@ from ...mechanism.modes.switch import Guard
 from ...mechanism.modes.switches import words
 from ...solution.impact import Impact
 from ...system import Array
-from .guards import At, FollowedGuard, first, unresolved
+from .guards import FollowedGuard, first
+from .loads import QUARTERS, At, resolving, unresolved
 from .transition import Transition
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 TOUCHING = 1e-9  # m or rad: a row that is open by no more at the start touches
 SAFETY, SHRINK = 0.8, 0.2  # of the step that resolves loads, and the least share of the last one
+SHORT = 1e-7  # of the span: a load that no longer step resolves jumps
 MANY = 100  # transitions, and as many for each switch: if they all fall into the time of a rest, they have no end
 
 
@@ -83,20 +85,22 @@ class ModeWatch:
     def look(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
         """Return the share of a step at which the mode ends, and the guards that say so; 2 and none where it lasts."""
         at = self._points(step)
-        theta, fired = first(self.guards, step, at)
+        fixed = run.stepper.any_size and not run.stepper.controls
+        theta, fired = first(self.guards, step, at, resolving(self.guards, at, abs(step.h)) if fixed else QUARTERS)
         if not fired:
             for guard in self.guards:
                 guard.move(at(1.0))
         return theta, fired
 
     def blind(self, run: "RunState", step: "StepMap") -> bool:
-        """Say whether a step is too long to see the loads of what sticks, and bound the next one."""
-        if not any(g.guard.load or g.guard.longest for g in self.guards) or not run.stepper.any_size:
+        """Say whether a step is too long to see the loads of what sticks or rests, and bound the next one."""
+        if not run.stepper.controls or not run.stepper.any_size:
             return False
-        worst = unresolved(self.guards, self._points(step), abs(step.h))
+        h, least = abs(step.h), SHORT * abs(run.t1 - run.ts[0])
+        worst = unresolved(self.guards, self._points(step), QUARTERS, h)
         if worst > 0:
-            run.stepper.bound(abs(step.h) * max(SHRINK, SAFETY * worst**-0.25))
-        return worst > 1 and run.stepper.controls
+            run.stepper.bound(max(least, h * max(SHRINK, SAFETY * worst**-0.25)))
+        return worst > 1 and h > 2 * least
 
     def _points(self, step: "StepMap") -> "At":
         """Return the point after a share of a step, each computed once."""

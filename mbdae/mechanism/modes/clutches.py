@@ -47,7 +47,7 @@ class OneWay(OneSidedRow):
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == LOCKED:
-            return (Guard("let go", self.name, self.at, self.load, loads=True),)
+            return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
         return (Guard("rest", self.name, self.at, self.speed, self.acceleration),)
 
     def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102

@@ -83,8 +83,7 @@ class Gripping(Switch):
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == GRIPS:
-            load: Value = lambda x: float(self.share(x.lam)[0])  # noqa: E731
-            return (Guard("slip", self.name, self.at, self.margin, loads=True, load=load),)
+            return (Guard("slip", self.name, self.at, self.margin, loads=True, load=lambda x: self.share(x.lam)),)
         return (Guard("rest", self.name, self.at, self.slip()),) if state == SLIDES else ()
 
     def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102

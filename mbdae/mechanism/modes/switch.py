@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
+    from ...system import Array
     from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
     from .point import ModePoint
 
 Value = Callable[["ModePoint"], float]
+Load = Callable[["ModePoint"], "float | Array"]
 AT_LIMIT = 1e-9  # of the limit: a load that is nearer has reached it
 
 
@@ -26,7 +28,8 @@ class Guard(NamedTuple):
         bend: and the rate of that.
         loads: it depends on multipliers, and is sampled within steps.
         longest: the longest step in s that cannot pass it twice.
-        load: a multiplier as a share of its limit, signed, on which it depends: steps shall resolve it.
+        load: what it depends on, and steps shall resolve: multipliers as shares of their limit, signed, of what sticks;
+            the multiplier itself of what lets go at 0.
     """
 
     kind: str
@@ -36,7 +39,7 @@ class Guard(NamedTuple):
     rate: Value | None = None
     bend: Value | None = None
     loads: bool = False
-    load: Value | None = None
+    load: "Load | None" = None
     longest: Value | None = None
 
 

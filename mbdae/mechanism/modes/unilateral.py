@@ -61,7 +61,7 @@ class Unilateral(OneSidedRow):
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == OPEN:
             return (Guard("touch", self.name, self.at, self.gap, self.speed, self.acceleration),)
-        return (Guard("let go", self.name, self.at, self.load, loads=True),)
+        return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
 
     def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
         if state != CLOSED and self.gap(point) > near:
