@@ -68,7 +68,7 @@ def replay_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--follow", help="A joint whose body the camera follows."),
         click.option("--camera", help="front, top, side or 3d.  [default: as the motion wants]"),
         click.option("--arrows", "every", is_flag=True, help="Draw the forces of all closures."),
-        click.option("--arrow", "arrow", multiple=True, help="A closure whose force is drawn."),
+        click.option("--arrow", "arrow", multiple=True, help="A closure or joint whose force is drawn."),
         click.option("--trace", "traces", multiple=True, help="A frame whose path is drawn."),
         speed_option,
     ):

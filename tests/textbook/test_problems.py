@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import mbdae
 from mbdae import differences
-from mbdae.__main__ import main
+from mbdae.__main__ import cli, main
+from mbdae.studies.drift.figure import drifts
 from mbdae.textbook.problems import TEXTBOOK
 
 
@@ -48,6 +50,24 @@ def test_drift_of_a_known_solution_is_that_of_its_own_z():
     assert np.abs(sol.y[-1] - [np.cos(1), np.sin(1)]).max() < 1e-4
 
 
+def test_what_a_problem_has_not_is_not_told(tmp_path):
+    """There are no energies and no bodies."""
+    sol = mbdae.solve(TEXTBOOK["circle"](), (0, 1), method="herk3", step=0.1)
+    found = mbdae.drift(sol)
+    assert (found.energy_error, found.energy_relative, found.work_end) == (None, None, None)
+    assert "|g_t + g_y f|  max" in str(found)
+    assert "energy" not in str(found) + str(found.cells()) + str(list(found.tabulated().values))
+    assert found.largest == found.Gv_max > found.g_max
+    figure = found.plot(tmp_path / "drift.png")
+    assert [len(ax.lines) for ax in figure.axes] == [1, 1]
+    beside = drifts([found.history, mbdae.drift(mbdae.solve(mbdae.load("pendulum"), (0, 1))).history])
+    assert [len(ax.lines) for ax in beside.axes] == [2, 1]
+    for option in ("--html", "--video", "--glb"):
+        words = ["run", "circle", option, str(tmp_path / f"run.{'mp4' if 'v' in option else option[2:]}")]
+        out = CliRunner().invoke(cli, words)
+        assert "'Point on a circle' has no bodies to replay" in str(out.exception)
+
+
 def test_a_run_is_drawn(tmp_path):
     sol = mbdae.solve(TEXTBOOK["circle"](), (0, 1), method="herk3", step=0.1)
     y, z = sol.plot(tmp_path / "run.svg").axes
@@ -67,6 +87,7 @@ def test_what_has_no_name_is_not_saved(tmp_path):
 
 
 COMMANDS = ["models --textbook", "run circle -t 1 -m rk4", "run circle -t 1", "drift hessenberg_a -t 0.2 -m herk3"]
+COMMANDS += ["info circle", "info hessenberg_a --json"]
 
 
 @pytest.mark.parametrize("words", COMMANDS)

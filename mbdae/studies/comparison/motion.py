@@ -123,8 +123,7 @@ class Motion:
         if not np.isfinite(errors).all():
             return row
         largest, ends = (dict(zip(reference, e.tolist(), strict=True)) for e in (errors.max(axis=0), errors[-1]))
-        energy = kept.energy_relative if isinstance(self.problem, Mechanism) else None
-        return replace(row, errors=largest, ends=ends, g=kept.g_max, Gv=kept.Gv_max, energy=energy)
+        return replace(row, errors=largest, ends=ends, g=kept.g_max, Gv=kept.Gv_max, energy=kept.energy_relative)
 
     def tightest(self, variant: Variant, rtol: float) -> tuple[Trial, Samples]:
         """The run of a reference: at ``rtol``, or at the next power of ten that the method can meet.

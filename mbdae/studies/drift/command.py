@@ -86,7 +86,7 @@ def drift(
         found[0].save(output)
     data = [{**f.to_dict(), "written": written} for f in found]
     emit(data[0] if len(data) == 1 else data, "\n".join(map(str, found)), as_json)
-    if limit is not None and not max(max(f.g_max, f.Gv_max, f.energy_relative) for f in found) <= limit:
+    if limit is not None and not all(f.largest <= limit for f in found):
         sys.exit(FAILED)
     for sol in sols:
         finish(sol)

@@ -30,7 +30,7 @@ class History:
         t: times in s, (n,).
         g: max |g| over rows (m, rad), (n,).
         Gv: max |G v| over rows (m/s, rad/s), (n,).
-        energy: |E - E_0 - W| over the energy scale of `Drift`, (n,).
+        energy: |E - E_0 - W| over the energy scale of `Drift`, (n,); None for a textbook problem.
     """
 
     title: str
@@ -39,12 +39,12 @@ class History:
     t: np.ndarray
     g: np.ndarray
     Gv: np.ndarray
-    energy: np.ndarray
+    energy: np.ndarray | None
 
 
 @dataclass(frozen=True)
 class Drift(Tabular):
-    """Result of `drift`.
+    """Result of `drift`. A textbook problem has no energy: what tells of it is None.
 
     Attributes:
         title: of the mechanism.
@@ -55,7 +55,7 @@ class Drift(Tabular):
         g_end: max |g| over rows at the end.
         g_closure: name of the closure that opened the most.
         g_rows: number of rows that have a g, and of all.
-        Gv_max: max |G v| over rows and times (m/s, rad/s).
+        Gv_max: max |G v| over rows and times (m/s, rad/s); of a textbook problem max |g_t + g_y f|.
         Gv_end: max |G v| at the end.
         energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated along.
         energy_scale: max(|W|, kinetic energy, range of the potential energy) in J.
@@ -73,15 +73,22 @@ class Drift(Tabular):
     g_rows: tuple[int, int]
     Gv_max: float
     Gv_end: float
-    energy_error: float
-    energy_scale: float
-    work_end: float
+    energy_error: float | None
+    energy_scale: float | None
+    work_end: float | None
     history: History = field(repr=False, compare=False)
 
     @property
-    def energy_relative(self) -> float:
+    def energy_relative(self) -> float | None:
         """Relative error of the energy balance."""
+        if self.energy_error is None or self.energy_scale is None:
+            return None
         return self.energy_error / self.energy_scale if self.energy_scale else 0.0
+
+    @property
+    def largest(self) -> float:
+        """The largest of |g|, |G v| and the relative error of the energy balance."""
+        return float(np.max([self.g_max, self.Gv_max, *([] if (e := self.energy_relative) is None else [e])]))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -91,18 +98,27 @@ class Drift(Tabular):
     def tabulated(self) -> Columns:
         """Largest |g| and |G v|, and the error of the energy balance over the energy scale, over time."""
         h = self.history
-        columns = {"t": h.t, "g": h.g, "Gv": h.Gv, "energy": h.energy}
+        columns = {"t": h.t, "g": h.g, "Gv": h.Gv} | ({} if h.energy is None else {"energy": h.energy})
         return Columns(columns, {"t": "s", "g": "m, rad", "Gv": "m/s, rad/s", "energy": "1"}, "t")
 
     def cells(self) -> list[list[str]]:
         """Largest and last residuals, and the energy balance."""
-        return [
+        rows = [
             ["", "max", "at the end"],
             ["|g|", f"{self.g_max:.2e}", f"{self.g_end:.2e}"],
-            ["|G v|", f"{self.Gv_max:.2e}", f"{self.Gv_end:.2e}"],
+            [self._rate, f"{self.Gv_max:.2e}", f"{self.Gv_end:.2e}"],
+        ]
+        if self.energy_error is None:
+            return rows
+        return [
+            *rows,
             ["energy balance (J)", f"{self.energy_error:.2e}", "-"],
             ["energy balance, relative", f"{self.energy_relative:.2e}", "-"],
         ]
+
+    @property
+    def _rate(self) -> str:
+        return "|g_t + g_y f|" if self.energy_error is None else "|G v|"
 
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Draw the drift over time; written where a path is given.
@@ -118,15 +134,16 @@ class Drift(Tabular):
     def __str__(self) -> str:
         worst, (kept, rows) = f" ({self.g_closure})" if self.g_closure else "", self.g_rows
         free = f"; over {kept} of {rows} rows, {rows - kept} have no position level" if kept < rows else ""
-        return "\n".join(
-            [
-                f"drift of {self.title}, {self.label}, t = {self.t_end:g} s",
-                f"  |g|    max {self.g_max:.2e}{worst}, at the end {self.g_end:.2e}{free}",
-                f"  |G v|  max {self.Gv_max:.2e}, at the end {self.Gv_end:.2e}",
-                f"  energy balance {self.energy_error:.2e} J, relative {self.energy_relative:.2e}"
-                f" (work {self.work_end:.4g} J)",
-            ]
-        )
+        wide = len(self._rate)
+        lines = [
+            f"drift of {self.title}, {self.label}, t = {self.t_end:g} s",
+            f"  {'|g|':{wide}}  max {self.g_max:.2e}{worst}, at the end {self.g_end:.2e}{free}",
+            f"  {self._rate}  max {self.Gv_max:.2e}, at the end {self.Gv_end:.2e}",
+        ]
+        if self.energy_error is not None:
+            relative = f"{self.energy_relative:.2e} (work {self.work_end:.4g} J)"
+            lines.append(f"  energy balance {self.energy_error:.2e} J, relative {relative}")
+        return "\n".join(lines)
 
 
 def _of_textbook(sol: Solution, problem: Hessenberg) -> Drift:
@@ -134,12 +151,11 @@ def _of_textbook(sol: Solution, problem: Hessenberg) -> Drift:
     points = list(zip(sol.t.tolist(), sol.y, sol.z_own, strict=True))
     g = np.array([np.abs(problem.g(t, y)).max(initial=0.0) for t, y, _ in points])
     hidden = np.array([np.abs(system.hidden(t, y, z)).max(initial=0.0) for t, y, z in points])
-    none = np.zeros(len(g))
     rows = len(problem.z0)
     return Drift(
         problem.title, method, label, float(sol.t[-1]), float(g.max()), float(g[-1]), "", (rows, rows),
-        float(hidden.max()), float(hidden[-1]), 0.0, 0.0, 0.0,
-        History(problem.title, method, label, sol.t, g, hidden, none),
+        float(hidden.max()), float(hidden[-1]), None, None, None,
+        History(problem.title, method, label, sol.t, g, hidden, None),
     )  # fmt: skip
 
 

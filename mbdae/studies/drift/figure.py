@@ -17,19 +17,22 @@ if TYPE_CHECKING:
 def drifts(runs: Sequence[History]) -> "Figure":
     """Draw |g|, and the relative error of the energy balance, of several runs over time.
 
+    Textbook problems have no energy: below stands |g_t + g_y f| where there is none but those.
     Runs of one method have colours and line styles of their own; those of several mechanisms say which is theirs.
     """
     figure = sheet(WIDTH, 4.6)
     top, bottom = figure.subplots(2, 1, sharex=True)
     titles = list(dict.fromkeys(run.title for run in runs))
     apart = len({run.method for run in runs}) == len(runs)
+    energies = any(run.energy is not None for run in runs)
     for i, run in enumerate(runs):
         style = look(run.method) | ({} if apart else own_style(i))
         label = run.label if len(titles) == 1 else f"{run.title}: {run.label}"
-        for ax, values in ((top, run.g), (bottom, run.energy)):
-            _line(ax, run.t, values, (i + 0.5) / len(runs), label=plain(label), **style)
-    top.set_ylabel("max $|g|$ (m, rad)")
-    bottom.set_ylabel("$|E - E_0 - W|$ / scale")
+        for ax, values in ((top, run.g), (bottom, run.energy if energies else run.Gv)):
+            if values is not None:
+                _line(ax, run.t, values, (i + 0.5) / len(runs), label=plain(label), **style)
+    top.set_ylabel("max $|g|$ (m, rad)" if energies else "max $|g|$")
+    bottom.set_ylabel("$|E - E_0 - W|$ / scale" if energies else "max $|g_t + g_y f|$")
     bottom.set_xlabel("$t$ (s)")
     bottom.set_xlim(min(run.t[0] for run in runs), max(run.t[-1] for run in runs))
     figure.align_ylabels([top, bottom])

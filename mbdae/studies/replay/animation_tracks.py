@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import InputError, several
 from ...mechanism.contacts import path, rolling
-from ...mechanism.frames import paths
+from ...mechanism.frames import joint_paths, paths
 from ...system import Array
 from ..figures import COLOURS
 from .plot_panels import resampled
@@ -131,7 +131,9 @@ def traces(mechanism: "Mechanism", names: str | Sequence[str], q: Array) -> list
 
 
 def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> dict[str, Any]:
-    """Forces of closures on the bodies of their second frames, in N and where they act, (m, 3) each; and the largest.
+    """Forces in N of closures on the bodies of their second frames, of joints on those behind them, where they act.
+
+    Values and points (m, 3) each; and the largest force.
 
     Raises:
         UnknownNameError: for a name that does not exist.
@@ -139,17 +141,20 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
     """
     if names is False or (names is not True and not names):
         return {"largest": 0.0, "forces": []}
-    joined = {c.name: c.frames for c in sol.mechanism.constraints if c.frames}
+    mech = sol.mechanism
+    joined = {c.name: c.frames for c in mech.constraints if c.frames}
     if names is True and not joined:
-        raise InputError(f"{sol.mechanism.title!r} has no closures between frames: there are no forces to draw")
+        raise InputError(f"{mech.title!r} has no closures between frames: there are no forces to draw; name a joint")
     sample = resampled(sol, times)
-    chosen = joined if names is True else several(names, "arrows is True, or a list of closures")
+    chosen = joined if names is True else several(names, "arrows is True, or a list of closures and joints")
     found = [sample.reaction(name) for name in chosen]
-    wheels = {c.name for c in rolling(sol.mechanism)}
+    wheels = {c.name for c in rolling(mech)}
     at = [
-        path(sol.mechanism, r.name, sample.q)
+        path(mech, r.name, sample.q)
         if r.name in wheels
-        else paths(sol.mechanism.model, [joined[r.name][1]], sample.q)[0]
+        else paths(mech.model, [joined[r.name][1]], sample.q)[0]
+        if r.name in joined
+        else joint_paths(mech.model, [r.name], sample.q)[0]
         for r in found
     ]
     forces = [

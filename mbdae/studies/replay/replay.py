@@ -71,8 +71,8 @@ def animate(
             sticks or strikes is marked for ``sol`` alone.
         choices: solutions of this mechanism by name of which one is shown at a time, as chosen in the page; the
             first stands in the place of ``sol``.
-        arrows: names of closures, or True for all between frames, whose forces on the body of their second frame are
-            drawn as arrows; where rows depend on each other, those of minimum norm.
+        arrows: names of closures and joints whose forces on the body of their second frame, or behind them, are drawn
+            as arrows; True for all closures between frames. Where rows depend on each other, those of minimum norm.
         camera: ``"front"`` (along y), ``"top"`` or ``"side"`` (along x), without perspective, or ``"3d"``; when left
             out from where a plane motion is seen as it is, or 3d.
         follow: a joint whose body the camera follows, ``""`` for none; when left out the heaviest one where the

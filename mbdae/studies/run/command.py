@@ -38,6 +38,7 @@ SHOWN = 5  # times of an event
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Save the solution as .npz, or as a .csv table.")
 @click.option("--html", type=click.Path(dir_okay=False), help="Write a replay as one HTML page.")
 @click.option("--video", type=click.Path(dir_okay=False), help="Write it as .mp4 or .gif; takes Chromium.")
+@click.option("--glb", type=click.Path(dir_okay=False), help="Write it as a .glb scene for slides and Blender.")
 @click.option("--plots", multiple=True, help="A signal in the replay, or several on common axes: q.crank,q.rod.")
 @replay_options
 @click.option("--plot", type=click.Path(dir_okay=False), help="Draw the run as .png, .svg or .pdf.")
@@ -50,6 +51,7 @@ def run(
     output: str | None,
     html: str | None,
     video: str | None,
+    glb: str | None,
     plots: tuple[str, ...],
     plot: str | None,
     names: tuple[str, ...],
@@ -74,18 +76,22 @@ def run(
     from ..drift.drift import drift as measure_drift
     from ..replay.video import VIDEO
 
-    written = writable((output, (".npz", ".csv")), (html, PAGES), (video, tuple(VIDEO)), (plot, PICTURES))
-    if not (html or video) and (plots or traces or arrow or every):
-        raise InputError("--plots, --trace and --arrows belong to a replay: --html run.html, or --video run.mp4")
+    replays = (html, PAGES), (video, tuple(VIDEO)), (glb, (".glb",))
+    written = writable((output, (".npz", ".csv")), *replays, (plot, PICTURES))
+    if not (html or video) and (plots or traces or arrow or every or camera or follow or closures):
+        wanted = "--plots, --trace, --arrows, --camera, --follow and --closures"
+        raise InputError(f"{wanted} belong to a replay: --html run.html, or --video run.mp4")
     watched = [*events, *(Event(text, terminal=True) for text in until)]
     mech = model.problem()
+    if (html or video or glb) and not isinstance(mech, Mechanism):
+        raise InputError(f"{mech.title!r} has no bodies to replay: --plot run.png draws y and z over time")
     names = tuple(find(mech, listed(names)) if isinstance(mech, Mechanism) else listed(names))
     if names and not plot:
         raise InputError("--signal says what --plot draws: give both")
     sol = simulate(mech, events=watched, **options)
     if output:
         sol.save(output)
-    for path in filter(None, (html, video)):
+    for path in filter(None, (html, video, glb)):
         from ..replay.replay import animate
 
         animate(sol, path, speed=speed, plots=panels(plots), traces=traces, arrows=every or arrow,
