@@ -17,6 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import STATUS, InputError, StepError
+from ..mechanism.modes.switches import words
 from ..solution.solution import Problem
 from .ending import end_events, end_in_event
 from .modes.cut import ended, too_long
@@ -47,6 +48,8 @@ def carry_out(run: RunState, max_steps: int | None, progress: Progress | None) -
                 _check_drivers(run.problem, t0, run.t1)
             except StepError as wrong:
                 e = wrong
+        if run.modes and e.status == "step_size":
+            return e.status, f"{e} ({words(run.modes.switches, run.modes.system.mode)})"
         return e.status, str(e)
     except KeyboardInterrupt:
         return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"

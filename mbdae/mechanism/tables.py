@@ -69,11 +69,20 @@ def _place(loc: Sequence[Any], kind: str, content: Any) -> list[str]:
             out, at = [*out, str(p)], at[p]
         elif isinstance(at, list | tuple) and isinstance(p, int) and p < len(at):
             at = at[p]
-            name = at.get("name") if isinstance(at, dict) else None
-            out.append(name if isinstance(name, str) and name else str(p))
+            out.append(_named(at) or str(p))
         elif kind == "missing" and i == len(loc) - 1:
             out.append(str(p))
     return out
+
+
+def _named(entry: Any) -> str:
+    """What an entry of a list is called: by its name, or else the joints that it is for."""
+    if not isinstance(entry, dict):
+        return ""
+    joints = "" if "kind" in entry else entry.get("joint") or entry.get("joints") or ""
+    if isinstance(joints, list) and all(isinstance(name, str) for name in joints):
+        joints = "-".join(joints)
+    return next((x for x in (entry.get("name"), joints) if isinstance(x, str) and x), "")
 
 
 def _fault(e: Any, where: str, known: KnownKeys) -> str:
@@ -82,4 +91,7 @@ def _fault(e: Any, where: str, known: KnownKeys) -> str:
     if e["type"] == "missing":
         return f"missing key {where}"
     message = e["msg"].removeprefix("Value error, ")
-    return f"{where}: {message}, got {str(e['input'])[:80]!r}" if where else message
+    if not where:
+        return message
+    whole = e["type"] == "value_error" and isinstance(e["input"], dict)  # the message says what does not fit
+    return f"{where}: {message}" if whole else f"{where}: {message}, got {str(e['input'])[:80]!r}"

@@ -1,9 +1,11 @@
 """What happens where guards pass zero: an impact, and then which rows carry load from there on."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...errors import StepError
 from ...mechanism.modes.impact import RANK, Rub, strike
 from ...mechanism.modes.point import AllRows, ModePoint
 from ...mechanism.modes.rubs import Limit, choose_with_friction
@@ -70,7 +72,10 @@ class Transition:
         U = np.triu(system.inertia(at.t, at.q))
         by = [next(k for k, (j, _) in enumerate(both) if j == i) for i, _ in rubbing]
         rubs_of = [Rub(k, G[s.row], float(g_t[s.row]), s.share) for k, (_, s) in zip(by, rubbing, strict=True)]
-        blow = strike(U, G[kept], g_t[kept], signs[:, None] * G[rows], signs * g_t[rows], e, at.v, rubs_of)
+        try:
+            blow = strike(U, G[kept], g_t[kept], signs[:, None] * G[rows], signs * g_t[rows], e, at.v, rubs_of)
+        except StepError as reason:
+            raise self._named(reason, at.t, (i for i, _ in both)) from None
         y = at.y.copy()
         y[system.nq : system.nq + system.nv] = blow.v
         y[-1] += blow.work
@@ -126,6 +131,10 @@ class Transition:
             mode[i] = self.switches[i].settled(at, (), (), False)
         return tuple(mode)
 
+    def _named(self, reason: StepError, t: float, which: Iterable[int]) -> StepError:
+        names = " and ".join(repr(self.switches[i].name) for i in dict.fromkeys(which))
+        return StepError(reason.status, f"{names}: {reason}, at t = {t:.17g}")
+
     def _held(self, c: Candidate, lam: Array, rates: Array, scale: Array) -> bool:
         if c.slips:  # some of those that depend on each other may stand at a limit, and all of them hold
             return bool(abs(rates[c.row]) <= HELD * scale[c.row])
@@ -165,7 +174,10 @@ class Transition:
         for cs in found.values():
             limits |= {first + k: Limit(first, c.share, c.drag) for k, c in enumerate(cs) if c.share >= 0}
             first += len(cs)
-        lam[rows] = choose_with_friction(C, rates[rows], lower, upper, limits)
+        try:
+            lam[rows] = choose_with_friction(C, rates[rows], lower, upper, limits)
+        except StepError as reason:
+            raise self._named(reason, at.t, (i for i, cs in found.items() if any(c.share >= 0 for c in cs))) from None
         vdot = C @ lam[rows]
         free = B - Q @ (Q.T @ B) if len(kept) else B
         bounded = np.where(np.isfinite(upper - lower), upper - lower, 0.0)

@@ -75,7 +75,7 @@ class Stop(BetweenJoints, OneSided):
         if not self.limits and self.lower is None and self.upper is None:
             raise ValueError("a stop needs lower, upper or both")
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
-            raise ValueError("lower must lie below upper")
+            raise ValueError(f"lower must lie below upper, got lower = {self.lower:g} and upper = {self.upper:g}")
         if not self.name and self.between:
             object.__setattr__(self, "name", "-".join(self.between) + " stop")
         return self

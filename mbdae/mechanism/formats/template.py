@@ -24,6 +24,7 @@ from ...errors import InputError, UnknownNameError
 from ..frames import find_joint, joint_names
 from ..mechanism import Mechanism
 from ..part import Part
+from ..signals import Constant
 from ..start import Start
 from ..tables import Table
 from .build import body_inertia, placement
@@ -213,6 +214,8 @@ def _check(file: MechanismFile, name: str) -> None:
     while rest:
         key, rest = head(at, rest, name)
         at = at[int(key)] if isinstance(at, tuple) else getattr(at, key)
+    if isinstance(at, Constant):  # a number that a function of time may stand for
+        return
     if isinstance(at, Table) or _names(at if isinstance(at, tuple) else ()):
         raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(_keys(at))}")
 

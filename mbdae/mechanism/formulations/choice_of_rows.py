@@ -5,11 +5,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
+from ...errors import StepError
 from ...system import Array, State
 from ..closures import independent_rows
 
 if TYPE_CHECKING:
     from .index2 import Index2System
+
+SHARE = 1e-3  # of the largest row of a combination: less takes no part in it
 
 
 def choose_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
@@ -23,13 +26,24 @@ def choose_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
         return system.rows
     B = dgesv(U.T, G.T)[2]  # not dtrtrs: OpenBLAS threads it, which costs milliseconds on small systems
     found = _, diagonal = independent_rows.pivots(B)
-    if system.rank is None:
-        system.rank, system.floor = independent_rows.found(B, G, diagonal, t)
-    independent_rows.confirm(diagonal, system.rank, system.floor, t)
+    try:
+        if system.rank is None:
+            system.rank, system.floor = independent_rows.found(B, G, diagonal, t)
+        independent_rows.confirm(diagonal, system.rank, system.floor, t)
+    except StepError as e:
+        rank = system.rank or independent_rows.rank(diagonal)
+        raise StepError(e.status, f"{e} ({_weakest(system, B, rank)})") from None
     if system.rank:
         system.least_pivot_ratio = min(system.least_pivot_ratio, (diagonal[system.rank - 1] / diagonal[0]) ** 2)
     system.rows = independent_rows.choose(B, system.rows, system.rank, system.place, found)
     return system.rows
+
+
+def _weakest(system: "Index2System", B: Array, rank: int) -> str:
+    """Name the closures whose rows make up the weakest of so many independent combinations."""
+    combination = np.linalg.svd(B, full_matrices=False)[2][max(rank, 1) - 1] ** 2
+    names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(combination > SHARE * combination.max())]
+    return ", ".join(dict.fromkeys(repr(name) for name in names))
 
 
 def settle(system: "Index2System", t: float, state: State) -> State:

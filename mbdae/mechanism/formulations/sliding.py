@@ -211,7 +211,8 @@ class Sliding:
             if change <= CONVERGED * np.abs(T).max() or (change >= 0.5 * last and change <= STALLED * np.abs(T).max()):
                 return T
             last = change
-        raise StepError("friction", f"no friction was found that fits its own load at t = {t:.17g}")
+        names = ", ".join(repr(p.closure.name) for p, acts in zip(self.places, self.acts, strict=True) if acts)
+        raise StepError("friction", f"closures {names}: no friction was found that fits its own load at t = {t:.17g}")
 
     def _wedges(self, t: float, slopes: Array) -> None:
         name = self.places[int(slopes.diagonal().argmin())].closure.name

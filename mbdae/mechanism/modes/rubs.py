@@ -22,6 +22,8 @@ from .choice import choose
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a move of the limits that is made, one after the other
 MOST = 60  # rounds with each; one leaves about mu |W_tn|/W_nn of the error
 SAME = 1e-15  # of the largest limit: it has not moved
+NEWTON = 8  # iterations; within one piece of the problem, which is linear there, one is enough
+WIDTH = 1e-3  # of a limit: by which it is moved for its slope
 SETTLED = 1e-12  # the same, where rounding keeps it from coming nearer
 
 
@@ -54,22 +56,60 @@ def choose_with_friction(C: Array, c: Array, lower: Array, upper: Array, limits:
     """
     if not limits:
         return choose(C, c, lower, upper)
-    at, by = np.array(list(limits)), np.array([x.by for x in limits.values()])
-    share, drag = (np.array([getattr(x, k) for x in limits.values()]) for k in ("share", "drag"))
-    slides, bound, last = ~np.isnan(drag), np.full(len(at), np.inf), np.inf
-    bound[slides] = 0.0
-    for way in np.repeat(SHARES, MOST):
-        x = np.zeros(len(c))
-        x[at[slides]] = drag[slides] * bound[slides]
-        none = at[~slides & (bound == 0)]
-        free = np.setdiff1d(np.arange(len(c)), [*at[slides], *none])
-        low, high = lower.copy(), upper.copy()
-        low[at], high[at] = -bound, bound
-        if len(free):
-            x[free] = choose(C[:, free], c[free] + C[:, free].T @ (C @ x), low[free], high[free])
-        new = np.where(slides, 1.0, share) * np.abs(x[by])
+    problem = _Limited(C, c, lower, upper, limits)
+    bound, last = np.where(problem.slides, 0.0, np.inf), np.inf
+    for k, way in enumerate(np.repeat(SHARES, MOST)):
+        x = problem.loads(bound)
+        new = problem.limits(x)
         change, size = float(np.abs(new - bound).max()), float(new.max())
         if change <= SAME * size or (change <= SETTLED * size and change >= last / 2):
             return x
+        if k == MOST - 1 and (found := problem.newton(new)) is not None:
+            return found
         bound, last = bound + way * (new - bound) if np.isfinite(bound).all() else new, change
     raise StepError("friction", "friction of contacts leaves no motion, or several")
+
+
+class _Limited:
+    """Multipliers for limits that stand still, and the limits that follow from these."""
+
+    def __init__(self, C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, Limit]) -> None:
+        self.C, self.c, self.lower, self.upper = C, c, lower, upper
+        self.at, self.by = np.array(list(limits)), np.array([x.by for x in limits.values()])
+        self.share, self.drag = (np.array([getattr(x, k) for x in limits.values()]) for k in ("share", "drag"))
+        self.slides = ~np.isnan(self.drag)
+
+    def loads(self, bound: Array) -> Array:
+        """Return the multipliers (k,) for limits on normal ones, (m,)."""
+        x, at, slides = np.zeros(len(self.c)), self.at, self.slides
+        x[at[slides]] = self.drag[slides] * bound[slides]
+        none = at[~slides & (bound == 0)]
+        free = np.setdiff1d(np.arange(len(x)), [*at[slides], *none])
+        low, high = self.lower.copy(), self.upper.copy()
+        low[at], high[at] = -bound, bound
+        if len(free):
+            C = self.C[:, free]
+            x[free] = choose(C, self.c[free] + C.T @ (self.C @ x), low[free], high[free])
+        return x
+
+    def limits(self, x: Array) -> Array:
+        """Return what multipliers limit others to, (m,)."""
+        return np.where(self.slides, 1.0, self.share) * np.abs(x[self.by])
+
+    def newton(self, bound: Array) -> Array | None:
+        """Return multipliers whose limits are their own, by Newton's method, where repetition contracts slowly.
+
+        None where none are found, and where the limits grow faster than the loads that they limit.
+        """
+        for _ in range(NEWTON):
+            x = self.loads(bound)
+            new = self.limits(x)
+            size = float(new.max())
+            if float(np.abs(new - bound).max()) <= SETTLED * size:
+                return x
+            moves = np.diag(WIDTH * np.maximum(bound, size))
+            S = np.eye(len(bound)) - np.array([(self.limits(self.loads(bound + m)) - new) / m.sum() for m in moves]).T
+            if not np.linalg.det(S) > 0 or not (S.diagonal() > 0).all():
+                return None
+            bound = np.maximum(bound + np.linalg.solve(S, new - bound), 0.0)
+        return None

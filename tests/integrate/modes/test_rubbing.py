@@ -84,3 +84,43 @@ def test_wrong_contacts_that_rub_are_refused():
     floor = Closure.rolling("world", "ball", R, name="floor", unilateral=True)
     with pytest.raises(InputError, match="'floor', which lets go, needs exact = true without static, and grip along"):
         Mechanism(model, [floor], [CoulombFriction(closure="floor", coefficient=0.3, exact=True)])
+
+
+def rod(mu):
+    """A uniform rod of 1 m in a vertical plane, its end on the floor."""
+    model = empty()
+    model.gravity.linear = np.array([0, 0, -G])
+    across = carried(model, carried(model, 0, pin.JointModelPX(), "x", 0.0), pin.JointModelPZ(), "z", 0.0)
+    frame(model, carried(model, across, pin.JointModelRY(), "turn", 1.0, inertia=(0, 1 / 12, 0)), "end", 0.5, 0, 0)
+    tip = Closure.rolling("world", "end", SMALL, name="tip", grip="longitudinal", unilateral=True)
+    return Mechanism(model, [tip], [CoulombFriction(closure="tip", coefficient=mu, exact=True)])
+
+
+SMALL = 1e-9
+
+
+@pytest.mark.parametrize("angle", [0.5, 0.9, 1.3])
+@pytest.mark.parametrize("share", [0.5, 0.99, 1.01, 2.0])
+def test_the_rod_of_painleve_is_named_where_it_has_no_motion(angle, share):
+    """Slipping towards its lean it is pressed by m a_n/(1 + 3 c (c - mu s)): there is no motion where that is < 0."""
+    s, c = np.sin(angle), np.cos(angle)
+    limit = (1 + 3 * c * c) / (3 * c * s)  # 4/3 at least
+    sol = mbdae.solve(rod(share * limit), (0, 1e-3), np.array([0, 0.5 * s + SMALL, angle]), np.array([1.0, 0, 0]))
+    if share < 1:
+        assert sol.success
+        assert sol.lam[0, 0] == pytest.approx(G / (1 + 3 * c * (c - share * limit * s)), rel=1e-6)
+    else:
+        assert (sol.status, len(sol.t)) == ("friction", 1)
+        assert sol.message == "'tip': friction of contacts leaves no motion, or several, at t = 0"
+
+
+@pytest.mark.usefixtures("back_end")
+def test_a_drive_against_a_stop_has_no_impact_and_is_named():
+    model = empty()
+    carried(model, 0, pin.JointModelPX(), "x")
+    drive = mbdae.Driver.at_speed("x", 2.0)
+    mech = Mechanism(model, drivers=[drive], stops=[mbdae.Stop(joint="x", upper=0.5, name="end")])
+    sol = mbdae.solve(mech, (0, 1))
+    assert sol.status == "impact"
+    assert sol.message.startswith("'end': closures keep what strikes from giving way, at t = 0.25")
+    assert sol.t[-1] == pytest.approx(0.25, abs=1e-12)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbdae
+from mbdae.errors import InputError
 
 URDF = """<robot name="r"><link name="base"/><link name="cart"><inertial><mass value="2"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -49,3 +50,14 @@ def test_limits_that_are_no_stops_are_named(tmp_path):
     file.write_text('[[source]]\nfile = "two.xml"\nprefix = "l_"\n[[stop]]\njoint = "l_a"\nlimits = true\n')
     with pytest.warns(UserWarning, match="limits of joints b$"):
         assert mbdae.load(file).row_names == ["l_a stop", "l_a stop"]
+
+
+@pytest.mark.parametrize("name", ["", 'name = "rail end"\n'])
+def test_ends_in_the_wrong_order_are_named_by_stop_or_joint(name, tmp_path):
+    body = '[[body]]\nname = "rail"\nparent = "world"\njoint = "prismatic"\naxis = [1, 0, 0]\nmass = 1.0\n'
+    stop = f'[[stop]]\n{name}joint = "rail"\nlower = 0.5\nupper = 0.25\n'
+    (tmp_path / "m.toml").write_text(body + stop)
+    with pytest.raises(InputError) as caught:
+        mbdae.load(tmp_path / "m.toml")
+    what = "stop.rail end" if name else "stop.rail"
+    assert str(caught.value).endswith(f"m.toml: {what}: lower must lie below upper, got lower = 0.5 and upper = 0.25")
