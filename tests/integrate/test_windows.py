@@ -29,6 +29,17 @@ def test_a_geneva_drive_turns_its_wheel_by_quarters(back_end):
     assert mbdae.drift(sol).energy_relative < 1e-10
 
 
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+def test_a_window_that_begins_takes_speeds_away_that_do_not_fit(rtol):
+    """Without projection the wheel drifts, and is not quite at rest where its dwell begins: no step could mend that."""
+    sol = mbdae.solve(mbdae.load("geneva_drive"), (0, 5), rtol=rtol, project=False)
+    assert sol.success, sol.message
+    assert len(sol.modes) == 11
+    np.testing.assert_allclose(sol.q[:, 1], wheel(sol.q[:, 0]), atol=1e3 * rtol)
+    assert mbdae.drift(sol).energy_relative < 10 * rtol
+    assert not sol.impacts
+
+
 def test_depth_of_windows():
     some = Within(joint="a", windows=((-1, 1), (3, 4)), period=10)
     places = {0: 1, 0.75: 0.25, 10.75: 0.25, -9.5: 0.5, 2: -1, 3.5: 0.5, 5: -1}

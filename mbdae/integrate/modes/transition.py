@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from ...mechanism.modes.switches import Mode
 
 NEAR = 1e-10  # m or rad: rows nearer than that touch
+EXACT = 1e-13  # of 1 + |v|: rows that are kept are met as well as that
+JUMP = 1e-6  # of 1 + |v|: a speed that rows miss which are there from now on
 HELD = 1e-9  # of the accelerations that a limit makes: less is none
 LOADED = 1e-10  # of the largest multiplier: less is none
 
@@ -40,7 +42,7 @@ class Transition:
         return ModePoint(self.system, self.all_rows, t, y)
 
     def impact(self, at: ModePoint, soft: set[int]) -> tuple[Array, Impact | None]:
-        """Return the point behind an impact, and what happened; None where nothing approaches.
+        """Return the point behind an impact, and what happened; None where nothing approaches or is joined.
 
         Args:
             at: the point.
@@ -51,14 +53,18 @@ class Transition:
         found = {s.at: s.strike(at, mode[s.at], NEAR) for s in self.switches}
         found = {i: strikes for i, strikes in found.items() if strikes}
         rate, still = at.rate, at.standstill
-        if not any(s.sign * rate[s.row] < -still for strikes in found.values() for s in strikes if s.sign):
-            return at.y, None
         hit = [i for i, strikes in found.items() if strikes[0].sign * rate[strikes[0].row] <= still or mode[i]]
         touched: list[tuple[int, Strike]] = [(i, s) for i in hit for s in found[i] if s.sign]
+        approaching = [i for i, s in touched if s.sign * rate[s.row] < -still]
+        bound = [s.row for i in hit if not found[i][0].sign for s in found[i]]
+        speeds = 1 + float(np.abs(at.v).max())
+        missed = [k for k in (*self.always, *bound) if abs(rate[k]) > EXACT * speeds]
+        if not approaching and not missed:
+            return at.y, None
         others = [s.row for i in hit for s in found[i] if not s.sign and np.isnan(s.share)]
         apart = [(i, s) for i in found if i not in hit for s in found[i] if s.sign]
         rubbing = [(i, s) for i in found for s in found[i] if s.share >= 0]
-        if all(i in soft for i, s in touched if s.sign * rate[s.row] < -still):
+        if approaching and all(i in soft for i in approaching):
             rubs = {i for i, _ in rubbing}
             rests = [(i, s) for i, s in touched if (i in soft or mode[i]) and i not in rubs]
             others += [s.row for _, s in rests]
@@ -84,7 +90,11 @@ class Transition:
         whole[kept] += blow.P
         whole[[s.row for _, s in rubbing]] = blow.friction
         hits = [(self.switches[i].name, s.sign * whole[s.row]) for i in found for s in found[i][:1] if s.sign]
+        joined = [k for k in dict.fromkeys(missed) if abs(rate[k]) > JUMP * speeds]
+        if not approaching and not joined:  # what is brought onto the rows of a mode by less is none
+            return y, None
         struck = [(name, float(p)) for name, p in hits if p > 0]
+        struck += [(system.mechanism.row_names[k], float(whole[k])) for k in joined]
         where, impulse = zip(*struck, strict=True) if struck else ((), ())
         loss = -blow.work
         return y, Impact(at.t, tuple(where), tuple(impulse), tuple(whole.tolist()), loss)

@@ -7,7 +7,7 @@ from ...errors import InputError
 from ..closures.closure import Closure
 from ..closures.within import Within
 from ..frames import find_joint
-from .switch import Guard, Switch
+from .switch import Guard, Strike, Switch
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -63,6 +63,10 @@ class Window(Switch):
     def longest(self, point: "ModePoint") -> float:
         """Return the time in which the joint goes through the shortest window at most."""
         return self.spec.shortest / max(abs(float(point.v[self.v])), SLOW)
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        there = self.settled(point, (), (), False) == ON
+        return tuple(Strike(row, 0.0) for row in self.all_rows) if there else ()
 
     def settled(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
