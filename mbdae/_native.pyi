@@ -210,6 +210,7 @@ class Core:
         ns: int,
         blocks: list[tuple[str, int, int]],
         turning: list[int],
+        angles: list[tuple[int, int]],
         place: list[int],
         probe: list[float],
         formulation: str = "index2",

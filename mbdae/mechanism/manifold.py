@@ -7,11 +7,12 @@ elsewhere, computed from its series (Iserles, Munthe-Kaas, Noersett, Zanna, Acta
 
 because Pinocchio's closed forms lose digits at small angles. Where a planar joint goes, and how far two of its places
 are apart, is computed here for the same reason: (1 - cos w)/w of a turn w has an error of eps/w. A body that goes along
-an arc u and turns by w goes along its chord, R(w/2) u sin(w/2)/(w/2).
+an arc u and turns by w goes along its chord, R(w/2) u sin(w/2)/(w/2). Nor does Pinocchio see every turn below 1.5e-8
+between two points (cos, sin) of a circle: it takes those for one point between which the cosine comes out above 1.
 """
 
 from collections.abc import Callable
-from math import cos, sin
+from math import atan2, cos, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -76,6 +77,7 @@ class Manifold:
         self.blocks: list[tuple[str, slice, Ad, slice]] = []
         self.places: list[int] = []  # where they begin in q
         self.circles: list[int] = []  # tangent indices of unbounded revolute joints
+        self.angles: list[tuple[int, int]] = []  # tangent indices of angles, and where their cosines and sines are in q
         self.turning = np.zeros(model.nv, bool)  # tangent components that are angles without a magnitude of their own
         for name, joint in zip(model.names[1:], list(model.joints)[1:], strict=True):
             self._collect(name, joint, joint.idx_v, joint.idx_q)
@@ -92,9 +94,12 @@ class Manifold:
             self.blocks.append((name, slice(at, at + joint.nv), ad, turn))
             self.places.append(place)
             self.turning[at : at + joint.nv][turn] = True
+            if ad is _se2:
+                self.angles.append((at + 2, place + 2))
         elif joint.nq != joint.nv:  # unbounded revolute: commutative, J = 1
             self.turning[at : at + joint.nv] = True
             self.circles.append(at)
+            self.angles.append((at, place))
 
     def integrate(self, q: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return q (+) x, (nq,)."""
@@ -111,6 +116,9 @@ class Manifold:
         if self.flat:
             return q1 - q0
         x = pin.difference(self.model, q0, q1)
+        for i, k in self.angles:
+            c, s, c1, s1 = q0[k], q0[k + 1], q1[k], q1[k + 1]
+            x[i] = atan2(c * s1 - s * c1, c * c1 + s * s1)
         for k, s in self.planar:
             C, share = chord(q0[k + 2 : k + 4], x[s.stop - 1])
             x[s.start : s.start + 2] = C.T.dot(q1[k : k + 2] - q0[k : k + 2]) / share

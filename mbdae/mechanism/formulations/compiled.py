@@ -50,7 +50,7 @@ class Compiled(Index2System):
         turning = m.turning.astype(int).tolist()
         self.native = native
         lists = self.place.tolist(), probe(self.nv).tolist()
-        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, *lists
+        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, m.angles, *lists
         form = self.formulation, *self.baumgarte
         self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables, *form)
         self.core.sample(samplers_of(self.laws))

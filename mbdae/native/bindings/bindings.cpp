@@ -158,11 +158,11 @@ NB_MODULE(_native, m) {
 
   nb::class_<PyCore> core(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.");
   core.def(nb::init<nb::handle, const Limits&, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
-                    const nb::list&, int, const nb::list&, std::vector<int>, std::vector<int>, std::vector<double>,
-                    const std::string&, double, double>(),
+                    const nb::list&, int, const nb::list&, std::vector<int>, const nb::list&, std::vector<int>,
+                    std::vector<double>, const std::string&, double, double>(),
            nb::arg("model"), nb::arg("limits"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"),
            nb::arg("law_pairs"), nb::arg("laws"), nb::arg("ns"), nb::arg("blocks"), nb::arg("turning"),
-           nb::arg("place"), nb::arg("probe"), nb::arg("formulation") = "index2", nb::arg("alpha") = 0.0,
+           nb::arg("angles"), nb::arg("place"), nb::arg("probe"), nb::arg("formulation") = "index2", nb::arg("alpha") = 0.0,
            nb::arg("beta") = 0.0)
       .def_prop_ro("rows", [](const PyCore& c) { return c.core->system.rows.in_use(); })
       .def_prop_ro("rank", [](const PyCore& c) { return c.core->system.rows.rank; })

@@ -27,8 +27,8 @@ struct Core {
 struct PyCore {
   PyCore(nb::handle model_, const Limits& limits, bool flat, const nb::list& pair_list, const nb::list& row_list,
          const nb::list& driver_list, const nb::list& law_pair_list, const nb::list& law_list, int ns,
-         const nb::list& block_list, std::vector<int> turning, std::vector<int> place, std::vector<double> probe,
-         const std::string& formulation, double alpha, double beta)
+         const nb::list& block_list, std::vector<int> turning, const nb::list& angle_list, std::vector<int> place,
+         std::vector<double> probe, const std::string& formulation, double alpha, double beta)
       : model(nb::borrow(model_)), callbacks(new Callbacks) {
     const void* m = model_pointer(model_.ptr());
     const auto size = model_sizes(m);
@@ -64,6 +64,11 @@ struct PyCore {
       within({b.at, b.at + (b.kind == Block::se3 ? 5 : 2)}, n.nv, "block");
       within({b.place, b.place + (b.kind == Block::se3 ? 6 : 3)}, n.nq, "block");
       out.blocks.push_back(b);
+    }
+    for (nb::handle h : angle_list) {
+      const auto [at, place] = nb::cast<std::pair<int, int>>(h);
+      within({at}, n.nv, "angle"), within({place, place + 1}, n.nq, "angle");
+      out.angles.push_back({at, place});
     }
     core.reset(new Core(m, limits, std::move(out)));
   }

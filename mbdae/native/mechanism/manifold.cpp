@@ -78,8 +78,14 @@ void inverse_jacobian_rate(const Limits& limits, int n, const double* X, const d
   }
 }
 
-Manifold::Manifold(Mechanics& m, bool flat_, std::vector<Block> blocks, std::vector<int> turning)
-    : flat(flat_), m_(m), blocks_(std::move(blocks)), turning_(std::move(turning)), neutral_(m.nq) {
+Manifold::Manifold(Mechanics& m, bool flat_, std::vector<Block> blocks, std::vector<int> turning,
+                   std::vector<Angle> angles)
+    : flat(flat_),
+      m_(m),
+      blocks_(std::move(blocks)),
+      turning_(std::move(turning)),
+      angles_(std::move(angles)),
+      neutral_(m.nq) {
   m.neutral(neutral_.data());
 }
 
@@ -110,6 +116,10 @@ void Manifold::difference(const double* q0, const double* q1, double* out) const
   for (int i = 0; flat && i < m_.nv; ++i) out[i] = q1[i] - q0[i];
   if (flat) return;
   m_.difference(q0, q1, out);
+  for (const Angle& a : angles_) {  // Pinocchio takes points for one where rounding puts the cosine between them above 1
+    const double *p = q0 + a.place, *p1 = q1 + a.place;
+    out[a.at] = std::atan2(p[0] * p1[1] - p[1] * p1[0], p[0] * p1[0] + p[1] * p1[1]);
+  }
   double c, s, share;
   for (const Block& b : blocks_) {
     if (b.kind != Block::se2) continue;

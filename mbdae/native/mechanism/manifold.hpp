@@ -14,6 +14,11 @@ struct Block {
   int at, place;  // where it begins in the tangent, and in q
 };
 
+// An angle of which q holds cosine and sine: an unbounded revolute joint, or that of a planar one.
+struct Angle {
+  int at, place;  // in the tangent, and of the cosine in q
+};
+
 // J(x) and d(J(x) v)/dx at a block, (n, n) by rows.
 struct TangentBlock {
   int at, n;
@@ -28,7 +33,8 @@ struct TurnedBlock {
 
 class Manifold {
  public:
-  Manifold(Mechanics& m, bool flat, std::vector<Block> blocks, std::vector<int> turning);
+  Manifold(Mechanics& m, bool flat, std::vector<Block> blocks, std::vector<int> turning,
+           std::vector<Angle> angles);
 
   const bool flat;  // a vector space
   bool curved() const { return !blocks_.empty(); }  // is J(x) other than 1?
@@ -48,6 +54,7 @@ class Manifold {
   Mechanics& m_;
   std::vector<Block> blocks_;
   std::vector<int> turning_;  // (nv,) flags: rotations, which have no magnitude of their own
+  std::vector<Angle> angles_;
   Numbers neutral_;           // (nq,)
 };
 

@@ -10,7 +10,7 @@ namespace mbdae {
 Index2System::Index2System(const void* model, const Limits& limits, Description d)
     : mechanics(model, limits),
       constraints(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers)),
-      manifold(mechanics, d.flat, std::move(d.blocks), std::move(d.turning)),
+      manifold(mechanics, d.flat, std::move(d.blocks), std::move(d.turning), std::move(d.angles)),
       rows(constraints, std::move(d.place), mechanics.nv, mechanics.limits),
       point(mechanics, constraints, counts),
       saddle(point, constraints, rows, mechanics.limits, counts, mechanics.nv),

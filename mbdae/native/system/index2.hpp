@@ -49,7 +49,8 @@ struct Description {
   std::vector<int> pair_of_law;  // -1: none
   int ns = 0;
   std::vector<Block> blocks;
-  std::vector<int> turning;  // (nv,)
+  std::vector<int> turning;   // (nv,)
+  std::vector<Angle> angles;
   std::vector<int> place;    // (ng,) of each row in the order of elimination
   Numbers probe;             // (nv,) in general position, of unit variance
 };
