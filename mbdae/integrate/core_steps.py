@@ -80,7 +80,7 @@ class CoreSteps:
 
     def plain(self, i: int) -> bool:
         """Say whether node i leads to the next by a step that the core takes, but for what is carried on from there."""
-        return not (self.trace.jumps(i) or i + 1 in self.trace.changes or i in self.blocked)
+        return not (self.trace.jumped[i] or i + 1 in self.trace.changes or i in self.blocked)
 
     def nodes(self, i: int, j: int) -> Nodes:
         """Nodes i .. j, the rows of whose steps are in use then."""

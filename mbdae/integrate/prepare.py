@@ -74,6 +74,8 @@ def prepare(
         "baumgarte": baumgarte,
         "t_span": [t0, t1],
     }
+    if isinstance(problem, Mechanism) and problem.states:
+        run.settings["s"] = y[problem.nq + problem.nv : -1].tolist()  # before controllers look at the start
     if isinstance(tableau, Tableau) and METHODS.get(tableau.name) is not tableau:
         run.settings["tableau"] = tableau.to_dict()
     wanted = as_events(events)

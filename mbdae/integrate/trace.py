@@ -75,6 +75,7 @@ class Trace:
     Attributes:
         ts: times of the nodes, (n,).
         ys: points there, (n, ...).
+        given: the first point before controllers looked at it.
         system: a workspace.
         slopes: what moves.
         n_carry: length of what the method carries.
@@ -89,6 +90,8 @@ class Trace:
         self.sol, self.project = sol, bool(settings.get("project"))
         self.tableau = cast(Method, method_of(settings))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
+        self.given = self.ys[0].copy()
+        self.given[mech.nq + mech.nv : -1] = settings.get("s", list(mech.states.values()))
         stabilised = settings["formulation"] == "ggl" and isinstance(self.tableau, Tableau)
         self.system = mech.system("ggl") if stabilised else _bound(mech, settings["formulation"])
         self.system.sliding.refuse("a gradient")
@@ -100,7 +103,7 @@ class Trace:
             self.stepper = Fixed(settings["step"], self.ts[0], self.ts[-1])
         self.changes = {i: rows for i, rows in sol.in_use}
         self.near = JUMP * float(np.spacing(max(abs(self.ts[0]), abs(self.ts[-1]), 1e-3)))
-        self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()
+        self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
         self.n_carry = self.slopes.width - self.system.nv if self.tableau.carries else 0
         self.renewed = np.zeros(len(self.ts), bool)
         self.walked: Checkpoints | KeptStates | None = None
@@ -111,10 +114,6 @@ class Trace:
         elif self.n_carry:
             self.hold(0)
             self.walked = Checkpoints(len(self.ts), State(self.ys[0], self._anew(0, self.ys[0])), self._walk)
-
-    def jumps(self, i: int) -> bool:
-        """Say whether nodes i and i + 1 stand before and after a jump."""
-        return self.jumped[i]
 
     def hold(self, i: int) -> None:
         """Let the workspace solve for the rows that were in use at node i."""
@@ -131,7 +130,7 @@ class Trace:
         self.hold(0)
         t, y = float(self.ts[0]), self.ys[0]
         if len(self.system.mechanism.states):
-            yield LinearPart(self.slopes.jumped(t, y), False)
+            yield LinearPart(self.slopes.jumped(t, self.given), False)
         if self.project:
             yield LinearPart(self.slopes.restored(t, y), False)
         if self.n_carry:
@@ -140,13 +139,14 @@ class Trace:
     def at_start(self, name: str, find: Callable[[], Array]) -> Array:
         """Slopes at the first node, found once for runs from one start with the same parameters."""
         s = self.system
-        return self.slopes.parameters.once(name, (type(s), s.in_use, self.ts[0], self.ys[0].tobytes()), find)
+        key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.given.tobytes()
+        return self.slopes.parameters.once(name, key, find)
 
     def parts(self, i: int) -> Iterator[Part]:
         """What leads from node i to the next one, each part with the slopes where it was."""
         self.hold(i)
         t, t1, y, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i], self.ys[i + 1]
-        if self.jumps(i):
+        if self.jumped[i]:
             yield LinearPart(self.slopes.jumped(t1, y), False)
             y = self.system.jump(t1, y)
         else:
@@ -161,7 +161,7 @@ class Trace:
         if i + 1 in self.changes:
             self.hold(i + 1)
             yield LinearPart(self.slopes.settled(t1, y), False)
-        if i + 1 in self.changes or self.jumps(i):
+        if i + 1 in self.changes or self.jumped[i]:
             yield from self._renewal(t1, y1)
 
     def trailing(self, i: int) -> Iterator[Part]:
@@ -230,14 +230,14 @@ class Trace:
         """
         self.hold(i)
         y1 = self.ys[i + 1]
-        if not self.jumps(i):
+        if not self.jumped[i]:
             state, self.renewed[i + 1] = self._repeat(i, state)
             apart = np.abs(self.system.difference(state.y, y1)).max()
             if not apart <= REPEATED * (1 + np.abs(y1).max()) and i + 1 not in self.changes:
                 raise InputError(self._unlike(i))
             if not apart <= SYNCHRONOUS * (1 + np.abs(y1).max()):
                 state = State(y1, state.carry)
-        if self.jumps(i) or i + 1 in self.changes:
+        if self.jumped[i] or i + 1 in self.changes:
             self.hold(i + 1)
             return State(y1, self._anew(i + 1, y1))
         return state

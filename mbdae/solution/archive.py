@@ -48,6 +48,7 @@ class _Settings(_Lenient):
     baumgarte: tuple[float, float] | None = None
     step: float | None = None
     rtol: float | None = None
+    s: tuple[float, ...] = ()
 
 
 class _Stats(_Lenient):
@@ -178,6 +179,8 @@ def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, A
         raise ValueError(f"status {run.status!r}; known: {', '.join(STATUS)}")
     if any(not 0 <= k < ng for _, rows in run.in_use for k in rows):
         raise ValueError("rows are in use that the mechanism does not have")
+    if len(run.settings.s) not in (0, len(getattr(problem, "states", ()))):
+        raise ValueError("start values of states that the mechanism does not have")
     sizes = [len(s.states) for s in getattr(problem, "switches", ())]
     if any(len(m) != len(sizes) or any(not 0 <= k < n for k, n in zip(m, sizes, strict=True)) for _, m in run.modes):
         raise ValueError("modes that the mechanism does not have")

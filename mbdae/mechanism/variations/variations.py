@@ -162,7 +162,7 @@ class IndexTwoVariations(Corrections):
         return out
 
     def start(self, t: float, given: Array) -> Array:
-        """Slopes of the mechanism's own start with respect to the parameters, (ny, k).
+        """Slopes of q and v of the mechanism's own start with respect to the parameters, (ny, k).
 
         Differences of assembly, of order six; what closures determine is then made exact.
         """
@@ -179,7 +179,7 @@ class IndexTwoVariations(Corrections):
         assembled = bool(s.ng and mech.start_values.assemble)
         decided = assembled and all(_decide(A) for A in (G[np.ix_(kept, free_q)], G[:, free_v]))
         for i, p in enumerate(self.parameters.all):
-            if decided and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in p.first):
+            if decided and all(m.start_values == mech.start_values for m in p.first):
                 continue  # closures and what is held say all
             try:
                 out[:, i] = p.quotient({k: s.difference(base, m.point(t=t)) for k, m in p.near.items()})
@@ -194,6 +194,14 @@ class IndexTwoVariations(Corrections):
         B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
         left = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
         out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=1e-8) @ left
+        return out
+
+    def start_states(self) -> Array:
+        """Slopes of the start values of states with respect to the parameters, (ns, k)."""
+        out = np.zeros((self.system.ns, self.k))
+        for i, p in enumerate(self.parameters.all):
+            if any(m.states != self.parameters.mech.states for m in p.first):
+                out[:, i] = p.quotient({k: np.array(list(m.states.values())) for k, m in p.near.items()})
         return out
 
     def energy(self, q: Array, v: Array) -> Array:

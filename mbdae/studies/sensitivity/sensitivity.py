@@ -206,12 +206,13 @@ def begun(trace: Trace, dp: Array, start: bool) -> Array:
 
 
 def _own_start(trace: Trace) -> Array:
-    """Slopes of the mechanism's own start, (ny, k): zeros where the run began elsewhere."""
-    t, y, nx = float(trace.ts[0]), trace.ys[0], trace.system.nq + trace.system.nv
-    own = trace.system.mechanism.point(t=t)
+    """Slopes of the mechanism's own start, (ny, k): zeros for (q, v), and for s, where the run began elsewhere."""
+    t, y, s, slopes = float(trace.ts[0]), trace.given, trace.system, trace.slopes
+    own, nx, out, states = s.mechanism.point(t=t), s.nq + s.nv, np.zeros((s.ny, slopes.k)), slice(2 * s.nv, -1)
     if np.abs(own[:nx] - y[:nx]).max() <= SAME * (1 + np.abs(own).max()):
-        return trace.slopes.start(t, y)
-    return np.zeros((trace.slopes.ny, trace.slopes.k))
+        out = slopes.start(t, y)
+    out[states] = slopes.start_states() if (own[nx:] == y[nx:]).all() else 0.0
+    return out
 
 
 def _between(trace: Trace, i: int, t: float, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:

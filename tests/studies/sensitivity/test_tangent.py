@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from frozen import best, free_velocity, quotient, retraced, runs_of
+from frozen import best, compare, free_velocity, quotient, retraced, runs_of
 from smooth import SMOOTH
 
 import mbdae
@@ -163,6 +163,33 @@ def test_a_sampled_controller():
     along = found.dy[:, :, mech.nv : 2 * mech.nv] @ dv
     assert best(along, lambda x: run(x).y, 0.3, (1e-3, 3e-3, 1e-2), mech=mech) < 1e-11
     assert np.abs(found.s).max() > 0.1
+
+
+def _controlled(ki, integral=0.2):
+    sampled = mbdae.JointPID(name="sampled", joint="crank", reference=0.5, kp=3.0, ki=ki, kd=0.5, rate=20.0,
+                             integral=integral)  # fmt: skip
+    steady = mbdae.JointPID(name="steady", joint="crank", reference=0.3, kp=2.0, ki=7.0, kd=0.1)
+    return mbdae.load("four_bar", forces=[sampled, steady])
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("T", [0.02, 0.08, 0.55])
+@pytest.mark.parametrize("given", [(), ([0.0, 0.3, 0.1],)])
+def test_a_sampled_controller_with_its_gains(T, given):
+    """At the first instant it sees the integral that the start has, and not the one that it leaves behind."""
+    own = _controlled(40.0)
+    start = (*own.start, *given) if given else ()
+
+    def run(**values):
+        return mbdae.solve(_controlled(**{"ki": 40.0} | values), (0.0, T), *start, step=0.02, method="pherk5")
+
+    values = {"ki": 40.0, "integral": 0.2}
+    sol = run()
+    found = mbdae.sensitivity(sol, values, model=_controlled)
+    for i, (name, value) in enumerate(values.items()):
+        assert best(found.dy[..., i], lambda x, name=name: run(**{name: x}).y, value, mech=own) < 1e-11, name
+    assert np.abs(found.s[0, 0, 0] - sol.settings["s"][1]) < 1e-12  # tau = ki s + ..., with s before the instant
+    compare(sol, values, ("q.crank", "v.rocker", "energy"), model=_controlled)
 
 
 def test_times_between_nodes():
