@@ -1,8 +1,32 @@
-"""Samples of sub-commands that stand beside the tests of their studies."""
+"""Commands without processes of their own, and samples of them that stand beside the tests of their studies."""
 
 import ast
 import re
+import sys
+import warnings
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
+from unittest import mock
+
+import pytest
+
+from mbdae.__main__ import main
+
+
+def call(*arguments, cwd="."):
+    """Exit code, standard output and standard error of `mbdae ARGUMENTS` in a folder."""
+    out, err = StringIO(), StringIO()
+    with (
+        chdir(cwd),
+        redirect_stdout(out),
+        redirect_stderr(err),
+        mock.patch.object(sys, "argv", ["mbdae", *map(str, arguments)]),
+        warnings.catch_warnings(action="default", category=UserWarning),  # main() sets how they are shown
+        pytest.raises(SystemExit) as stop,
+    ):
+        main()
+    return stop.value.code, out.getvalue(), err.getvalue()
 
 
 def found():

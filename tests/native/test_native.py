@@ -33,8 +33,8 @@ SPANS = {  # s; 0.5 s for the others
     "spatial_slider_crank": 0.25,
     "woodpecker": 0.02,
 }
-# A sleeve of 5e-9 kg m^2 rests against its pole, and its velocity is rounding of some 1e-14 rad/s, which must not choose
-# the step behind an impact: an atol of 1e-8 rad/s makes 3e-7 of it, where the steps' largest growth begins.
+# A sleeve of 5e-9 kg m^2 rests against its pole, and its velocity is rounding of some 1e-14 rad/s, which must not
+# choose the step behind an impact: an atol of 1e-8 rad/s makes 3e-7 of it, where the steps' largest growth begins.
 ATOL = {"woodpecker": 1e-6}
 
 

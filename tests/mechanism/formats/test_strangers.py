@@ -1,11 +1,10 @@
 """Files of strangers: programs in them are named before they run, and names cannot act on a terminal."""
 
-import subprocess
-import sys
-
 import pytest
+from commands import call
 
 import mbdae
+from mbdae import mechanism
 from mbdae.errors import InputError, MbdaeError
 from mbdae.studies.sweep.toml_file import read_sweep
 
@@ -13,10 +12,6 @@ TOWER = """def mechanism(floors: int = 1) -> dict:
     return {"body": [{"name": f"floor_{i}", "parent": "world", "mass": 1.0} for i in range(floors)]}
 """
 RED = "\x1b[31m"
-
-
-def command(*arguments):
-    return subprocess.run([sys.executable, "-m", "mbdae", *map(str, arguments)], capture_output=True, text=True)
 
 
 @pytest.mark.parametrize("model", ["tower", "tower/mechanism.py", "tower?floors=2"])
@@ -52,19 +47,15 @@ def test_errors_and_commands_print_no_control_characters(tmp_path):
     path = tmp_path / f"{RED}.toml"
     path.write_text('[[body]]\nname = "arm"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 0, 0, 0]\n')
     for arguments in (("info", path), ("run", f"{path}x")):
-        done = command(*arguments)
-        assert "\x1b" not in done.stdout + done.stderr
-        assert "\\x1b" in done.stdout + done.stderr
+        _, out, err = call(*arguments)
+        assert "\x1b" not in out + err
+        assert "\\x1b" in out + err
 
 
-def test_a_lack_of_memory_is_one_line():
-    program = """
-import sys, mbdae.__main__ as m, mbdae.mechanism as mechanism
-def load(path): raise MemoryError("Unable to allocate 10 TiB")
-mechanism.load = load
-sys.argv = ["mbdae", "run", "four_bar"]
-m.main()
-"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.returncode == 1
-    assert done.stderr == "mbdae: there is not enough memory: Unable to allocate 10 TiB\n"
+def test_a_lack_of_memory_is_one_line(monkeypatch):
+    def load(path):
+        raise MemoryError("Unable to allocate 10 TiB")
+
+    monkeypatch.setattr(mechanism, "load", load)
+    said = "mbdae: there is not enough memory: Unable to allocate 10 TiB\n"
+    assert call("run", "four_bar") == (1, "", said)

@@ -9,6 +9,7 @@ import time
 from dataclasses import replace
 
 import pytest
+from commands import call
 
 import mbdae
 from mbdae.errors import InputError
@@ -40,12 +41,6 @@ def test_shapes_are_not_sent():
     panda = mbdae.load("panda_handle")
     assert light(panda).visuals is None
     assert panda.visuals is not None
-
-
-def call(*arguments, cwd=None):
-    command = [sys.executable, "-m", "mbdae", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300)
-    return done.returncode, done.stdout, done.stderr
 
 
 SHORT = ("compare", "four_bar", "-t", "0.5", "-m", "pherk5,ggl:herk3", "-m", "index1:RK45", "--repeats", "1")

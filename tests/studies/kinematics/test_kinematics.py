@@ -1,7 +1,6 @@
 """Curves of poses: against closed forms, at dead points and branch points, and what is refused."""
 
 import json
-import time
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +11,7 @@ from linkages import bar, four_bar, parallelogram, point
 import mbdae
 from mbdae import Closure, Driver, Mechanism, kinematics
 from mbdae.errors import AssemblyError, InputError, StepError
+from mbdae.mechanism.closures.constraints import Constraints
 from mbdae.mechanism.frames import paths
 
 COMMANDS = ("kinematics four_bar --drive rocker --points 20", "kinematics four_bar --drive crank --modes")
@@ -223,13 +223,12 @@ def test_a_singular_start_and_a_start_out_of_reach_are_refused():
         kinematics(mbdae.load("four_bar"), "rocker", span=(3.0, 4.0))
 
 
-def test_a_hundred_poses_take_little_time():
-    mech, best = mbdae.load("four_bar"), np.inf
-    for _ in range(8):
-        start = time.process_time()
-        kinematics(mech, "crank", points=100)
-        best = min(best, time.process_time() - start)
-    assert best < 0.5  # 0.05 s where nothing else runs
+def test_a_pose_costs_six_looks_at_the_closures(monkeypatch):
+    """On average, 608 for a hundred; with Euler's predictor, whose corrections are more, 788."""
+    looks, motion = [], Constraints.motion
+    monkeypatch.setattr(Constraints, "motion", lambda self, t: looks.append(t) or motion(self, t))
+    assert len(kinematics(mbdae.load("four_bar"), "crank", points=100).u) == 100
+    assert len(looks) <= 7 * 100
 
 
 def test_what_slides_away_is_named():

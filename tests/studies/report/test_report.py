@@ -5,12 +5,11 @@ import html
 import json
 import re
 import shlex
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from browser import Chromium
+from commands import call
 
 import mbdae
 from mbdae.errors import InputError
@@ -131,9 +130,9 @@ def test_wrong_input_is_refused(result, tmp_path):
 
 def test_the_command_writes_it(tmp_path):
     arguments = shlex.split("report pendulum -t 0.5 -m herk3 --rtol 1e-5 --repeats 1 -o r.html --json")
-    done = subprocess.run([sys.executable, "-m", "mbdae", *arguments], capture_output=True, cwd=tmp_path, timeout=300)
-    assert (done.returncode, done.stderr) == (0, b"")
-    data = json.loads(done.stdout, parse_constant=pytest.fail)
+    code, out, err = call(*arguments, cwd=tmp_path)
+    assert (code, err) == (0, "")
+    data = json.loads(out, parse_constant=pytest.fail)
     assert data["written"] == ["r.html"]
     assert data["meta"]["command"] == "mbdae " + " ".join(arguments)
     assert data["meta"]["command"] in (tmp_path / "r.html").read_text("utf-8")

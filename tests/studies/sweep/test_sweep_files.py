@@ -10,6 +10,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from commands import call
 
 import mbdae
 from mbdae.errors import InputError, MbdaeError, UnknownNameError
@@ -194,13 +195,6 @@ def test_a_sweep_that_is_stopped_or_killed_goes_on(tmp_path):
 # -- the command -----------------------------------------------------------------------------------------------------
 
 
-def command(*arguments, cwd):
-    done = subprocess.run(
-        [sys.executable, "-m", "mbdae", "sweep", *arguments], cwd=cwd, capture_output=True, text=True, timeout=120
-    )
-    return done.returncode, done.stdout, done.stderr
-
-
 def test_command(tmp_path):
     (tmp_path / "pendulum.toml").write_text(
         '[[body]]\nname = "bob"\nparent = "world"\naxis = [0, 1, 0]\nmass = 1.0\ncom = [0.0, 0.0, -1.0]\n'
@@ -209,14 +203,14 @@ def test_command(tmp_path):
         'model = "pendulum.toml"\nend = 0.1\noutputs = ["final q.bob"]\nexecutor = "threads"\n'
         "[grid]\nbody.bob.com.2 = [-1.0, -2.0]\nbody.bob.mass = [1.0, -1.0]\n"
     )
-    code, out, err = command("s.toml", "--json", "-o", "runs.parquet", cwd=tmp_path)
+    code, out, err = call("sweep", "s.toml", "--json", "-o", "runs.parquet", cwd=tmp_path)
     assert (code, err) == (0, "mbdae: 2 of 4 runs failed, see their status\n")
     data = json.loads(out, parse_constant=pytest.fail)
     assert [row["status"] for row in data["rows"]] == ["finished", "input"] * 2
     assert data["rows"][0]["body.bob.com.2"] == -1.0
     assert data["written"] == ["runs.parquet"]
     assert data["manifest"]["settings"] == {"rtol": 1e-8}
-    code, out, err = command("s.toml", "-o", "runs.parquet", cwd=tmp_path)
+    code, out, err = call("sweep", "s.toml", "-o", "runs.parquet", cwd=tmp_path)
     assert code == 0
     assert "4 runs, 2 finished, 2 input" in out
     assert "wrote runs.parquet" in out
@@ -236,7 +230,7 @@ def test_command_keeps_what_the_model_says(own, used, tmp_path):
         'model = "pendulum.toml"\nend = 1.0\ntimes = 3\noutputs = ["final q.bob", "q.bob"]\nexecutor = "threads"\n'
         '[grid]\n"start.q.bob" = [0.5, 1.0]\n'
     )
-    code, out, err = command("s.toml", "--json", "-o", "runs.csv", cwd=tmp_path)
+    code, out, err = call("sweep", "s.toml", "--json", "-o", "runs.csv", cwd=tmp_path)
     assert (code, err) == (0, "")
     data = json.loads(out)
     assert data["manifest"]["settings"] == used
