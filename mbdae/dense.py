@@ -7,7 +7,7 @@ sweep raises the order by one (Enright, Jackson, Noersett, Thomsen, ACM TOMS 12 
 
 from collections.abc import Callable
 from functools import cache
-from math import factorial
+from math import factorial, perm
 
 import numpy as np
 
@@ -25,11 +25,16 @@ def nodes(m: int) -> Array:
 
 def powers(theta: float, degree: int, derivative: int = 0) -> Array:
     """The derivative of the monomials 1, theta, ..., theta^degree, (degree + 1,)."""
+    factors, exponents = _monomials(degree, derivative)
+    return factors * float(theta) ** exponents
+
+
+@cache
+def _monomials(degree: int, derivative: int) -> tuple[Array, Array]:
+    """Factors and exponents of the derivative of 1, theta, ..., theta^degree, (degree + 1,) each."""
     k = np.arange(degree + 1)
-    factor = np.ones(degree + 1)
-    for d in range(derivative):
-        factor *= k - d
-    return factor * float(theta) ** np.maximum(k - derivative, 0)
+    factors = np.array([float(perm(i, derivative)) for i in range(degree + 1)])
+    return factors, np.maximum(k - derivative, 0)
 
 
 @cache

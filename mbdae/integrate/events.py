@@ -143,8 +143,7 @@ class EventWatch:
         self._seen = step.t1
         hits: list[tuple[float, int, Array]] = []
         for i, event in self.functions.items():
-            zeros = self._zeros(i, event, step, touch)
-            hits += [(theta, i, step.dense(theta) if theta else step.y) for theta in zeros]
+            hits += [(theta, i, step.dense(theta)) for theta in self._zeros(i, event, step, touch)]
         for i, signal in self.signals.items():
             hits += [(theta, i, y) for theta, y in signal.zeros(step, touch)]
         same, stop = SAME * max(1.0, abs(t)), None

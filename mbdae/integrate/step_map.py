@@ -30,10 +30,16 @@ class StepMap:
         self.run, self.start, self.node = run, start, len(run.ts) - 2
         self.t, self.t1 = run.ts[-2], run.ts[-1]
         self.h, self.y, self.y1, self.first = self.t1 - self.t, run.ys[-2], run.ys[-1], self.node == 0
+        self._known = {0.0: self.y, 1.0: self.y1}
+
+    def dense(self, theta: float) -> Array:
+        """Return y (n,) after a share of the step, of one order below the method's; each is computed once."""
+        if theta not in self._known:
+            self._known[theta] = self._curve(theta)
+        return self._known[theta]
 
     @cached_property
-    def dense(self) -> Callable[[float], Array]:
-        """Theta -> y (n,), of one order below the method's."""
+    def _curve(self) -> Callable[[float], Array]:
         run = self.run
         if run.singular and self.start is None:
             return partial(run.singular.along, self.h)
