@@ -29,13 +29,8 @@ def shared_reference(self, name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("half", [0, 1])
-@pytest.mark.parametrize(
-    ("model", "back_end"),
-    [("heavy_top", "native"), ("four_bar", "native"), ("pendulum", "native"), ("heavy_top", "python")],
-    indirect=["back_end"],
-)
+@pytest.mark.parametrize("model", ["heavy_top", "four_bar", "pendulum"])
 def test_orders(model, half, back_end, monkeypatch):
-    """Steps in Python are those of the core, see `test_native`: one model is enough there."""
     monkeypatch.setattr(Measurement, "reference", shared_reference)
     methods = [n for n, m in mbdae.METHODS.items() if back_end == "native" or isinstance(m, Tableau)][half::2]
     study = mbdae.check_order(mbdae.load(model), methods)
