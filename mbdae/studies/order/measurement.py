@@ -1,11 +1,11 @@
 """How observed orders are measured.
 
 The error is the largest over the ends of the coarsest run's steps, ten or more; the slope is a least-squares fit over
-the four finest halvings of the step whose errors lie above 100 times the uncertainty of the reference plus the rounding
-floor; the floor of the own multipliers is eps / (h min |ahat_ii|), apart from that of q and v; the reference comes
-from two methods other than the one judged, their disagreement is its uncertainty. Where these are fewer than four
-halvings, coarser steps are added, down to ten; a slope below the claim that needs them refutes it only where its rates
-agree with each other. What cannot be judged is said so.
+the four finest halvings of the step whose rates agree, or else the four finest, among errors above 100 times the
+uncertainty of the reference plus the rounding floor; the floor of the own multipliers is eps / (h min |ahat_ii|), apart
+from that of q and v; the reference comes from two methods other than the one judged, their disagreement is its
+uncertainty. Where these are fewer than four halvings, coarser steps are added, down to ten; a slope below the claim
+that needs them refutes it only where its rates agree with each other. What cannot be judged is said so.
 """
 
 from collections.abc import Callable, Sequence
@@ -196,7 +196,7 @@ class Measurement:
         least: int = 0,
     ) -> Slope:
         """Fit a slope; one that takes fewer steps than ``least`` and misses its claim must have rates that agree."""
-        end = above(errors, floors)
+        end = settled(errors[: above(errors, floors)])
         window = slice(max(0, end - HALVINGS - 1), end)
         record = (tuple(ns), tuple(float(e) for e in errors), tuple(float(f) for f in floors))
         if end < HALVINGS + 1:
@@ -222,6 +222,16 @@ def above(errors: Sequence[float], floors: Sequence[float]) -> int:
     """How many of the errors, coarse steps first, stand above the floor; those that rose from it again do not count."""
     good = [e > f for e, f in zip(errors, floors, strict=True)]
     return good.index(False) if False in good else len(good)
+
+
+def settled(errors: Sequence[float]) -> int:
+    """How many of the errors there are up to the last four halvings whose rates agree; all where there are none.
+
+    Steps are halved on for the sake of other quantities, by which rounding of many steps adds up beyond its floor.
+    """
+    rates = np.diff(np.log2(errors))
+    ends = range(len(errors), HALVINGS, -1)
+    return next((end for end in ends if np.ptp(rates[end - 1 - HALVINGS : end - 1]) < SETTLED), len(errors))
 
 
 def done(errors: Sequence[float], floors: Sequence[float]) -> bool:

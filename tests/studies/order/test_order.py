@@ -9,7 +9,7 @@ from commands import call
 import mbdae
 from mbdae.backend import load as load_core
 from mbdae.methods import Tableau
-from mbdae.studies.order.measurement import LEAST_OUTPUTS, Measurement, above, done
+from mbdae.studies.order.measurement import LEAST_OUTPUTS, Measurement, above, done, settled
 from mbdae.textbook.problems import hessenberg_a
 
 REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")
@@ -110,6 +110,17 @@ def test_rules():
     assert done(errors, np.zeros(5))
     assert not done(errors[:4], np.zeros(4))
     assert done([1.0, 1e-9], [1e-3, 1e-3])
+    noisy = [*3.0 ** -np.arange(6), 3.0**-5, 3.0**-5.5]
+    assert settled(noisy) == 6, "what is added up of rounding"
+    assert settled(3.0 ** -np.arange(8)) == 8
+    assert settled(noisy[3:]) == 5, "no rates agree"
+    measure = Measurement(hessenberg_a(), 1.0, 10, None, print, "python")
+    found = measure._fit("q", 1, [10 * 2**i for i in range(8)], noisy, [1e-30] * 8, 0.0)
+    assert found.observed == pytest.approx(np.log2(3))
+    assert found.fitted == (1, 6)
+    reduced = 2.0 ** -np.cumsum([0, 5, 5, 5, 5, 4.5, 4, 4, 4, 4])
+    found = measure._fit("q", 5, [10 * 2**i for i in range(10)], reduced.tolist(), [1e-30] * 10, 0.0)
+    assert (found.verdict, found.observed) == ("misses", pytest.approx(4)), "where finer steps agree they count"
 
 
 @pytest.mark.parametrize("claimed", [2, 5])
