@@ -28,8 +28,8 @@ OWN, KEPT = {"rtol", "step"}, ".parquet"
 def sweep(file: str, output: str | None, fresh: bool, plot: str | None, as_json: bool, **chosen: Any) -> None:
     """Run a model for many values of its parameters, as a file of TOML says: a grid, a list or a random sample.
 
-    Runs that fail are rows with a status. Ctrl-C keeps what is finished in a .parquet file, which takes pyarrow; the
-    same command goes on from there.
+    Runs that fail are rows with a status. Ctrl-C writes what is finished; a .parquet file, which takes pyarrow, keeps
+    each run, and the same command goes on from there.
     """
     from .plan import swept
     from .sweep import first_mechanism
@@ -45,11 +45,11 @@ def sweep(file: str, output: str | None, fresh: bool, plot: str | None, as_json:
         arguments |= {} if OWN & set(mech.settings.given) else {"rtol": RTOL}
     with bar("sweep", 1.0) as tell:
         result = study(**arguments, path=path, fresh=fresh, progress=tell)
-    if output and not path and result.complete:
+    wrote = written if result.complete else [output] if output and not path and len(result) else []
+    if output in wrote and not path:
         result.save(output)
     if plot and result.complete:
         result.plot(plot)
-    wrote = written if result.complete else []
     emit({**result.to_dict(), "written": wrote}, "\n".join([str(result), *(f"wrote {p}" for p in wrote)]), as_json)
     if not result.complete:
         kept = f"; {path}.part keeps what is finished, the same command goes on from there" if path else ""

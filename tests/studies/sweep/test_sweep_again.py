@@ -1,9 +1,14 @@
 """Sweeps that go on from a file, or do not, and what is refused before anything runs."""
 
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import mbdae
+from mbdae.__main__ import cli
+from mbdae.cli.options import FAILED
 from mbdae.errors import InputError
 
 
@@ -12,6 +17,31 @@ def closing_over(g):
         return mbdae.load("n_four_bar", N=g)
 
     return make
+
+
+def test_a_table_has_what_was_computed_when_the_user_stopped(tmp_path, monkeypatch):
+    """Ctrl-C comes after the second of six runs."""
+    text = 'model = "pendulum"\nend = 0.05\noutputs = ["max energy"]\n[grid]\nsolve.rtol = '
+    (tmp_path / "few.toml").write_text(text + "[1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8]")
+    seen = []
+
+    @contextmanager
+    def bar(*_):
+        def told(done, text):
+            seen.append(done)
+            if len(seen) == 2:
+                raise KeyboardInterrupt
+
+        yield told
+
+    monkeypatch.setattr("mbdae.studies.sweep.command.bar", bar)
+    table = tmp_path / "few.csv"
+    out = CliRunner().invoke(cli, ["sweep", str(tmp_path / "few.toml"), "-o", str(table), "--workers", "1"])
+    assert out.exit_code == FAILED
+    assert f"wrote {table}" in out.output
+    rows = table.read_text().splitlines()
+    assert 2 <= len(rows) < 7
+    assert f"stopped by the user after {len(rows) - 1} of 6 runs" in out.output
 
 
 def test_functions_are_told_apart_by_what_they_hold(tmp_path):
