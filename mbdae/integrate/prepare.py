@@ -82,7 +82,7 @@ def prepare(
     run.events = EventWatch(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
     _set_watches(run, inner, formulation)
     if isinstance(problem, Mechanism) and isinstance(system, Index2System) and problem.switches:
-        _refuse_modes(formulation, tableau, run.sign)
+        _refuse_modes(problem.switches[0].name, formulation, tableau, run.sign)
         run.modes, run.events.by_signal = ModeWatch(system), False
     return run
 
@@ -93,14 +93,15 @@ def _knots(problem: Problem, system: System) -> Sequence[float]:
         return ()
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)
     drives = (signal for d in problem.drivers for signal in (d.motion, d.speed) if signal)
-    return [t for signal in (*laws, *drives) for t in signal.knots]
+    commands = (clutch.engaged for clutch in problem.clutches if clutch.engaged)
+    return [t for signal in (*laws, *drives, *commands) for t in signal.knots]
 
 
-def _refuse_modes(formulation: str, tableau: Any, sign: float) -> None:
+def _refuse_modes(name: str, formulation: str, tableau: Any, sign: float) -> None:
     if formulation != "index2" or isinstance(tableau, Baseline):
-        raise InputError(f"stops and unilateral closures need formulation 'index2', got {formulation!r}")
+        raise InputError(f"{name!r}: what opens, closes or steps needs formulation 'index2', got {formulation!r}")
     if sign < 0:
-        raise InputError("stops and unilateral closures are followed forward in time: impacts cannot be undone")
+        raise InputError(f"{name!r}: modes are followed forward in time, impacts cannot be undone")
 
 
 def _stepper(

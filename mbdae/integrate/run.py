@@ -62,7 +62,7 @@ class RunState:
             y = self._closed(y)
         self._begin_at(y)
         self.leg = self.ahead.leg(self.t)
-        if self.modes and len(self.ts) == 1:
+        if self.modes and (len(self.ts) == 1 or not self.modes.guards):
             self.modes.begin(self.t, self.ys[-1])
 
     def _closed(self, y: Array) -> Array:
@@ -92,6 +92,8 @@ class RunState:
         self.ys.append(self.ys[-1])
         self.ts.append(t)
         self.t = t
+        if self.modes:
+            self.ys[-1] = self.modes.command(self, self.ys[-1])
         self.begin()
         self.stepper.restart()
         self.behind_jump()

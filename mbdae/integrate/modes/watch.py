@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 TOUCHING = 1e-9  # m or rad: a row that is open by no more at the start touches
 SAFETY, SHRINK = 0.8, 0.2  # of the step that resolves loads, and the least share of the last one
+COMMANDS = ("command", "step")  # guards of what jumps at known times
 SHORT = 1e-7  # of the span: a load that no longer step resolves jumps
 MANY = 100  # transitions, and as many for each switch: if they all fall into the time of a rest, they have no end
 
@@ -115,6 +116,20 @@ class ModeWatch:
             return known[theta]
 
         return at
+
+    def command(self, run: "RunState", y: Array) -> Array:
+        """Return the point behind what is commanded at a jump, in the mode that follows.
+
+        Raises:
+            StepError: where an impact has no solution.
+        """
+        if not any(g.kind in COMMANDS for g in self.violated(run.t, y)):
+            return y
+        y, mode = self._settled(self.transition.point(run.t, y), set())
+        if mode != self.system.mode:
+            self.modes.append((len(run.ts) - 1, mode))
+        self._enter(mode, run)
+        return y
 
     def violated(self, t: float, y: Array) -> list[Guard]:
         """Return guards that are negative at a point: where a load jumps."""

@@ -1,10 +1,11 @@
-"""One-way clutches and ratchets between joints: rows that are there while they lock."""
+"""Clutches between joints, one-way, with teeth or on command: rows that are there while they lock."""
 
 from collections.abc import Sequence
 from typing import Literal
 
 from pydantic import Field, model_validator
 
+from ..signals import Steps
 from .between_joints import BetweenJoints
 from .rows import Ratio, Teeth
 
@@ -17,6 +18,9 @@ class Clutch(BetweenJoints):
     Without ``pitch`` it is a one-way clutch (free wheel, sprag clutch): it locks at once. With it, a ratchet: its pawl
     falls into a tooth every ``pitch``, x_i - ratio x_j = tooth + k pitch, and it runs back to the last one.
 
+    With ``engaged`` it is a clutch on command: both ways, v_i = ratio v_j while the signal is above 0. Where it closes
+    on different speeds it does so at once, by an impact.
+
     Attributes:
         joint: name of a joint of one coordinate, against the ground; or
         joints: names of joints i and j.
@@ -24,6 +28,7 @@ class Clutch(BetweenJoints):
         ratio: of both speeds where it locks; 1 when left out.
         pitch: of the teeth in rad or m, of a ratchet.
         tooth: where one of them is, in rad or m.
+        engaged: on command: steps over time, above 0 while it is engaged.
         name: by default the names of the joints and "clutch".
 
     Raises:
@@ -36,6 +41,7 @@ class Clutch(BetweenJoints):
     ratio: float | None = None
     pitch: float | None = Field(default=None, gt=0)
     tooth: float = 0.0
+    engaged: Steps | None = None
     name: str = ""
 
     @model_validator(mode="after")
@@ -46,6 +52,8 @@ class Clutch(BetweenJoints):
             raise ValueError("ratio belongs to a clutch of two joints")
         if self.pitch is None and self.tooth:
             raise ValueError("tooth belongs to a ratchet, which has a pitch")
+        if self.engaged and (self.pitch is not None or self.direction != 1):
+            raise ValueError("direction and pitch belong to one-way clutches, a clutch with engaged locks both ways")
         if not self.name:
             object.__setattr__(self, "name", "-".join(self.between) + " clutch")
         return self

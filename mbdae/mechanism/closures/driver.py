@@ -31,7 +31,8 @@ class Driver(Table):
 
     Motions are functions of time with two derivatives: constant, harmonic, polynomial (constant speed w from u_0 on:
     coefficients u_0, w), table (a natural cubic spline, which goes on at the ends' speed; u''' jumps at its points,
-    where methods of order above 3 lose it), or Python functions. Speeds are functions of time with one derivative.
+    where methods of order above 3 lose it), or Python functions. Speeds are functions of time with one derivative, or
+    steps, which are impacts that keep all loops shut.
 
     Attributes:
         motion: u(t), in rad or m; or
@@ -68,8 +69,8 @@ class Driver(Table):
         m, speed = self.motion, self.speed
         if (m is None) == (speed is None):
             raise ValueError("a driver needs one of motion and speed")
-        if isinstance(m or speed, Steps):
-            raise ValueError("a driver cannot follow steps: a motion needs two derivatives, and a speed needs one")
+        if isinstance(m, Steps):
+            raise ValueError("a driver cannot follow steps of motion, which needs two derivatives; a speed may step")
         if isinstance(speed, Function) and speed.function and not speed.rate:
             raise ValueError(f"the speed {speed.name!r} needs a rate: difference quotients lose the order")
         if isinstance(m, Function) and m.function and not (m.rate and m.acceleration):

@@ -35,7 +35,7 @@ class OneWay(OneSidedRow):
         return [
             cls(c, mechanism.rows_of(c.name)[0])
             for c in mechanism.constraints
-            if isinstance(c, Clutch) and c.pitch is None
+            if isinstance(c, Clutch) and c.pitch is None and c.engaged is None
         ]
 
     @property

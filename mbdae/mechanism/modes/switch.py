@@ -20,7 +20,7 @@ class Guard(NamedTuple):
     """A function of the point that is positive while a state lasts.
 
     Attributes:
-        kind: in a word: ``"touch"``, ``"let go"``, ``"slip"``, ``"rest"``.
+        kind: in a word: ``"touch"``, ``"let go"``, ``"slip"``, ``"rest"``, ``"pass"``, ``"command"``, ``"step"``.
         name: of the switch.
         at: its number.
         value: the function.

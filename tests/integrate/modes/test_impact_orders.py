@@ -93,8 +93,8 @@ def test_runs_are_saved_and_read_again(four_bar, tmp_path):
 @pytest.mark.parametrize(
     ("how", "text"),
     [
-        ({"formulation": "ggl"}, "need formulation 'index2'"),
-        ({"formulation": "index1", "method": "dop853"}, "need formulation 'index2'"),
+        ({"formulation": "ggl"}, "'rocker stop lower': .* needs formulation 'index2'"),
+        ({"formulation": "index1", "method": "dop853"}, "'rocker stop lower': .* needs formulation 'index2'"),
     ],
 )
 def test_what_knows_no_modes_refuses(four_bar, how, text):
