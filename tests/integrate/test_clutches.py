@@ -89,13 +89,23 @@ def test_a_file_with_clutches_is_saved_and_loaded(tmp_path):
     assert again.modes == sol.modes
 
 
-def test_clutches_that_take_turns_without_an_end_are_named():
-    """Both directions are locked, and no load tells at the start which of them holds."""
-    push = JointTorque(joint="input", torque=Harmonic(amplitude=3.0, omega=40.0))
-    both = [Clutch(joints=("wheel", "input"), direction=k, name=f"clutch {k}") for k in (1, -1)]
-    sol = mbdae.solve(wheels([push], clutches=both), (0, 1))
-    assert sol.status == "switching"
-    assert "modes switch without an end at t = 0 " in sol.message
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("swapped", [False, True])
+def test_two_opposed_clutches_lock_both_ways(swapped):
+    """Whatever the load, and however it turns: (J_i + r^2 J_w) v_i' = T sin wt, from momentum kept at the start."""
+    T, w, r = 3.0, 40.0, 2.0
+    push = JointTorque(joint="input", torque=Harmonic(amplitude=T, omega=w))
+    first = Clutch(joints=("wheel", "input"), ratio=r, name="first")
+    second = {"joints": ("input", "wheel"), "ratio": 1 / r} if swapped else {"joints": ("wheel", "input"), "ratio": r}
+    other = Clutch(direction=1 if swapped else -1, name="second", **second)
+    sol = mbdae.solve(wheels([push], clutches=[first, other]), (0, 1), np.zeros(2), np.array([3.0, 1.0]), rtol=1e-10)
+    assert sol.success
+    assert len(sol.modes) == 1
+    (blow,) = sol.impacts
+    assert blow.loss == pytest.approx(INERTIA * (10 - 25 / (1 + r * r)) / 2, rel=1e-12)
+    v = (3 + r) / (1 + r * r) + T / (w * INERTIA * (1 + r * r)) * (1 - np.cos(w))
+    assert sol.v[-1] == pytest.approx([v, r * v], rel=1e-9)
+    assert mbdae.drift(sol).energy_relative < 1e-10
 
 
 def test_wrong_clutches_are_refused():

@@ -32,11 +32,8 @@ class OneWay(OneSidedRow):
 
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
-        return [
-            cls(c, mechanism.rows_of(c.name)[0])
-            for c in mechanism.constraints
-            if isinstance(c, Clutch) and c.pitch is None and c.engaged is None
-        ]
+        alone, _ = _one_way(mechanism)
+        return [cls(c, mechanism.rows_of(c.name)[0]) for c in alone]
 
     @property
     def rows(self) -> tuple[int, ...]:  # noqa: D102
@@ -55,6 +52,46 @@ class OneWay(OneSidedRow):
 
     def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
         return (Candidate.pressing(self.row, self.sign),)
+
+
+class Opposed(Switch):
+    """One of two one-way clutches that are opposed to each other: together they lock both ways, whatever the load.
+
+    Each has a multiplier of its own, half of the torque.
+
+    Args:
+        spec: the clutch.
+        row: number of its row.
+    """
+
+    states = ("idle", "locks both ways")
+
+    def __init__(self, spec: Clutch, row: int) -> None:
+        super().__init__(spec.name)
+        self.row = row
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        _, opposed = _one_way(mechanism)
+        return [cls(c, mechanism.rows_of(c.name)[0]) for c in opposed]
+
+    @property
+    def rows(self) -> tuple[int, ...]:  # noqa: D102
+        return (self.row,)
+
+    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
+        return self.rows if state == LOCKED else ()
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        return ()
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        return (Strike(self.row, 0.0),)
+
+    def settled(  # noqa: D102
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+    ) -> int:
+        return LOCKED
 
 
 class Ratchet(OneWay):
@@ -124,3 +161,21 @@ class Ratchet(OneWay):
         if len(rates) or point.system.mode[self.at] == LOCKED:
             return FREE
         return FREE if self.acceleration(point) >= 0 else BACK
+
+
+def _one_way(mechanism: "Mechanism") -> tuple[list[Clutch], list[Clutch]]:
+    """Return the one-way clutches that have none opposed to them between the same joints, and those that have one."""
+    clutches = [c for c in mechanism.clutches if c.pitch is None and c.engaged is None]
+    found = [_freedom(c) for c in clutches]
+    opposed = [any(k == key and way * other < 0 for k, other in found) for key, way in found]
+    pairs = list(zip(clutches, opposed, strict=True))
+    return [c for c, yes in pairs if not yes], [c for c, yes in pairs if yes]
+
+
+def _freedom(c: Clutch) -> tuple[tuple[str, str, float], float]:
+    """Return what a clutch lets run, v_i - ratio v_j with joints in alphabetical order, and in which direction."""
+    i, j = c.joints or (c.joint or "", "")
+    ratio = 1.0 if c.ratio is None else c.ratio
+    if not j or i < j or not ratio:
+        return (i, j, float(f"{ratio:.12g}")), float(c.direction)
+    return (j, i, float(f"{1 / ratio:.12g}")), -c.direction * np.sign(ratio)
