@@ -63,9 +63,8 @@ class Closure(OneSided):
     (multiplier N > 0: it presses), then no slip ahead and no slip to the left of the wheel, for a body without an
     axle along x and y of a.
 
-    The joints of a coupling have one coordinate each. That of an unbounded revolute joint is an angle known up to
-    full turns: the coupling is measured up to the multiples that come of them, and refused where they leave nothing to
-    measure (powers, or irrational ratios of two unbounded joints).
+    The joints of a coupling have one coordinate each. Angles of unbounded revolute joints are known up to full turns:
+    the coupling is measured up to their multiples, and refused where they leave nothing (powers, irrational ratios).
 
     Attributes:
         kind: one of the table.
@@ -87,12 +86,13 @@ class Closure(OneSided):
             ``"none"``, or along one line at an angle in rad from ahead to the left (rollers of omni and mecanum
             wheels).
         contact: whether a rolling body is kept on the surface; false where joints keep it there. True when left out.
-        surface: of the first frame on which a body rolls: its x-y plane when left out, or a sphere or cylinder (about
-            its z axis), for spheres.
+        surface: on which a body rolls: the x-y plane of the first frame when left out; spheres on a sphere or cylinder.
         surface_radius: of a sphere or cylinder in m; negative where the body rolls inside.
         radii: of both wheels of a gear in m; negative for a ring whose teeth point inwards.
         lead: of a screw in m per turn, positive for a right-handed one.
         within: where in the way of a joint the closure is there; always when left out.
+        unilateral: its one row presses and does not pull (a rope pulls and does not press); it opens and closes.
+        restitution, rest: of what is unilateral, as of a `mbdae.Stop`.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -46,6 +46,9 @@ class Stop(BetweenJoints, OneSided):
         upper: in rad or m.
         limits: the ends are those that the source says (URDF ``limit``, MJCF ``range``); without a joint, of all
             joints that have some.
+        restitution: of Newton's law of impact, between 0 and 1: speed after an impact to speed before; 0 when left out.
+        rest: a flight between two impacts that is shorter, in s, is none: it comes to rest; 1e-6 when left out.
+        unilateral: always true.
         name: by default the names of the joints and "stop".
 
     Raises:

@@ -29,6 +29,7 @@ class Bushing(Force):
         frames: names of both frames.
         stiffness: N/m and N m/rad, (6,).
         damping: N s/m and N m s/rad, (6,).
+        name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -27,6 +27,7 @@ class CoulombFriction(Force):
         static: mu of what grips, at least ``coefficient``, which is taken when left out.
         exact: a rolling body grips, with all rows of its grip, as long as that takes no more than mu_s N, and slides
             else; true where ``static`` is given. For closures of kind rolling, whose grip is kept otherwise.
+        name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is made,

@@ -23,6 +23,7 @@ class DCMotor(Force):
         constant: torque per current in N m/A, the same as voltage per speed in V s/rad.
         gear: turns of the rotor per turn of the joint.
         current: at the start, in A.
+        name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -17,6 +17,7 @@ class JointDamping(Force):
     Attributes:
         joint: one joint or several.
         damping: N m s/rad or N s/m.
+        name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

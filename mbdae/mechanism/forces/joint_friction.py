@@ -47,6 +47,7 @@ class JointFriction(Force):
             the problem's time constant is inertia * velocity / friction. 0.01 when left out.
         static: what holds a joint that sticks, in N m or N, at least ``friction``, which is taken when left out.
         exact: the joint sticks; true where ``static`` is given.
+        name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -27,6 +27,7 @@ class JointPID(Force):
         controls: ``"position"`` or ``"velocity"``.
         rate: sampling rate in Hz; continuous when left out.
         integral: s at the start.
+        name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

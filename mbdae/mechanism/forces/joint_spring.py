@@ -24,6 +24,7 @@ class JointSpring(Force):
         interpolation: of the table: ``"spline"`` (natural cubic) or ``"monotone"`` (cubic without overshoot).
         rest: rad or m.
         damping: N m s/rad or N s/m, besides the joint's own.
+        name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -12,12 +12,13 @@ from .linear import LinearElement
 
 
 class JointTorque(Force):
-    """A torque (N m) or force (N) on a joint: constants or functions of time, one for each of its nv coordinates.
+    """A torque (N m) or force (N) on a joint, one for each of its nv coordinates: tau_k = gear torque_k(t).
 
     Attributes:
         joint: one joint.
-        torque: one number or function, or nv of them.
+        torque: one constant or function of time, or nv of them.
         gear: a factor on all of them.
+        name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

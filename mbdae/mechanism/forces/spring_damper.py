@@ -23,6 +23,7 @@ class SpringDamper(Force):
         damping: N s/m.
         length: rest length in m.
         force: N, a constant or a function of time; it pushes the frames apart.
+        name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

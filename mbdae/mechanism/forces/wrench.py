@@ -15,13 +15,14 @@ Vector = tuple[Signal, Signal, Signal]
 
 
 class Wrench(Force):
-    """A force in N at the origin of a frame and a torque in N m, constants or functions of time.
+    """A force at the origin of a frame and a torque, constants or functions of time: tau = J^T [force; torque].
 
     Attributes:
         frame: where it acts.
-        force: components of the force.
-        torque: components of the torque.
+        force: components of the force in N, (3,).
+        torque: components of the torque in N m, (3,).
         axes: the components' axes: ``"world"``, or those of the ``"frame"``, turning with it.
+        name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

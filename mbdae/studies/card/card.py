@@ -135,6 +135,12 @@ class Card(Tabular):
 def card(mech: Mechanism) -> Card:
     """Describe a mechanism at its start state.
 
+    Args:
+        mech: the mechanism.
+
+    Returns:
+        Sizes, rank r of G and degrees of freedom nv - r, joints, closures, forces, and what is not modelled.
+
     Raises:
         AssemblyError: if the start cannot be assembled.
         InputError: for anything but a mechanism.

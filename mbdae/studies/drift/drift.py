@@ -178,6 +178,12 @@ def drift(sol: Solution) -> Drift:
     potential energy less their start and the integrated work, E(t) - E(0) - W(t). Of a textbook problem 0 = g, which
     methods keep, and what the method's own z leaves of the hidden constraint, g_t + g_y f(t, y, z); it has no energy.
 
+    Args:
+        sol: the solution, of a mechanism or a textbook problem.
+
+    Returns:
+        The largest and the last of them, and all over time.
+
     Raises:
         InputError: for a solution without times, or something else.
     """

@@ -60,7 +60,11 @@ def fit(
     progress: Callable[[str], None] | None = None,
     **settings: Any,
 ) -> Fit:
-    """Find numbers of a mechanism from measurements of its motion.
+    """Find numbers p of a mechanism from measurements of its motion.
+
+        minimise sum_k ((signal(t_k; p) - data_k) / sigma)^2,   low <= p <= high
+
+    by a trust region with exact derivatives (Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (1999)).
 
     Args:
         model: what `mbdae.load` takes, a mechanism that was loaded, or a function that makes one.
@@ -80,6 +84,9 @@ def fit(
         seed: of these places.
         progress: told what is done, in words.
         settings: arguments of `mbdae.solve`: method, rtol, step, ...
+
+    Returns:
+        The numbers with their standard deviations, chi-squared, and what cannot be told from the data.
 
     Raises:
         InputError: for data outside the span, signals without a gradient, bounds that are none.

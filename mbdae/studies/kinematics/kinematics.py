@@ -36,11 +36,13 @@ def kinematics(
     output: str | None = None,
     branches: bool = False,
 ) -> Kinematics:
-    """Follow the poses of a mechanism with one freedom over an input.
+    """Follow the poses of a mechanism with one freedom over an input u, with their rates.
+
+        g(q) = 0,   q_drive = u;      G dq/du = 0,   G d2q/du2 = -gamma(q, dq/du)
 
     The curve is followed over its arclength, through dead points of the drive, where the input turns back, and through
     branch points, where it goes on smoothly. It ends where the input leaves its range, or where the first pose comes
-    again.
+    again. Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003).
 
     Args:
         mech: the mechanism; drivers other than the drive stand still where they are at t = 0.

@@ -90,7 +90,10 @@ def assembly_modes(
     apart: str | Sequence[str] = (),
     most: int = 2000,
 ) -> AssemblyModes:
-    """Find all poses of a mechanism with one freedom at one value of its input.
+    """Find all poses of a mechanism with one freedom at one value of its input: the solutions of g(q) = 0, q_drive = u.
+
+    They are looked for from random starts; those that move into each other belong to one circuit. Source: Chase,
+    Mirth, J. Mech. Design 115 (1993).
 
     Args:
         mech: the mechanism.

@@ -116,6 +116,10 @@ def linearize(
 ) -> LinearSystem:
     """Linearise a mechanism with inputs and outputs around an equilibrium or a steady motion.
 
+        z' = A z + B u,   y = C z + D u
+
+    in small changes from it, with exact slopes of all forces; z are changes of (q, v, s) that the closures allow.
+
     An input is the name of a joint (a torque on it in N m or N; ``joint.2`` for one of several coordinates), of a
     force whose value is a function of time (the voltage of a dc_motor, the reference of a joint_pid, the torque of a
     joint_torque), or ``frame.x``, a force in N on a frame's origin along an axis of the world. An output is ``q.joint``
@@ -130,6 +134,9 @@ def linearize(
         outputs: names; all ``q.`` and ``v.`` when left out.
         t: time in s.
         hold: joints that stand still.
+
+    Returns:
+        A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs), and what can be computed from them.
 
     Raises:
         UnknownNameError: for a name that does not exist; lists those that do.

@@ -48,7 +48,11 @@ def optimize(
     progress: Callable[[str], None] | None = None,
     **settings: Any,
 ) -> Optimum:
-    """Find the numbers of a mechanism by which a cost of its motion is least.
+    """Find the numbers p of a mechanism by which a cost of its motion is least.
+
+        minimise c(p),   low <= p <= high,   low_j <= c_j(p) <= high_j
+
+    by sequential least squares (Kraft, DFVLR-FB 88-28 (1988)), or another search of scipy, with exact gradients.
 
     The motion is a run from the mechanism's start; or, with ``drive``, the curve of its poses over an input, where
     nothing but positions, their rates and holding efforts matter. What cannot be computed with some numbers (loops that

@@ -118,7 +118,12 @@ def load_path(
     v: "Coordinates | Array | None" = None,
     hold: str | Iterable[str] = (),
 ) -> LoadPath:
-    """Follow an equilibrium while a force is scaled from one factor to another.
+    """Follow an equilibrium while a force is scaled from one factor p to another.
+
+        0 = f(t, q, v) + (p - 1) f_load + G^T lam,   0 = g(t, q)
+
+    over the arclength, so that p may turn back at limit points. Source: Keller, Numerical solution of bifurcation and
+    nonlinear eigenvalue problems (1977).
 
     Args:
         mech: the mechanism.

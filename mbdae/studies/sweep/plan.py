@@ -32,6 +32,11 @@ class Random:
         parameters: name = distribution. A distribution is a table with the name of a method of numpy.random.Generator
             and its arguments, ``{"distribution": "normal", "loc": 0.35, "scale": 1e-3}``, or, in Python, a frozen
             distribution of scipy.stats; a plain value is shared by all runs.
+
+    Raises:
+        InputError: when the sweep begins, for an n that is no positive number, or arguments that the distribution
+            refuses.
+        UnknownNameError: when the sweep begins, for a distribution that does not exist; lists those that do.
     """
 
     n: int
