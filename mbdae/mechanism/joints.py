@@ -17,6 +17,24 @@ PER_VELOCITY = (
 )
 PER_COORDINATE = ("lowerPositionLimit", "upperPositionLimit", "positionLimitMargin")
 
+KINDS = {
+    **{name: "revolute" for name in ("RX", "RY", "RZ", "RevoluteUnaligned")},
+    **{name: "continuous" for name in ("RUBX", "RUBY", "RUBZ", "RevoluteUnboundedUnaligned")},
+    **{name: "prismatic" for name in ("PX", "PY", "PZ", "PrismaticUnaligned")},
+    **{name: "helical" for name in ("HX", "HY", "HZ", "HelicalUnaligned")},
+    "SphericalZYX": "spherical",
+    "FreeFlyer": "free",
+}
+
+
+def kind_of(joint: pin.JointModel) -> str:
+    """What a joint is called in mechanism files: ``"revolute"``, ``"continuous"``, ``"spherical"``, ...
+
+    A continuous joint of a URDF whose angle is one coordinate is a revolute one here.
+    """
+    name = joint.shortname().removeprefix("JointModel")
+    return KINDS.get(name, name.lower())
+
 
 def subspace(joint: pin.JointModel) -> np.ndarray:
     """The motion subspace of a joint at its neutral configuration, (6, nv), in its own frame."""

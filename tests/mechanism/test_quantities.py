@@ -1,10 +1,16 @@
 """M, G, bias and frames of a mechanism at a point, against energies, differences and poses."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
+from chains import JOINTS
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
+from mbdae.mechanism.formats.schema import JointKind
+from mbdae.mechanism.joints import kind_of
+from mbdae.studies.card.card import card
 
 
 @pytest.mark.parametrize("name", ["four_bar", "bricard", "humanoid_stance"])
@@ -34,3 +40,18 @@ def test_frames_are_where_closures_meet():
         mech.mass_matrix(q[:-1])
     with pytest.raises(InputError, match="v has shape"):
         mech.bias(q, v[:-1])
+
+
+@pytest.mark.parametrize("kind", JOINTS)
+def test_a_joint_is_called_as_in_mechanism_files(kind):
+    words = {"rx": "revolute", "ruby": "continuous", "py": "prismatic", "euler": "spherical"}
+    assert kind_of(JOINTS[kind](np.random.default_rng(1))) == words.get(kind, kind)
+
+
+def test_a_card_calls_the_joints_of_a_file_as_the_file_does(tmp_path):
+    kinds = [k for k in get_args(JointKind) if k != "fixed"]
+    bodies = [f'[[body]]\nname = "{k}"\nparent = "world"\njoint = "{k}"\n' for k in kinds]
+    bodies = [f"{body}mass = 1.0\ninertia = [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]\n" for body in bodies]
+    (tmp_path / "all.toml").write_text("\n".join(bodies))
+    found = dict(card(mbdae.load(tmp_path / "all.toml")).joints)
+    assert found == {k: k for k in kinds}

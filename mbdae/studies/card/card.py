@@ -7,6 +7,8 @@ import numpy as np
 
 from ...errors import require
 from ...mechanism import Closure, Mechanism, redundant
+from ...mechanism.frames import find_joint
+from ...mechanism.joints import kind_of
 from ...mechanism.reactions import rank, scaled
 from ...tabular import Tabular
 
@@ -175,7 +177,7 @@ def card(mech: Mechanism) -> Card:
         rank=len(rows),
         freedom=mech.nv - len(rows),
         position_freedom=mech.nv - (positions if not mech.positional.all() else len(rows)),
-        joints=tuple((n, mech.joint_kind(n)) for n in mech.joint_names),
+        joints=tuple((n, kind_of(find_joint(mech.model, n))) for n in mech.joint_names),
         closures=tuple(closures),
         forces=tuple(system.laws.names),
         gravity=tuple(mech.gravity.tolist()),

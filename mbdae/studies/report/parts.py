@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from pydantic import BaseModel
 
 from ...mechanism import Mechanism
+from ...mechanism.joints import kind_of
 from ..comparison.comparison import Work
 from ..comparison.ranking import Place
 
@@ -84,8 +85,7 @@ def _joints(mech: Mechanism) -> tuple[list[str], list[list[str]]]:
     for i in range(1, mech.model.njoints):
         joint, place = mech.model.joints[i], mech.model.jointPlacements[i]
         parent = mech.model.names[mech.model.parents[i]] if mech.model.parents[i] else "the ground"
-        kind = joint.shortname().removeprefix("JointModel")
-        rows.append([mech.model.names[i], kind, parent, *(f"{x:.5g}" for x in place.translation)])
+        rows.append([mech.model.names[i], kind_of(joint), parent, *(f"{x:.5g}" for x in place.translation)])
     return ["joint", "kind", "on", "x", "y", "z (m)"], rows
 
 
@@ -122,9 +122,13 @@ def _cell(place: Place, best: float) -> str:
 
 
 def _captioned(caption: str, heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
-    head = "".join(f"<th>{escape(h)}</th>" for h in heads)
+    words = [any(cell[:1].isalpha() for cell in column) for column in zip(*rows, strict=True)]
+    sides = [' class="word"' if word else "" for word in words] or [""] * len(heads)
+    head = "".join(f"<th{side}>{escape(h)}</th>" for h, side in zip(heads, sides, strict=True))
     body = "".join(
-        f"<tr><td>{escape(name)}</td>" + "".join(f"<td>{c if safe else escape(c)}</td>" for c in cells) + "</tr>"
+        f"<tr><td>{escape(name)}</td>"
+        + "".join(f"<td{side}>{c if safe else escape(c)}</td>" for c, side in zip(cells, sides[1:], strict=True))
+        + "</tr>"
         for name, *cells in rows
     )
     return f'<p class="caption">{escape(caption)}</p><div class="wide"><table><tr>{head}</tr>{body}</table></div>'

@@ -146,6 +146,7 @@ def test_tables_are_numbers_of_the_mechanism_and_the_ranking_that_of_the_compari
     for i in range(1, model.njoints):
         assert re.search(rf"\|{model.names[i]}\|+{model.inertias[i].mass:.5g}\|", text)
     assert "wrist pin||revolute|" in text
+    assert re.search(r"\|crank\|+revolute\|", text)
     table = ranking(result.comparison)
     places = result.comparison.ranking(1e-4)
     best = min((p for p in places if p.work is not None), key=lambda p: p.work)
