@@ -61,9 +61,13 @@ def test_wrong_settings_are_refused(tmp_path, table, error, words):
         bob(tmp_path, table)
 
 
-def test_a_method_that_does_not_exist_is_said_when_it_runs(tmp_path):
-    with pytest.raises(UnknownNameError, match="method 'fast'"):
-        mbdae.solve(bob(tmp_path, 'method = "fast"'), (0, 0.1))
+def test_a_method_that_does_not_exist_is_said_when_it_runs_or_is_described(tmp_path):
+    mech = bob(tmp_path, 'method = "herk9"')
+    with pytest.raises(UnknownNameError, match=r"unknown solve\.method 'herk9' \(did you mean 'herk5'\?\)"):
+        mbdae.solve(mech, (0, 0.1))
+    with pytest.raises(UnknownNameError, match=r"unknown solve\.method 'herk9'"):
+        mbdae.card(mech)
+    assert mbdae.solve(mech, (0, 0.1), method="herk3").success
 
 
 def test_all_faults_of_a_file_are_said_at_once_and_by_name(tmp_path):

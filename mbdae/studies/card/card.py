@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import require
+from ...integrate.defaults import completed
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.frames import find_joint
 from ...mechanism.joints import kind_of
@@ -146,8 +147,10 @@ def card(mech: Mechanism) -> Card:
     Raises:
         AssemblyError: if the start cannot be assembled.
         InputError: for anything but a mechanism.
+        UnknownNameError: for a method of its file that there is not.
     """
     require(mech, Mechanism, "card takes a Mechanism (see mbdae.load)")
+    completed(mech, {})
     q, v = mech.start
     system = mech.system()
     system.derivative(0.0, mech.point())
