@@ -48,12 +48,19 @@ def carry_out(run: RunState, max_steps: int | None, progress: Progress | None) -
                 _check_drivers(run.problem, t0, run.t1)
             except StepError as wrong:
                 e = wrong
-        if run.modes and e.status == "step_size":
-            return e.status, f"{e} ({words(run.modes.switches, run.modes.system.mode)})"
-        return e.status, str(e)
+        return e.status, _explained(run, e)
     except KeyboardInterrupt:
         return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
     return ("event", f"{STATUS['event']} at t = {run.t:.17g}") if stopped else ("finished", STATUS["finished"])
+
+
+def _explained(run: RunState, e: StepError) -> str:
+    """Say why a run stopped; of one that goes through modes also when, and in which of them."""
+    if not run.modes:
+        return str(e)
+    when = "" if "t = " in str(e) else f", at t = {run.t:.17g}"
+    mode = f" ({words(run.modes.switches, run.modes.system.mode)})" if e.status in ("step_size", "singular") else ""
+    return f"{e}{when}{mode}"
 
 
 def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | None = None) -> bool:

@@ -108,3 +108,23 @@ def test_a_load_of_a_function_may_jump_where_nobody_says(parts):
     sol = mbdae.solve(slider(lambda t, q, v: np.array([-1.0 if t < 0.5 else -3.0]), *held, **parts), (0, 2))
     assert sol.status == "finished"
     assert abs(sol.lam[-1, 0]) == pytest.approx(3.0)
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("backlash", [1e-3, 1e-9])
+def test_a_load_is_passed_on_through_backlash_however_small(backlash, restitution):
+    """Momentum is that of the load whatever happens in between, and both bodies end together."""
+    model = empty()
+    model.gravity.linear = np.zeros(3)
+    for name in ("a", "b"):
+        carried(model, 0, pin.JointModelPX(), name, 1.0)
+    play = {"joints": ("a", "b"), "coefficients": (0.0, 1.0), "lower": -backlash / 2, "upper": backlash / 2}
+    push = JointTorque(joint="a", torque=Harmonic(amplitude=1.0, omega=6.0))
+    mech = Mechanism(model, forces=[push], stops=[Stop(restitution=restitution, **play)])
+    sol = mbdae.solve(mech, (0, 1), rtol=1e-9)
+    assert sol.success
+    assert sol.v.sum(axis=1) == pytest.approx((1 - np.cos(6 * sol.t)) / 6, abs=1e-9)
+    assert sol.v[-1, 0] == pytest.approx(sol.v[-1, 1], abs=1e-9)
+    assert np.abs(sol.q[:, 0] - sol.q[:, 1]).max() < backlash / 2 + 1e-15
+    assert mbdae.drift(sol).energy_relative < 1e-9
