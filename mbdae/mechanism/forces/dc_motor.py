@@ -48,7 +48,7 @@ class DCMotor(Force):
         return self
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
-        i, k = one_velocity(model, self.joint, "a dc_motor").idx_v, self.gear * self.constant
+        i, k = one_velocity(model, self.joint, f"dc_motor {self.name!r}").idx_v, self.gear * self.constant
         R, L = self.resistance, self.inductance
         if not L:
             terms: list[Term] = [("tau", i, "u", 0, k / R), ("tau", i, "v", i, -k * k / R)]

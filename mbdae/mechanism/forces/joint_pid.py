@@ -56,8 +56,8 @@ class JointPID(Force):
         return self
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
-        at = self.controls == "position"
-        j = single(model, self.joint, "a joint_pid")[0] if at else one_velocity(model, self.joint, "a joint_pid")
+        at, what = self.controls == "position", f"joint_pid {self.name!r} of {self.controls}"
+        j = single(model, self.joint, what)[0] if at else one_velocity(model, self.joint, what)
         i, x, ix = j.idx_v, "q" if at else "v", j.idx_q if at else j.idx_v
         if self.rate is not None:
             memory = {"integral": self.integral} if self.ki else {}

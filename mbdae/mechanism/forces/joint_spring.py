@@ -57,7 +57,7 @@ class JointSpring(Force):
         return curve(self.table or (), self.interpolation, held=False)
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
-        joints = single(model, self.joint, "a joint spring")
+        joints = single(model, self.joint, f"joint_spring {self.name!r}")
         at = [(j.idx_q, j.idx_v) for j in joints]
         if self.stiffness is None:
             return CurveElement(self, at)

@@ -224,6 +224,8 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     """The joint and what of it a path names."""
     names = list(joints)
     found = [n for n in names if path.startswith(f"{n}.")]
+    if not found and path in names:
+        raise InputError(f"joint.{path} is a joint: name a number of it, joint.{path}. {', '.join(JOINT)}")
     if not found:
         raise UnknownNameError("joint of a source", path.rpartition(".")[0] or path, names)
     joint = max(found, key=len)

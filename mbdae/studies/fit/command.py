@@ -68,8 +68,13 @@ def fit(
     written = writable((output, TABLES), (html, PAGES), (plot, PICTURES))
     said = {"method": method, "step": step, "rtol": rtol}
     settings: dict[str, Any] = {name: x for name, x in said.items() if x is not None}
+    parameters: dict[str, tuple[float, ...]] = {}
+    for name, bounds in map(_bounds, given):
+        if name in parameters:
+            raise InputError(f"parameter {name!r} is named twice")
+        parameters[name] = bounds
     with bar("fit", None) as tell:
-        found = study(model.source, dict(map(_bounds, given)), list(data), signals=signals, sigma=_levels(sigma),
+        found = study(model.source, parameters, list(data), signals=signals, sigma=_levels(sigma),
                       starts=starts, seed=seed, progress=tell, **settings)  # fmt: skip
     for path in (output, html):
         if path:

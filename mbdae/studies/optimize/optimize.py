@@ -15,11 +15,9 @@ from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from ...errors import InputError, MbdaeError, UnknownNameError
 from ...mechanism import Mechanism
-from ...mechanism.formats.remembered import number
-from ...mechanism.formats.template import Template
 from ...system import Array
 from ..sensitivity.cost import Cost
-from ..sensitivity.numbers import Names, maker
+from ..sensitivity.numbers import Names, maker, named_values
 from .motion import Measured, Motion, Moves, curves, runs
 from .result import Optimum, Tried
 
@@ -216,13 +214,9 @@ class Problem:
 
 
 def _start(make: Any, names: Names) -> dict[str, float]:
-    if isinstance(names, str) or not names:
-        raise InputError(f"parameters are a list of names, or name = value, got {names!r}")
-    if isinstance(names, Mapping):
-        return {name: float(value) for name, value in names.items()}
-    if not isinstance(make, Template):
-        raise InputError("the parameters of a function that makes a mechanism are given as name = value")
-    return {name: number(make, name) for name in names}
+    if not names:
+        raise InputError("a search needs parameters: a list of names, or name = value")
+    return named_values(make, names)
 
 
 def _pairs(

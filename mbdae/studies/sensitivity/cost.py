@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -48,16 +49,25 @@ class Squares:
     data: Mapping[str, Any]
     sigma: float | Mapping[str, float] = 1.0
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.data, Mapping) or not self.data:
+            raise InputError(f"Squares takes data, {{signal: its values (n,)}}, got {self.data!r:.60}")
+        for name, known in self.data.items():
+            level = self._sigma(name)
+            if isinstance(level, bool) or not isinstance(level, Real) or not 0 < float(level) < np.inf:
+                raise InputError(f"the noise level of {name!r} must be a positive number, got {level!r:.60}")
+            if not np.isfinite(_numbers(name, known)).any():
+                raise InputError(f"data of {name!r} hold no number")
+
     def __call__(self, signals: Mapping[str, Array]) -> tuple[float, dict[str, Array]]:
         """Return the cost and its derivatives with respect to the signals."""
         value, slopes = 0.0, {}
         for name, known in self.data.items():
             sigma = self._sigma(name)
-            known = np.asarray(known, float)
+            known = _numbers(name, known)
             if known.shape != signals[name].shape:
                 raise InputError(f"data of {name!r} have shape {known.shape}, the run has {signals[name].shape} times")
-            left = np.nan_to_num((signals[name] - known) / sigma) if np.isnan(known).any() else signals[name] - known
-            left = left if np.isnan(known).any() else left / sigma
+            left = np.where(np.isnan(known), 0.0, signals[name] - known) / sigma
             value, slopes[name] = value + 0.5 * float(left @ left), left / sigma
         return value, slopes
 
@@ -67,6 +77,13 @@ class Squares:
         if name not in self.sigma:
             raise InputError(f"data of {name!r} have no noise level: sigma gives {', '.join(self.sigma)}")
         return self.sigma[name]
+
+
+def _numbers(name: str, known: Any) -> Array:
+    try:
+        return np.asarray(known, float)
+    except (TypeError, ValueError):
+        raise InputError(f"data of {name!r} are numbers, got {known!r:.60}") from None
 
 
 def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, dict[str, Array]]:
@@ -79,9 +96,12 @@ def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, 
     if not callable(cost):
         raise InputError(f"a cost is a function of signals that returns (value, slopes), got {cost!r:.60}")
     found = cost(signals)
-    if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], Mapping)):
-        raise InputError(f"cost {name!r} returns (value, {{signal: its derivative (n,)}}), got {found!r:.60}")
-    value, slopes = float(found[0]), {key: np.asarray(x, float) for key, x in found[1].items()}
+    try:
+        value, table = found
+        value, slopes = float(value), {key: np.asarray(x, float) for key, x in table.items()}
+    except (TypeError, ValueError, AttributeError):
+        what = f"cost {name!r} returns (value, {{signal: its derivative (n,)}})"
+        raise InputError(f"{what}, got {found!r:.60}") from None
     if not np.isfinite(value):
         raise InputError(f"cost {name!r} is {value}")
     for key, x in slopes.items():

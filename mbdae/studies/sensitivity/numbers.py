@@ -1,9 +1,12 @@
 """The numbers of a mechanism by which a run is differentiated, by dotted names, and what makes mechanisms."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from numbers import Real
 from threading import get_ident
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
+
+import numpy as np
 
 from ... import backend
 from ...errors import InputError
@@ -47,11 +50,9 @@ def bound(mech: Mechanism, names: Names, model: Model, t: float) -> tuple[dict[s
         UnknownNameError: for a name that leads nowhere.
         InputError: for a name without a number, or a parameter without a derivative.
     """
-    if isinstance(names, str):
-        raise InputError(f"parameters are a list of names, or name = value, got {names!r}")
     if not names:
         return {}, Parameters(lambda values: mech, {})
-    key = get_ident(), t, tuple(names.items()) if isinstance(names, Mapping) else tuple(names)
+    key = get_ident(), t, repr(names)
     if model is None and key in _BOUND.get(mech, {}):
         return _BOUND[mech][key]
     values, parameters = _bound(mech, names, maker(mech, model))
@@ -63,16 +64,38 @@ def bound(mech: Mechanism, names: Names, model: Model, t: float) -> tuple[dict[s
 
 
 def _bound(mech: Mechanism, names: Names, make: Makes) -> tuple[dict[str, float], Parameters]:
-    if isinstance(names, Mapping):
-        values = {name: float(value) for name, value in names.items()}
-    elif isinstance(make, Template):
-        values = {name: number(make, name) for name in names}
-    else:
-        raise InputError("the parameters of a function that makes a mechanism are given as name = value")
+    values = named_values(make, names)
     own = isinstance(make, Template) and not isinstance(names, Mapping)
     parameters = Parameters(make.make, values, backend.load(), own=own)
     _compare(mech, parameters.mech)
     return values, parameters
+
+
+def named_values(make: Makes, names: Names) -> dict[str, float]:
+    """The parameters by name, with their values.
+
+    Raises:
+        UnknownNameError: for a name that leads nowhere.
+        InputError: for what is no name, one that comes twice, or one without a number.
+    """
+    if isinstance(names, str) or not isinstance(names, Collection):
+        raise InputError(f"parameters are a list of names, or name = value, got {names!r:.60}")
+    for i, name in enumerate(listed := list(names)):
+        if not isinstance(name, str):
+            raise InputError(f"parameters have dotted names, as 'gravity.2' or 'joint.crank.mass', got {name!r:.60}")
+        if name in listed[:i]:
+            raise InputError(f"parameter {name!r} is named twice")
+    if isinstance(names, Mapping):
+        return {name: _value(name, value) for name, value in names.items()}
+    if not isinstance(make, Template):
+        raise InputError("the parameters of a function that makes a mechanism are given as name = value")
+    return {name: number(make, name) for name in listed}
+
+
+def _value(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real) or not np.isfinite(float(value)):
+        raise InputError(f"the value of parameter {name!r} is a finite number, got {value!r:.60}")
+    return float(value)
 
 
 def _compare(mech: Mechanism, other: Mechanism) -> None:

@@ -1,6 +1,7 @@
 """Actuators and controllers against independent integrations of equations derived by hand."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from links import arm, hinge
 from scipy.integrate import solve_ivp
@@ -226,3 +227,13 @@ def test_names_of_laws_with_states_differ():
         arm(*motors)
     with pytest.raises(InputError, match=r"s has shape \(2,\), expected \(1,\)"):
         mbdae.solve(arm(motors[0]), (0, 1), s=[1.0, 2.0])
+
+
+def test_joints_that_do_not_fit_are_refused_with_the_name_of_what_acts():
+    model = pin.Model()
+    j = model.addJoint(0, pin.JointModelRUBZ(), pin.SE3.Identity(), "wheel")
+    model.appendBodyToJoint(j, pin.Inertia.Random(), pin.SE3.Identity())
+    spring = mbdae.JointSpring(name="hold", joint="wheel", stiffness=1)
+    for force in (JointPID(name="hold", joint="wheel"), spring):
+        with pytest.raises(InputError, match=r"joint_(pid|spring) 'hold'.* needs a joint of one coordinate; 'wheel'"):
+            mbdae.Mechanism(model, forces=[force])

@@ -78,8 +78,27 @@ def test_what_is_refused():
         mbdae.gradient(sol, mbdae.Squares({"q.crank": np.ones(2)}), ["joint.crank.mass"])
     with pytest.raises(InputError, match=r"returns \(value"):
         mbdae.gradient(sol, lambda s: 0.0, ["joint.crank.mass"])
+    for returned in ((None, {}), (1.0, {"q.crank": "x"}), (1.0, None), 3):
+        with pytest.raises(InputError, match=r"returns \(value, \{signal: its derivative \(n,\)\}\), got"):
+            mbdae.gradient(sol, lambda s, x=returned: x, ["joint.crank.mass"])
     with pytest.raises(InputError, match="opens closures that depend"):
         mbdae.gradient(sol, lambda s: (0.0, {}), ["joint.rocker.rpy.0"])
+
+
+@pytest.mark.parametrize(
+    ("data", "sigma", "words"),
+    [
+        ({"q.crank": [1.0]}, -1.0, r"noise level of 'q\.crank' must be a positive number, got -1"),
+        ({"q.crank": [1.0]}, {"q.crank": 0}, r"noise level of 'q\.crank' must be a positive number, got 0"),
+        ({"q.crank": [1.0]}, None, r"noise level of 'q\.crank' must be a positive number, got None"),
+        ({"q.crank": [np.nan, np.nan]}, 1.0, r"data of 'q\.crank' hold no number"),
+        ({"q.crank": "words"}, 1.0, r"data of 'q\.crank' are numbers, got 'words'"),
+        ({}, 1.0, "takes data"),
+    ],
+)
+def test_squares_that_say_nothing_are_refused(data, sigma, words):
+    with pytest.raises(InputError, match=words):
+        mbdae.Squares(data, sigma)
 
 
 def test_starts_are_told_apart() -> None:
