@@ -20,7 +20,6 @@ from ..mechanism.variations.stabilised_slopes import StabilisedVariations
 from ..mechanism.variations.variations import IndexTwoVariations
 from ..methods import Method, Tableau, method_of
 from ..methods.collocation_tangent import CollocationSlopes
-from ..methods.radau import RadauIIA
 from ..methods.tangent import StepSlopes
 from ..solution.solution import Solution
 from ..system import Array, State, System
@@ -30,6 +29,7 @@ from .core_steps import core_steps
 from .jumps import MARGIN
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
+from .traceable import traceable
 
 JUMP = 6 * MARGIN  # roundings of t: nodes nearer than that stand before and after a jump
 REPEATED = 1e-7  # of 1 + |y|: what a step that is repeated may differ from the one that was taken
@@ -86,7 +86,7 @@ class Trace:
     """
 
     def __init__(self, sol: Solution, parameters: Parameters) -> None:
-        mech, settings = _checked(sol), sol.settings
+        mech, settings = traceable(sol), sol.settings
         self.sol, self.project = sol, bool(settings.get("project"))
         self.tableau = cast(Method, method_of(settings))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
@@ -94,7 +94,10 @@ class Trace:
         self.given[mech.nq + mech.nv : -1] = settings.get("s", list(mech.states.values()))
         stabilised = settings["formulation"] == "ggl" and isinstance(self.tableau, Tableau)
         self.system = mech.system("ggl") if stabilised else _bound(mech, settings["formulation"])
-        self.system.sliding.refuse("a gradient")
+        self.mode = sol.mode(0) or self.system.mode
+        self._enter(parameters)
+        if self.system.sliding:
+            self.system.sliding.refuse("a gradient")
         self.slopes = (StabilisedVariations if stabilised else IndexTwoVariations)(self.system, parameters)
         self.controlled = "step" not in settings
         if self.controlled:
@@ -117,9 +120,16 @@ class Trace:
 
     def hold(self, i: int) -> None:
         """Let the workspace solve for the rows that were in use at node i."""
+        self._enter(self.slopes.parameters)
         rows = next((rows for first, rows in reversed(self.sol.in_use) if first <= i), None)
         if rows and rows != self.system.in_use:
             self.system.hold(rows)
+
+    def _enter(self, parameters: Parameters) -> None:
+        """Let the workspaces be in the mode of the run."""
+        if self.system.mode != self.mode:
+            self.system.enter(self.mode)
+        parameters.enter(self.mode)
 
     def state(self, i: int) -> State:
         """Where the step from node i starts."""
@@ -269,28 +279,6 @@ class Trace:
     def _unlike(self, i: int) -> str:
         where = f"the step from t = {self.ts[i]:.9g} s cannot be repeated"
         return f"{where}: not a step of the method, or one with other forces"
-
-
-def _checked(sol: Solution) -> Mechanism:
-    """The mechanism of a run whose steps can be gone along.
-
-    Raises:
-        InputError: names what is missing.
-    """
-    mech, s = sol.mechanism, sol.settings
-    form = s.get("formulation")
-    if form not in ("index2", "ggl") or not isinstance(method_of(s), Tableau | RadauIIA):
-        known = "half-explicit methods and Radau IIA in formulations 'index2' and 'ggl'"
-        raise InputError(f"derivatives of runs are those of {known}, got {s['method']!r} in {form!r}")
-    if not sol.ended:
-        raise InputError(f"the run stopped before its end ({sol.status}): {sol.message}")
-    if mech.switches:
-        raise InputError(
-            f"{mech.switches[0].name!r} opens and closes, or sticks and slips: no derivative of runs in which rows do"
-        )
-    if sol.singular:
-        raise InputError(f"the run passes a singular configuration at t = {sol.singular[0].t:.9g} s: no derivative")
-    return mech
 
 
 def _bound(mech: Mechanism, formulation: str) -> Any:

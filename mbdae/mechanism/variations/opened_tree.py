@@ -54,11 +54,15 @@ class OpenedTree:
         self.iq = [model.idx_qs[last[j]] + i for j in range(1, old.njoints) for i in range(old.nqs[j])]
         forces = [f for f, (law, _) in zip(mech.forces, s.laws.bound, strict=False) if isinstance(law, PairElement)]
         other = type(mech)(model, mech.closures, forces, drivers=mech.drivers)
-        self.model = model
+        self.model, self.ng = model, s.ng
+        names = [c.name for c in mech.closures] + [d.name for d in mech.drivers]  # stops and brakes stand nowhere
+        spans = [s.constraints.spans[name] for name in names]
+        self.kept = np.array([i for at in spans for i in range(at.start, at.stop)], int)
         try:
-            self.system = other.system(native=native)
+            self.system = other.system(native=None if other.switches else native)
         except NotCompiled:
             self.system = other.system()
+        self.system.constraints.off = np.empty(0, int)  # slopes are those of all rows, whatever the mode
         self.system.hold(tuple(range(self.system.ng)))
         self.at = [i for first in self.frozen.values() for i in range(first, first + 6)]
 
@@ -71,7 +75,13 @@ class OpenedTree:
     def _slopes(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> Jacobians:
         u, a = np.zeros(self.model.nv + 1), np.zeros(self.model.nv)
         u[self.real], a[self.real] = v, vdot
-        return self.system.slopes(t, self.whole(q), u, a, lam, np.arange(self.system.ng))
+        return self.system.slopes(t, self.whole(q), u, a, lam[self.kept], np.arange(self.system.ng))
+
+    def _all(self, own: Array) -> Array:
+        """Slopes of all rows of the mechanism, (ng, 6 n)."""
+        out = np.zeros((self.ng, len(self.at)))
+        out[self.kept] = own[:, self.at]
+        return out
 
     def torques(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> Array:
         """Columns of K of the frozen joints, (nv + 1, 6 n); the rows are those of the real ones, and power."""
@@ -79,16 +89,16 @@ class OpenedTree:
 
     def rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Columns of B and G of the frozen joints, (ng, 6 n) each."""
-        found = self._slopes(t, q, v, np.zeros(len(v)), np.zeros(self.system.ng))
-        return found.B[:, self.at], found.G[:, self.at]
+        found = self._slopes(t, q, v, np.zeros(len(v)), np.zeros(self.ng))
+        return self._all(found.B), self._all(found.G)
 
     def bias(self, q: Array, v: Array) -> Array:
         """Columns of gamma_q of the frozen joints, (ng, 6 n)."""
         if not v.any():  # it is quadratic in v
-            return np.zeros((self.system.ng, len(self.at)))
+            return np.zeros((self.ng, len(self.at)))
         u = np.zeros(self.model.nv)
         u[self.real] = v
-        return hidden_slopes(self.system, self.whole(q), u)[0][:, self.at]
+        return self._all(hidden_slopes(self.system, self.whole(q), u)[0])
 
     def motion(self, p: Parameter) -> Array:
         """What a parameter moves the frozen joints by, (6 n,)."""

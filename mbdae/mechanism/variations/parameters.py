@@ -19,8 +19,10 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array
+from ..forces.joint_friction import DryElement
 from ..formulations.index2 import Index2System
 from ..frames import support
+from ..modes.switches import Mode
 from .opened_tree import OpenedTree
 from .parameter import ChangedLaws, ChangedRows, Nearby, Parameter
 
@@ -88,6 +90,18 @@ class Parameters:
     def __len__(self) -> int:
         return len(self.all)
 
+    def enter(self, mode: Mode) -> None:
+        """Go on in another mode: rows that it leaves out are 0."""
+        if mode == self.system.mode:
+            return
+        self.system.enter(mode)
+        for p, laws in zip(self.all, self.laws, strict=True):
+            for near in laws.near.values():
+                for i, (other, _) in zip(p.forces, near.bound, strict=False):
+                    own = self.system.laws.bound[i][0]
+                    if isinstance(own, DryElement) and isinstance(other, DryElement):
+                        other.sign[:] = own.sign
+
     def once(self, name: str, key: Any, find: Callable[[], Array]) -> Array:
         """Slopes at the start of runs: found last for the same key, or found now."""
         if name not in self._found or self._found[name][0] != key:
@@ -129,6 +143,7 @@ class Parameters:
             pin.computeJointJacobians(self.system.model, self.system.data, q)
             for i, rows in enumerate(self.rows):
                 rows.add_rates(Q[:, i], g[:, i], t, v)
+        Q[self.system.constraints.off] = g[self.system.constraints.off] = 0.0
         return Q, g
 
     def of_bias(self, t: float, q: Array, v: Array) -> Array:
@@ -140,6 +155,7 @@ class Parameters:
             pin.forwardKinematics(self.system.model, self.system.data, q, v, np.zeros(self.system.nv))
             for i, rows in enumerate(self.rows):
                 rows.add_bias(out[:, i], t, v)
+        out[self.system.constraints.off] = 0.0
         return out
 
     def _inertial(self, p: Parameter, J: Array) -> Array:

@@ -14,6 +14,7 @@ from ...differences import slopes
 from ...errors import AssemblyError, InputError
 from ...system import Array, StageEquations
 from ..formulations.derivatives import hidden_slopes, time_slopes
+from ..modes.switches import left_out
 from .corrections import Corrections
 from .stage_slopes import Saddle, StageSlopes
 
@@ -175,7 +176,9 @@ class IndexTwoVariations(Corrections):
         ]
         held = [mech.coordinates(table, of_v=bool(i))[1] for i, table in enumerate(tables)]
         free_q, free_v = (np.setdiff1d(np.arange(nv), h) for h in held)
-        G, kept = s.jacobian(q), s.constraints.positional
+        off, s.constraints.off = s.constraints.off, left_out(mech.switches, (0,) * len(mech.switches))
+        G, kept = s.jacobian(q), s.constraints.positional  # a start is assembled with all open
+        s.constraints.off = off
         assembled = bool(s.ng and mech.start_values.assemble)
         decided = assembled and all(_decide(A) for A in (G[np.ix_(kept, free_q)], G[:, free_v]))
         for i, p in enumerate(self.parameters.all):

@@ -1,0 +1,47 @@
+"""Derivatives of runs with stops, friction that sticks and contacts, in which no mode changes."""
+
+import numpy as np
+import pytest
+from frozen import best, compare
+
+import mbdae
+from mbdae.errors import InputError
+from mbdae.mechanism.formats.template import Template
+
+SLIPS = {"start.v.crank": 1.0}
+FROZEN = [  # model, parameters, other numbers, span in s, mode
+    ("pendulum_on_stop", {"body.rod.mass": 2.0}, {}, 0.2, (0,)),  # open
+    ("slider_crank_with_stop", {"body.rod.mass": 0.5}, {}, 0.05, (0,)),
+    ("bouncing_chain", {"gravity.2": -9.81}, {}, 0.05, (0,) * 8),
+    ("ratchet", {"gravity.2": -9.81, "body.wheel.mass": 1.0}, {}, 0.03, (0, 1)),  # a pawl holds
+    ("stick_slip_slider", {"body.rod.xyz.0": 0.1, "gravity.2": -9.0}, {}, 0.04, (1, 1)),  # both stick: nothing moves
+    ("stick_slip_slider", {"body.rod.xyz.0": 0.1, "force.joint_friction 3.friction": 2.0}, SLIPS, 0.04, (2, 3)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "values", "others", "T", "mode"), FROZEN)
+@pytest.mark.parametrize("project", [False, True])
+def test_no_mode_changes(model, values, others, T, mode, project):
+    template, given = Template(model), {**values, **others}
+
+    def run(**changed):
+        return mbdae.solve(template.make(given | changed), (0.0, T), step=T / 4, method="pherk5", project=project)
+
+    sol = run()
+    assert sol.modes == [(0, mode)]
+    found = mbdae.sensitivity(sol, given, model=template)
+    for i, (name, value) in enumerate(values.items()):
+        moved = best(found.dy[..., i], lambda x, name=name: run(**{name: x}).y, value, (1e-3, 3e-3), mech=sol.mechanism)
+        assert moved < 1e-9, name
+        rows = best(found.lam[..., i], lambda x, name=name: run(**{name: x}).lam, value, (1e-3, 3e-3))
+        assert rows < 1e-9, name
+    compare(sol, given, [f"v.{sol.mechanism.joint_names[0]}", "energy"], model=template)
+
+
+def test_where_a_mode_changes():
+    sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0.0, 1.5))
+    with pytest.raises(InputError, match=rf"'rod stop' switches at t = {sol.impacts[0].t:.9g} s: no derivative"):
+        mbdae.sensitivity(sol, start=True)
+    sol = mbdae.solve(mbdae.load("stick_slip_slider"), (0.0, 0.5))
+    with pytest.raises(InputError, match=r"friction' switches at t = "):
+        mbdae.gradient(sol, mbdae.Squares({"q.crank": np.zeros(len(sol.t))}), start=True)
