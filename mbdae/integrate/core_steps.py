@@ -151,7 +151,7 @@ def core_steps(trace: "Trace") -> CoreSteps | None:
     """The steps of a trace in the core; None where Python goes along them."""
     if not isinstance(trace.system, Compiled) or not isinstance(trace.tableau, Tableau):
         return None
-    if trace.system.mechanism.switches:  # parameters in the core know one mode
+    if trace.system.mechanism.switches or trace.system.sliding:  # the core has parameters in one mode, without friction
         return None
     try:
         return CoreSteps(trace, trace.system)

@@ -96,8 +96,11 @@ class Trace:
         self.system = mech.system("ggl") if stabilised else _bound(mech, settings["formulation"])
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
-        if self.system.sliding:
-            self.system.sliding.refuse("a gradient")
+        half_explicit = isinstance(self.tableau, Tableau) and not stabilised
+        if self.system.sliding and not half_explicit:
+            self.system.sliding.refuse(f"a gradient of {settings['method']!r} in {settings['formulation']!r}")
+        if self.system.sliding.grips:
+            self.system.sliding.refuse("a gradient of wheels that slide")
         self.slopes = (StabilisedVariations if stabilised else IndexTwoVariations)(self.system, parameters)
         self.controlled = "step" not in settings
         if self.controlled:

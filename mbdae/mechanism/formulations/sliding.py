@@ -80,18 +80,22 @@ class SlidingPlace(NamedTuple):
 
     def slip(self, v: Array, w: Array) -> tuple[Array, float]:
         """Return e (nv,) and e . v where the kinematics stand; w (6, m) are the wrenches of the rows."""
+        S = self.lever(w)
+        slip = S @ v
+        e = S[0] if len(S) == 1 else S.T @ _unit(slip)
+        return e, float(e @ v)
+
+    def lever(self, w: Array) -> Array:
+        """Return S (m, nv), the slip is S v, where the kinematics stand: m = 1 along an axis, else 3."""
         pair, kind = self.pair, self.closure.kind
         if kind in TOUCHES:
-            p, n, V = self.point(), w[:3, 0], pair.relative(v)
-            slip = V[:3] + np.cross(V[3:], p)
-            along = _unit(slip - n * n.dot(slip))
-        elif kind == "point":
-            along, p = _unit(pair.relative(v)[3:]), pair.pb
+            n, p = w[:3, 0], self.point()
+            ways = np.eye(3) - np.outer(n, n)
         else:
-            along, p = pair.Ra @ unit_axis(self.closure.axis or (0.0, 0.0, 1.0)), pair.pb
-        turn = kind in TURNS
-        e = pair.torque(np.concatenate([np.zeros(3), along] if turn else [along, np.cross(p, along)]))
-        return e, float(e @ v)
+            axis = pair.Ra @ unit_axis(self.closure.axis or (0.0, 0.0, 1.0))
+            ways, p = np.eye(3) if kind == "point" else axis[None], pair.pb
+        wrenches = [np.concatenate([np.zeros(3), x] if kind in TURNS else [x, np.cross(p, x)]) for x in ways]
+        return np.array([pair.torque(x) for x in wrenches])
 
     def plain(self) -> dict[str, Any]:
         """Return the numbers of the place for the compiled core."""
@@ -145,6 +149,11 @@ class Sliding:
 
     def __bool__(self) -> bool:
         return bool(self.acts.any())
+
+    @property
+    def grips(self) -> bool:
+        """Say whether what grips else slides."""
+        return any(acts and place.force.sticks for acts, place in zip(self.acts, self.places, strict=True))
 
     def plain(self) -> list[dict[str, Any]]:
         """Return what the core takes of the places; `acts` and `headings` it shares."""

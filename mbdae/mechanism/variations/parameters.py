@@ -11,6 +11,7 @@ from mechanisms made with other values. At a point
 """
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,6 +26,7 @@ from ..frames import support
 from ..modes.switches import Mode
 from .opened_tree import OpenedTree
 from .parameter import ChangedLaws, ChangedRows, Nearby, Parameter
+from .sliding_slopes import friction
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -132,6 +134,24 @@ class Parameters:
             laws.add(out[:, i], t, q, v, s)
             rows.add_forces(out[:, i], t, lam)
         return out
+
+    def of_friction(self, q: Array, v: Array, lam: Array, rows: Array) -> Array:
+        """Take the slopes of friction that depends on multipliers, and of its power, (nv + ns + 1, k).
+
+        By differences of that friction alone, in mechanisms with other numbers; lam (r,) of the rows in use.
+        """
+        out = np.zeros((self.system.nv + self.system.ns + 1, len(self)))
+        for i, (p, near) in enumerate(zip(self.all, self.near, strict=True)):
+            for s in near.values():
+                s.enter(self.system.mode)
+            found = p.quotient({k: friction(s, q, v, lam, rows) for k, s in near.items()})
+            out[: self.system.nv, i], out[-1, i] = found[:-1], found[-1]
+        return out
+
+    @cached_property
+    def near(self) -> list[dict[int, Index2System]]:
+        """Workspaces of the mechanisms with other numbers."""
+        return [{k: Index2System(m) for k, m in p.near.items()} for p in self.all]
 
     def of_rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Take Q and g of `ParameterSlopes`, (ng, k) each."""

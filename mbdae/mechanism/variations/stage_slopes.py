@@ -7,7 +7,8 @@ of `mbdae.mechanism.formulations.derivatives`,
     [M  -G^T] [dv' ]   [K dq + D du + P dp                                            ]
     [Ghat  0] [dlam] = [-(Bhat dqhat + Ghat (dv_n + dvhat) + Q dp) / factor           ]
 
-in which the matrix is the stage's own; cotangents go through its transpose.
+in which the matrix is the stage's own; cotangents go through its transpose. Where friction depends on lam, its slope
+by lam stands beside G^T.
 """
 
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ from ...errors import StepError
 from ...system import Array
 from ..formulations.derivatives import time_slopes
 from .parameters import Parameters
+from .sliding_slopes import with_friction_slopes
 
 if TYPE_CHECKING:
     from ..formulations.chart import Index2Chart
@@ -70,8 +72,11 @@ class StageSlopes:
         self.Ghat, self.Bhat = s.rate_slopes(that, qhat, vhat, rows)
         self.P = parameters.of_forces(t, q, v, inner, self.vdot, whole)
         self.Q = parameters.of_rows(that, qhat, vhat)[0][rows]
+        if s.sliding:
+            self.P += parameters.of_friction(q, v, lam, rows)
+            self.at = with_friction_slopes(s, self.at, q, v, lam, rows)
         self.turn, self.hat = m.turned(x[:nv], self.speed(v)), m.turned(xh, vhat)
-        self.saddle = Saddle(self.at.E[:nv, :nv], self.at.G, self.Ghat)
+        self.saddle = Saddle(self.at.E[:nv, :nv], self.at.L[:nv].T, self.Ghat)
         self.points = (t, q, v, inner, whole), (that, qhat, vhat, inner, whole), rows
 
     def forward(self, dx: Array, dxhat: Array, dy: Array, dp: Array, clock: Array | None = None) -> Array:

@@ -4,7 +4,6 @@ Variations are those of a computed step, not of the motion: dy (ny, m) in the ta
 m of them at once. What is no stage is linear in (dy, dp), and stands as a matrix.
 """
 
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,11 +15,11 @@ from ...system import Array, StageEquations
 from ..formulations.derivatives import hidden_slopes, time_slopes
 from ..modes.switches import left_out
 from .corrections import Corrections
+from .sliding_slopes import with_friction_slopes
 from .stage_slopes import Saddle, StageSlopes
 
 if TYPE_CHECKING:
     from ..formulations.chart import Index2Chart
-    from ..formulations.index2 import Index2System
 
 JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are functions of the user
 
@@ -114,9 +113,13 @@ class IndexTwoVariations(Corrections):
         by_q, by_v = hidden_slopes(s, q, v)
         by_q += s.constraints.slopes(vdot, whole)[1]
         Q = p.of_rows(t, q, vdot)[0] - p.of_rows(t, q, np.zeros(nv))[0] + p.of_bias(t, q, v)
-        above = np.hstack([at.K, at.D, p.of_forces(t, q, v, inner, vdot, whole), f_t[:, None]])
+        P = p.of_forces(t, q, v, inner, vdot, whole)
+        if s.sliding:
+            P += p.of_friction(q, v, lam, rows)
+            at = with_friction_slopes(s, at, q, v, lam, rows)
+        above = np.hstack([at.K, at.D, P, f_t[:, None]])
         below = np.hstack([by_q, by_v, np.zeros((s.ng, n - nv)), Q, gamma_t[:, None]])
-        dvdot, dlam = Saddle(at.E[:nv, :nv], at.G, at.G).solve(above[:nv], -below[rows])
+        dvdot, dlam = Saddle(at.E[:nv, :nv], at.L[:nv].T, at.G).solve(above[:nv], -below[rows])
         moves = np.eye(nv, self.ny + self.k + 1, nv)
         rate = np.concatenate([moves, dvdot, above[nv:] + at.L[nv:] @ dlam])
         if not multipliers:
@@ -218,14 +221,9 @@ class IndexTwoVariations(Corrections):
         pin.forwardKinematics(s.model, s.data, q, still)
         pin.computeJointJacobians(s.model, s.data, q)
         out[1, :nv] = gravity - s.laws.parts(0.0, q, still, np.zeros(s.ns))[0]
-        for i, (p, near) in enumerate(zip(self.parameters.all, self.near, strict=True)):
+        for i, (p, near) in enumerate(zip(self.parameters.all, self.parameters.near, strict=True)):
             out[:, self.ny + i] = p.quotient({k: np.array(other.energy(q, v)) for k, other in near.items()})
         return out
-
-    @cached_property
-    def near(self) -> list[dict[int, "Index2System"]]:
-        """Workspaces of the mechanisms with other numbers."""
-        return [{k: m.system() for k, m in p.near.items()} for p in self.parameters.all]
 
 
 def _decide(G: Array) -> bool:

@@ -76,7 +76,7 @@ def gradient(
         UnknownNameError: for names that lead nowhere.
     """
     require(sol, Solution, "gradient takes a Solution (see mbdae.solve)")
-    values, numbers = bound(sol.mechanism, parameters, model, float(sol.nodes[0][0]))
+    values, numbers = bound(sol, parameters, model)
     trace = Trace(sol, numbers)
     end, at = ending(trace, event), places(sol)
     between = np.flatnonzero(sol.t != trace.ts[at])

@@ -14,6 +14,7 @@ from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import Remembered, number
 from ...mechanism.formats.template import Template
 from ...mechanism.variations.parameters import Parameters
+from ...solution.solution import Solution
 from ..sweep.run import Made
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()
@@ -43,13 +44,14 @@ def maker(mech: Mechanism | None, model: Model) -> Makes:
     return model if hasattr(model, "make") else Made(model)
 
 
-def bound(mech: Mechanism, names: Names, model: Model, t: float) -> tuple[dict[str, float], Parameters]:
-    """The values of parameters, and their slopes; those that open dependent rows are refused.
+def bound(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], Parameters]:
+    """The values of parameters of a run, and their slopes; those that open dependent rows at its start are refused.
 
     Raises:
         UnknownNameError: for a name that leads nowhere.
         InputError: for a name without a number, or a parameter without a derivative.
     """
+    mech, t, y = sol.mechanism, float(sol.nodes[0][0]), sol.nodes[1][0]
     if not names:
         return {}, Parameters(lambda values: mech, {})
     key = get_ident(), t, repr(names)
@@ -57,7 +59,7 @@ def bound(mech: Mechanism, names: Names, model: Model, t: float) -> tuple[dict[s
         return _BOUND[mech][key]
     values, parameters = _bound(mech, names, maker(mech, model))
     if parameters.mech.ng:
-        parameters.refuse(t, parameters.mech.start_at(t)[0])
+        parameters.refuse(t, y[: mech.nq])
     if model is None:
         _BOUND[mech] = {key: (values, parameters)}
     return values, parameters

@@ -1,13 +1,14 @@
 """How a run moves with its parameters and its start: the tangent, exact for the numbers that the run printed."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ...errors import require
+from ...errors import MbdaeError, require
 from ...integrate.trace import Trace
 from ...mechanism.units import coordinate_units
 from ...solution.solution import Solution
@@ -147,7 +148,7 @@ def sensitivity(
         UnknownNameError: for a name that leads nowhere.
     """
     require(sol, Solution, "sensitivity takes a Solution (see mbdae.solve)")
-    values, numbers = bound(sol.mechanism, parameters, model, float(sol.nodes[0][0]))
+    values, numbers = bound(sol, parameters, model)
     trace = Trace(sol, numbers)
     end = ending(trace, event)
     columns = (*values, *(start_columns(trace) if start else ()))
@@ -208,10 +209,13 @@ def begun(trace: Trace, dp: Array, start: bool) -> Array:
 def _own_start(trace: Trace) -> Array:
     """Slopes of the mechanism's own start, (ny, k): zeros for (q, v), and for s, where the run began elsewhere."""
     t, y, s, slopes = float(trace.ts[0]), trace.given, trace.system, trace.slopes
-    own, nx, out, states = s.mechanism.point(t=t), s.nq + s.nv, np.zeros((s.ny, slopes.k)), slice(2 * s.nv, -1)
-    if np.abs(own[:nx] - y[:nx]).max() <= SAME * (1 + np.abs(own).max()):
+    out, own, nx = np.zeros((s.ny, slopes.k)), np.empty(0), s.nq + s.nv
+    with suppress(MbdaeError):  # it may not close
+        own = np.concatenate(s.mechanism.start_at(t))
+    if len(own) and np.abs(own - y[:nx]).max() <= SAME * (1 + np.abs(own).max()):
         out = slopes.start(t, y)
-    out[states] = slopes.start_states() if (own[nx:] == y[nx:]).all() else 0.0
+    given = (np.array(list(s.mechanism.states.values())) != y[nx:-1]).any()
+    out[2 * s.nv : -1] = 0.0 if given else slopes.start_states()
     return out
 
 

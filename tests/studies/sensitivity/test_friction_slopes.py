@@ -1,0 +1,99 @@
+"""Derivatives of runs with friction by the load of closures, which depends on multipliers."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from frozen import best, compare
+
+import mbdae
+from mbdae import Closure, CoulombFriction, Mechanism
+from mbdae.errors import InputError
+from mbdae.mechanism.closures.profiles import CircleProfile
+from mbdae.studies.sensitivity.numbers import maker
+
+
+def planar_body(joints):
+    model, parent = pin.Model(), 0
+    model.gravity.linear = np.array([0, -9.81, 0])
+    for name in joints:
+        kind = {"x": pin.JointModelPX(), "y": pin.JointModelPY(), "z": pin.JointModelRZ()}[name]
+        parent = model.addJoint(parent, kind, pin.SE3.Identity(), name)
+    inertia = pin.Inertia(0.3, np.array([0.1, -0.3, 0]), np.diag([1e-3, 1e-3, 2e-3]))
+    model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+    model.addBodyFrame("body", parent, pin.SE3.Identity(), 0)
+    return model
+
+
+def bead(coefficient=0.3, velocity=0.5):
+    wire = Closure.slot("world", "body", CircleProfile(radius=0.5), name="wire")
+    friction = CoulombFriction(closure="wire", coefficient=coefficient, velocity=velocity)
+    return Mechanism(planar_body("xy"), [wire], [friction]), np.array([0, -0.5]), np.array([1.0, 0])
+
+
+def bearing(kind):
+    def made(coefficient=0.3, velocity=0.5):
+        pivot = Closure(kind=kind, frames=("world", "body"), name="pivot")
+        friction = CoulombFriction(closure="pivot", coefficient=coefficient, radius=0.2, velocity=velocity)
+        return Mechanism(planar_body("xyz"), [pivot], [friction]), np.zeros(3), np.array([0, 0, 2.0])
+
+    return made
+
+
+def guided(coefficient=0.3, velocity=0.5):
+    rail = Closure(kind="prismatic", frames=("world", "body"), axis=(1, 0, 0), name="rail")
+    friction = CoulombFriction(closure="rail", coefficient=coefficient, velocity=velocity)
+    return Mechanism(planar_body("xyz"), [rail], [friction]), np.zeros(3), np.array([0.4, 0, 0])
+
+
+MADE = {"bead": bead, "point": bearing("point"), "revolute": bearing("revolute"), "prismatic": guided}
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_every_kind_of_place(kind):
+    values = {"coefficient": 0.3, "velocity": 0.5}
+
+    def run(faster=0.0, **changed):
+        mech, q, v = MADE[kind](**(values | changed))
+        return mbdae.solve(mech, (0, 0.3), q, v * (1 + faster), step=0.03, method="pherk5")
+
+    sol, v = run(), MADE[kind]()[2]
+    nv = len(v)
+    found = mbdae.sensitivity(sol, values, model=lambda **x: MADE[kind](**x)[0], start=True)
+    for i, (name, value) in enumerate(values.items()):
+        moved = best(found.dy[..., i], lambda x, name=name: run(**{name: x}).y, value, mech=sol.mechanism)
+        assert moved < 1e-10, name
+        assert np.abs(found.v[-1, :, i]).max() > 1e-3, name
+    along = found.dy[..., 2 + nv : 2 + 2 * nv] @ v
+    assert best(along, lambda x: run(faster=x).y, 0.0, mech=sol.mechanism) < 1e-10
+    rows = best(found.lam[..., 0], lambda x: run(coefficient=x).lam, 0.3, mech=None)
+    assert rows < 1e-10
+    compare(sol, values, ["v.x", "work"], model=lambda **x: MADE[kind](**x)[0])
+
+
+NAMES = ("force.coulomb_friction 1.coefficient", "force.coulomb_friction 1.radius", "joint.coupler.mass",
+         "joint.rocker.xyz.0", "frame.coupler_tip.xyz.0", "start.q.crank")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_closures_that_depend_on_each_other(name):
+    """Five rows of a revolute closure in the plane, two of them independent: the load is that of least norm."""
+    friction = CoulombFriction(closure="pin", coefficient=0.4, radius=0.3, velocity=0.5)
+    own = mbdae.load("four_bar", forces=[friction])
+
+    def run(x):
+        made = maker(own, None).make({name: x})
+        return mbdae.solve(made, (0.0, 0.4), step=0.04, method="pherk5", project=True)
+
+    sol = mbdae.solve(own, (0.0, 0.4), step=0.04, method="pherk5", project=True)
+    found = mbdae.sensitivity(sol, [name])
+    value = found.parameters[name]
+    assert best(found.dy[..., 0], lambda x: run(x).y, value, mech=own) < 1e-10
+    assert best(found.lam[..., 0], lambda x: run(x).lam, value) < 1e-9
+    compare(sol, [name], ["q.crank", "lam.pin.1", "work"])
+
+
+def test_where_there_is_none():
+    friction = CoulombFriction(closure="pin", coefficient=0.4, radius=0.3, velocity=0.5)
+    sol = mbdae.solve(mbdae.load("four_bar", forces=[friction]), (0.0, 0.1), method="radau5")
+    with pytest.raises(InputError, match="a gradient of 'radau5' in 'index2' does not know coulomb_friction, of"):
+        mbdae.sensitivity(sol, ["gravity.2"])
