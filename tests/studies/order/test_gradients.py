@@ -38,6 +38,18 @@ def test_models(model, options, brief):
     assert str(study).count("\n") == 1
 
 
+@pytest.mark.parametrize(("method", "order"), [("herk2", 2), ("pherk3", 3)])
+@pytest.mark.parametrize("parameter", ["force.motor.inductance", "force.hold.ki"])
+def test_states_of_motors_and_controllers(method, order, parameter, brief):
+    motor = mbdae.DCMotor(name="motor", joint="crank", voltage=6.0, resistance=1.2, inductance=0.05, constant=0.2)
+    hold = mbdae.JointPID(name="hold", joint="rocker", kp=3.0, ki=2.0, kd=0.2, reference=0.4)
+    mech = mbdae.load("four_bar", forces=[motor, hold])
+    study = mbdae.check_gradients(mech, [method], steps=10, T=0.4, parameter=parameter)
+    assert study.holds, str(study)
+    assert study.differences[method] < 1e-9
+    assert [s.claimed for s in study.slopes[method]] == [order, order]
+
+
 def test_a_wrong_tangent_is_refuted(monkeypatch):
     def wrong(sol, *args, **options):
         found = sensitivity(sol, *args, **options)
