@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from functools import cache
 
 import pytest
 from click.testing import CliRunner
@@ -16,11 +17,15 @@ COMMANDS = ("schema", "schema sweep")
 SWEEP = {"model": "four_bar", "outputs": ["final q.crank"], "grid": {"gravity.2": [-9, -10]}}
 
 
-def faults(file, content):
+@cache
+def validator(file):
     schema = mbdae.json_schema(file)
-    validator = jsonschema.Draft202012Validator(schema)
-    validator.check_schema(schema)
-    return [" ".join([*map(str, e.path), e.message]) for e in validator.iter_errors(content)]
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+def faults(file, content):
+    return [" ".join([*map(str, e.path), e.message]) for e in validator(file).iter_errors(content)]
 
 
 def test_shipped_files_are_valid():
