@@ -6,7 +6,8 @@ psi = phi'/x the variation, lam of the rows in use held,
     c |F| (psi (s . ds) S^T s + phi (dS^T s + S^T ds)) + c phi S^T s d|F|,   ds = dS v + S dv
 
 S and |F| by q are differences of order six of these geometric terms alone. |F| depends on q where rows depend on each
-other: it is that of the multipliers of least norm. Slopes by lam stand in L of `mbdae.mechanism.formulations.derivatives`.
+other: it is that of the multipliers of least norm. Slopes by lam stand in L of
+`mbdae.mechanism.formulations.derivatives`.
 """
 
 from math import tanh
