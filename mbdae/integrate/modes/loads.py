@@ -53,7 +53,7 @@ def unresolved(guards: Sequence["FollowedGuard"], at: At, thetas: Array, step_si
             loads = _samples(guard, at, thetas)
             size, left = _left(guard, loads, LEAST * followed.size)
             bend = max(float(np.linalg.norm(FOURTH @ five)) for five in _fives(loads))
-            if size:
+            if guard.kind == "slip" or bend > np.abs(FOURTH).sum() * at(0.0).rounding:
                 worst = max(worst, bend / (size * ROUGH * max(left, NEAR_LIMIT)))
     return worst
 

@@ -81,13 +81,10 @@ class SteppingDrive(Switch):
 
     @property
     def rows(self) -> tuple[int, ...]:  # noqa: D102
-        return (self.row,)
+        return ()  # its row is there in all modes
 
     def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
-        return self.rows
+        return ()
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         return (Guard("step", self.name, self.at, lambda x: x.standstill - abs(float(x.rate[self.row]))),)
-
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
-        return (Strike(self.row, 0.0),)

@@ -15,6 +15,8 @@ from .impact import standstill
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
+ROUNDING = 1e-12  # of the largest force
+
 
 class AllRows:
     """All rows of a mechanism, evaluated whatever the mode is, in a workspace of its own."""
@@ -106,6 +108,12 @@ class ModePoint:
     def vdot(self) -> Array:
         """Return v' in the mode of the workspace, (nv,)."""
         return self.derivative[0][len(self.v) : 2 * len(self.v)]
+
+    @cached_property
+    def rounding(self) -> float:
+        """What multipliers may be off by: where nothing else loads a row they are no more than that."""
+        U = np.triu(self.system.inertia(self.t, self.q))
+        return ROUNDING * float(np.abs(U.T @ (U @ self.vdot)).max() + np.abs(self.G.T @ self.lam).max(initial=0.0))
 
     def acceleration(self, row: int) -> float:
         """Return G v' + gamma of a row."""

@@ -45,6 +45,8 @@ def switched(sol: "Solution", q: Array) -> list[Switched]:
     """What held or was struck in a run, with its places at the configurations q (m, nq) of the frames."""
     out = []
     for switch in sol.mechanism.switches:
+        if not switch.rows:  # a drive whose speed steps has its row in all modes
+            continue
         held = _held(sol, switch)
         struck = [(x.t, x.impulse[x.where.index(switch.name)]) for x in sol.impacts if switch.name in x.where]
         if not held and not struck:

@@ -125,7 +125,7 @@ def _impacts(sol: "Solution") -> str:
     """What was struck, when, and what it cost."""
     struck = ", ".join(dict.fromkeys(name for x in sol.impacts for name in x.where))
     times, loss = [x.t for x in sol.impacts], sum(x.loss for x in sol.impacts)
-    return f"  impacts on {struck}: {_times(times)}, {loss:.4g} J lost"
+    return f"  impacts on {struck}: {_times(times)}, {abs(loss):.4g} J {'lost' if loss >= 0 else 'added by drives'}"
 
 
 def _times(times: Any) -> str:
