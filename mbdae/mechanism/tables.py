@@ -52,7 +52,8 @@ def one_line(error: ValidationError, known: KnownKeys, content: Any = None) -> s
     """
     said: dict[str, str] = {}
     for e in error.errors():
-        where = ".".join(_place(e["loc"], e["type"], content))
+        place = _place(e["loc"], e["type"], content)
+        where = ".".join(place[:-1] if _short(e) else place)
         if where not in said:
             said[where] = _fault(e, where, known)
     return "; ".join(said.values())
@@ -85,9 +86,16 @@ def _named(entry: Any) -> str:
     return next((x for x in (entry.get("name"), joints) if isinstance(x, str) and x), "")
 
 
+def _short(e: Any) -> bool:
+    """Whether a list has too few entries."""
+    return e["type"] == "missing" and isinstance(e["loc"][-1], int)
+
+
 def _fault(e: Any, where: str, known: KnownKeys) -> str:
     if e["type"] == "extra_forbidden":
         return f"unknown key {where}; known: {', '.join(known(e['loc'][:-1]))}"
+    if _short(e):
+        return f"{where}: too few entries, got {str(e['input'])[:80]}"
     if e["type"] == "missing":
         return f"missing key {where}"
     message = e["msg"].removeprefix("Value error, ")

@@ -81,3 +81,6 @@ def test_all_faults_of_a_file_are_said_at_once_and_by_name(tmp_path):
     for words in ("force.spring.stiffness: Input should be a valid", "closure.0.kind: ", "start.q.bob: "):
         assert words in text, text
     assert text.count("start.q.bob") == 1
+    path.write_text(BOB.replace("[0, -1, 0]", "[0]"))
+    with pytest.raises(InputError, match=r"wrong\.toml: body\.bob\.axis: too few entries, got \[0\]$"):
+        mbdae.load(path)
