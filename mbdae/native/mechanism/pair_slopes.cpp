@@ -2,9 +2,23 @@
 
 #include <algorithm>
 
+#include "numbers/matrices.hpp"
 #include "numbers/vec3.hpp"
 
 namespace mbdae {
+
+namespace {
+
+double dot6(const double* a, const double* b) { return dot(a, b) + dot(a + 3, b + 3); }
+
+}  // namespace
+
+// Not by string instructions, which compilers choose for constant sizes: what is added next waits for their end.
+Turning::Turning() {
+  using Eigen::Map, Eigen::Vector;
+  Map<Vector<double, 6>>(F).setZero();
+  for (double* D : {Da, Db, C}) Map<Vector<double, 36>>(D).setZero();
+}
 
 void motion_cross(const double* a, const double* b, double* out) {
   double other[3];
@@ -34,7 +48,7 @@ void block(double* D, int i, int j, const double* m, double factor) {
 }
 
 void times6(const double* D, const double* x, double* out) {
-  for (int i = 0; i < 6; ++i) out[i] = dot(D + 6 * i, x, 6);
+  for (int i = 0; i < 6; ++i) out[i] = dot6(D + 6 * i, x);
 }
 
 void matrix_of_wrench(const double* F, double* out) {
@@ -65,37 +79,34 @@ void line_slopes(const Pair& pair, double factor, Turning& t) {
 }
 
 PairSlopes::PairSlopes(const Mechanics& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {
-  std::fill(V, V + 6, 0.0);
   columns_.reserve(pair.columns.size());
   for (size_t k = 0; k < pair.columns.size(); ++k) {
     const int at = pair.columns[k];
     if (pair.sign[k] != 0) columns_.push_back({at, m.parts[at], pair.sign[k], m.J() + 6 * at, {}});
   }
-  for (Column& c : columns_) {
-    double W[6] = {0, 0, 0, 0, 0, 0};  // of the frame that c moves, against what is before c's joint
-    for (const Column& k : columns_)
-      if (k.sign == c.sign && c.part <= k.part)
-        for (int i = 0; i < 6; ++i) W[i] += k.J[i] * v[k.at];
-    motion_cross(c.J, W, c.dV);
-    for (int i = 0; i < 6; ++i) V[i] += c.sign * c.J[i] * v[c.at];
+  double W[2][6] = {};  // of frames a and b, against what is before the joint
+  for (size_t first, end = columns_.size(); end > 0; end = first) {
+    const Column& last = columns_[end - 1];
+    double* w = W[last.sign > 0];
+    for (first = end; first > 0 && columns_[first - 1].part == last.part; --first)
+      for (int i = 0; i < 6; ++i) w[i] += columns_[first - 1].J[i] * v[columns_[first - 1].at];
+    for (size_t k = first; k < end; ++k) motion_cross(columns_[k].J, w, columns_[k].dV);
   }
+  for (int i = 0; i < 6; ++i) V[i] = W[1][i] - W[0][i];
 }
 
 void PairSlopes::torque(const Turning& t, double* K, size_t width) const {
   for (const Column& m : columns_) {
-    double dF[6], turned[6], more[6];  // turned = J x* F
+    double dF[6], within[6], more[6];  // within = dF - J x* F
     times6(m.sign > 0 ? t.Db : t.Da, m.J, dF);
-    cross(m.J + 3, t.F, turned), cross(m.J + 3, t.F + 3, turned + 3), cross(m.J, t.F, more);
-    for (int i = 0; i < 3; ++i) turned[3 + i] += more[i];
     if (t.damped) {
       times6(t.C, m.dV, more);
       for (int i = 0; i < 6; ++i) dF[i] += m.sign * more[i];
     }
-    for (const Column& k : columns_) {
-      double s = dot(k.J, dF, 6);
-      if (k.sign == m.sign && m.part <= k.part) s -= dot(k.J, turned, 6);
-      K[k.at * width + m.at] += k.sign * s;
-    }
+    cross(m.J + 3, t.F, within), cross(m.J + 3, t.F + 3, within + 3), cross(m.J, t.F, more);
+    for (int i = 0; i < 3; ++i) within[i] = dF[i] - within[i], within[3 + i] = dF[3 + i] - within[3 + i] - more[i];
+    for (const Column& k : columns_)
+      K[k.at * width + m.at] += k.sign * dot6(k.J, k.sign == m.sign && m.part <= k.part ? within : dF);
   }
 }
 
@@ -103,15 +114,15 @@ void PairSlopes::damping(const double* C, double* D, size_t width) const {
   for (const Column& m : columns_) {
     double dF[6];
     times6(C, m.J, dF);
-    for (const Column& k : columns_) D[k.at * width + m.at] += k.sign * m.sign * dot(k.J, dF, 6);
+    for (const Column& k : columns_) D[k.at * width + m.at] += k.sign * m.sign * dot6(k.J, dF);
   }
 }
 
 void PairSlopes::power(const double* w, const Turning& t, double* B) const {
-  double by_a[6] = {0, 0, 0, 0, 0, 0}, by_b[6] = {0, 0, 0, 0, 0, 0};
+  double by[2][6] = {};  // V^T Da, V^T Db
   for (int i = 0; i < 6; ++i)
-    for (int j = 0; j < 6; ++j) by_a[j] += V[i] * t.Da[6 * i + j], by_b[j] += V[i] * t.Db[6 * i + j];
-  for (const Column& m : columns_) B[m.at] += dot(m.sign > 0 ? by_b : by_a, m.J, 6) + m.sign * dot(w, m.dV, 6);
+    for (int j = 0; j < 6; ++j) by[0][j] += V[i] * t.Da[6 * i + j], by[1][j] += V[i] * t.Db[6 * i + j];
+  for (const Column& m : columns_) B[m.at] += dot6(by[m.sign > 0], m.J) + m.sign * dot6(w, m.dV);
 }
 
 }  // namespace mbdae

@@ -10,7 +10,9 @@ namespace mbdae {
 
 // A wrench F (6,) on frame b and -F on a: dF = Da d_a + Db d_b + C d(V_b - V_a) for motions d of the frames.
 struct Turning {
-  double F[6] = {0}, Da[36] = {0}, Db[36] = {0}, C[36] = {0};
+  Turning();  // zero
+
+  double F[6], Da[36], Db[36], C[36];
   bool damped = false;  // C is not 0
 };
 

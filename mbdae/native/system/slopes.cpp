@@ -18,21 +18,27 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
   law_slopes_.resize((2 * m + ns) * width + ns + 1 + ng * m);
   double *conservative = law_slopes_.data(), *other = conservative + m * width, *rates = other + m * width;
   double *now = rates + ns * width, *G = now + ns + 1;
-  std::fill(conservative, G, 0.0);
   torque(t, q, v, s, f_.data(), now);
-  for (const Law& law : laws_)
-    law.kind->slopes(law, {mechanics, t, q, v, s + law.state},
-                     {conservative, other, rates + law.state * width, width, 2 * nv + law.state, wrenches});
-  out.K.assign(n * m, 0.0), out.D.assign(n * n, 0.0);
+  out.K.resize(n * m), out.D.assign(n * n, 0.0);
   double *powers = &out.K[(n - 1) * m], *powers_by_u = &out.D[(n - 1) * n];
+  std::fill(out.K.begin() + m * m, out.K.end(), 0.0);
   for (size_t i = 0; i < m; ++i) {
-    const double *a = conservative + i * width, *b = other + i * width, *q_ = &by_q_[i * m], *v_ = &by_v_[i * m];
+    const double *q_ = &by_q_[i * m], *v_ = &by_v_[i * m];
     double *K = &out.K[i * m], *D = &out.D[i * n];
-    for (size_t j = 0; j < m; ++j) K[j] = a[j] + b[j] - q_[j], D[j] = a[m + j] + b[m + j] - v_[j];
-    for (size_t j = m; j < m + ns; ++j) D[j] = a[m + j] + b[m + j];
-    for (size_t j = 0; j < m; ++j) powers[j] += v[i] * b[j];
-    for (size_t j = 0; j < m + ns; ++j) powers_by_u[j] += v[i] * b[m + j];
-    powers_by_u[i] += other_[i];
+    for (size_t j = 0; j < m; ++j) K[j] = -q_[j], D[j] = -v_[j];
+    powers_by_u[i] = other_[i];
+  }
+  if (!laws_.empty()) {
+    std::fill(conservative, now, 0.0);
+    for (const Law& law : laws_)
+      law.kind->slopes(law, {mechanics, t, q, v, s + law.state},
+                       {conservative, other, rates + law.state * width, width, 2 * nv + law.state, wrenches});
+  }
+  for (size_t i = 0; i < m && !laws_.empty(); ++i) {
+    const double *a = conservative + i * width, *b = other + i * width;
+    double *K = &out.K[i * m], *D = &out.D[i * n];
+    for (size_t j = 0; j < m; ++j) K[j] += a[j] + b[j], powers[j] += v[i] * b[j];
+    for (size_t j = 0; j < m + ns; ++j) D[j] += a[m + j] + b[m + j], powers_by_u[j] += v[i] * b[m + j];
   }
   for (int i = 0; i < ns; ++i) {
     const double* rate = rates + i * width;
