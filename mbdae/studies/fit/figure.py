@@ -1,5 +1,6 @@
 """Measured and computed signals of a fit, and what remains."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..figures import WIDTH, plain, settled, sheet
@@ -22,7 +23,7 @@ def compared(fit: Fit) -> "Figure":
         t = fit.times[i]
         left.plot(t, fit.measured[i][name], ".", color=COLOURS[1], markersize=3, label="measured")
         left.plot(t, fit.computed[i][name], color=COLOURS[0], label="computed")
-        left.set_ylabel(plain(name if len(fit.names) == 1 else f"{name}, {fit.names[i]}"))
+        left.set_ylabel(plain(name if len(fit.names) == 1 else f"{name}, {Path(fit.names[i]).name}"))
         left.set_xlabel("$t$ (s)")
         right.plot(t, fit.residuals[i][name], ".", color=COLOURS[0], markersize=3)
         right.axhline(0.0, color="0.4", linewidth=0.7)
