@@ -23,8 +23,9 @@ def arguments(name="four_bar", **options):
     system = mech.system()
     pairs, rows, drivers = constraints_of(system.constraints)
     law_pairs, laws = laws_of(system.laws)
-    flat, turning = system.manifold.flat, system.manifold.turning.astype(int).tolist()
-    lists = turning, system.place.tolist(), [1.0] * mech.nv
+    m = system.manifold
+    flat, turning = m.flat, m.turning.astype(int).tolist()
+    lists = turning, m.angles, system.place.tolist(), [1.0] * mech.nv
     return [mech.model, flat, pairs, rows, drivers, law_pairs, laws, system.ns, [], *lists]
 
 
@@ -248,5 +249,5 @@ def test_what_is_no_model_is_refused(model):
 
 
 def test_a_model_without_joints():
-    core = make_core(pin.Model(), True, [], [], [], [], [], 0, [], [], [], [])
+    core = make_core(pin.Model(), True, [], [], [], [], [], 0, [], [], [], [], [])
     assert core.derivative(0.0, np.zeros(1))[0].tolist() == [0.0]

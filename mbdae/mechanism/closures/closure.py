@@ -92,7 +92,8 @@ class Closure(OneSided):
         lead: of a screw in m per turn, positive for a right-handed one.
         within: where in the way of a joint the closure is there; always when left out.
         unilateral: its one row presses and does not pull (a rope pulls and does not press); it opens and closes.
-        restitution, rest: of what is unilateral, as of a `mbdae.Stop`.
+        restitution: of its impacts, between 0 and 1: speed after an impact to speed before; 0 when left out.
+        rest: a flight between two impacts that is shorter, in s, is none: it comes to rest; 1e-6 when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

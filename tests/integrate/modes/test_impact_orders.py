@@ -102,12 +102,6 @@ def test_what_knows_no_modes_refuses(four_bar, how, text):
         mbdae.solve(four_bar, (0, 1), **how)
 
 
-def test_runs_through_modes_have_no_derivatives_yet():
-    mech = mbdae.load("pendulum_on_stop")
-    with pytest.raises(InputError, match="'rod stop' opens and closes"):
-        mbdae.sensitivity(mbdae.solve(mech, (0, 1)), ["body.rod.mass"])
-
-
 def test_time_does_not_run_back(four_bar):
     with pytest.raises(InputError, match="forward in time"):
         mbdae.solve(four_bar, (0, -1))
