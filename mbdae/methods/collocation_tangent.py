@@ -48,7 +48,8 @@ class CollocationSlopes:
             matrix[i, :, :, : self.ny] = h * a.A[i][:, None] * stage.x[:, None]
             matrix[i, :, i, : self.ny] += stage.F
             matrix[i, :, i, self.ny :] = stage.z
-        self.lu, self.pivots, info = dgetrf(matrix.reshape(s * m, s * m), overwrite_a=1)
+        self.matrix = matrix.reshape(s * m, s * m)
+        self.lu, self.pivots, info = dgetrf(self.matrix)
         if info:
             raise StepError("singular", f"the equations of the step from t = {t:.17g} are singular")
         self.Y, self.X = slopes.end(xs[-1])
@@ -77,5 +78,7 @@ class CollocationSlopes:
         return out, carry, p
 
     def _solve(self, right: Array, transposed: int = 0) -> Array:
-        flat = right.reshape(len(self.lu), -1)
-        return dgetrs(self.lu, self.pivots, flat, trans=transposed)[0].reshape(right.shape)
+        flat, matrix = right.reshape(len(self.lu), -1), self.matrix.T if transposed else self.matrix
+        out = dgetrs(self.lu, self.pivots, flat, trans=transposed)[0]
+        out += dgetrs(self.lu, self.pivots, flat - matrix @ out, trans=transposed)[0]  # rows differ in size by powers of h
+        return out.reshape(right.shape)
