@@ -4,14 +4,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from dry_friction import SliderCrank, oscillator
+from scipy.optimize import brentq
 
 import mbdae
-from mbdae import JointFriction, JointSpring, JointTorque, Mechanism
+from mbdae import JointFriction, JointSpring, JointTorque, Mechanism, Stop
 from mbdae.errors import InputError
 from mbdae.mechanism.signals import Harmonic, Steps
 
 
-def block(*forces, source=None):
+def block(*forces, source=None, **more):
     """A block of 1 kg on a rail."""
     model = pin.Model()
     model.gravity.linear = np.zeros(3)
@@ -19,7 +20,7 @@ def block(*forces, source=None):
     model.appendBodyToJoint(rail, pin.Inertia(1.0, np.zeros(3), 1e-3 * np.eye(3)), pin.SE3.Identity())
     if source:
         model.upperDryFrictionLimit[:] = source
-    return Mechanism(model, forces=forces)
+    return Mechanism(model, forces=forces, **more)
 
 
 def words(sol):
@@ -83,6 +84,32 @@ def test_a_load_that_jumps_above_the_limit_starts_a_slip():
     assert words(sol) == [("sticks",), ("slips ahead",), ("sticks",)]
     assert [sol.t[i] for i, _ in sol.modes[1:]] == pytest.approx([1.0, 2 + 0.2 / 1.9], abs=1e-12)
     assert sol.q[-1, 0] == pytest.approx(0.1 + 0.2**2 / 1.9 / 2, abs=1e-12)
+
+
+@pytest.mark.usefixtures("back_end")
+def test_what_sticks_on_a_stop_leaves_it_where_the_load_does():
+    """m x'' = A sin wt - F between stops: the stop is not pressed any more where friction lets go, to rounding."""
+    A, w, F, end = 5.0, 3.0, 2.0, 0.01
+    push = JointTorque(joint="x", torque=Harmonic(amplitude=A, omega=w))
+    stop = Stop(joint="x", lower=0.0, upper=end)
+    mech = block(push, JointFriction(joint="x", friction=F, exact=True), stops=[stop])
+    sol = mbdae.solve(mech, (0, 3), rtol=1e-10)
+    slips = np.arcsin(F / A) / w
+
+    def way(t):
+        d = t - slips
+        return A * (np.cos(w * slips) * d / w - (np.sin(w * t) - np.sin(w * slips)) / w**2) - F * d**2 / 2
+
+    strikes = brentq(lambda t: way(t) - end, slips, 0.5, xtol=1e-15)
+    turns = [t + k * np.pi / w for k in range(3) for t in (slips, strikes)]  # ahead, back and ahead alike
+    assert sol.success
+    slides = [mode[2] for _, mode in sol.modes]
+    found = [sol.t[sol.modes[k][0]] for k in range(1, len(slides)) if slides[k] != slides[k - 1]]
+    assert found == pytest.approx(turns, abs=1e-6)  # it slips above the limit by 1e-6
+    assert [k for k in slides if k != 1] == [2, 3, 2]
+    assert sol.q.min() > -1e-14
+    assert sol.q.max() < end + 1e-14
+    assert mbdae.drift(sol).energy_relative < 1e-10
 
 
 def test_friction_of_the_source_is_taken_on_request():

@@ -21,7 +21,7 @@ NEAR = 1e-10  # m or rad: rows nearer than that touch
 EXACT = 1e-13  # of 1 + |v|: rows that are kept are met as well as that
 JUMP = 1e-6  # of 1 + |v|: a speed that rows miss which are there from now on
 HELD = 1e-9  # of the accelerations that a limit makes: less is none
-LOADED = 1e-10  # of the largest multiplier: less is none
+LOADED = 1e-10  # of the largest multiplier, of what slips from now on, too: less is none
 
 
 class Transition:
@@ -118,15 +118,16 @@ class Transition:
         for s in self.switches:
             if s.at not in found:
                 mode[s.at] = s.settled(at, (), (), False)
-        waiting = {i for i in opened if i in left}
+        waiting, largest = {i for i in opened if i in left}, 0.0
         while True:
             among = {i: c for i, c in left.items() if i not in waiting}
             lam, rates, scale = self._loads(at, mode, among)
+            largest = max(largest, float(np.abs(lam).max(initial=0.0)))
             pressed = [i for i in waiting if self._approaches(at, left[i][0], rates)]
             if pressed:  # it cannot let go: others press it
                 waiting -= set(pressed[:1])
                 continue
-            held = {i: self._held(c[0], lam, rates, scale) for i, c in among.items()}
+            held = {i: self._held(c[0], lam, rates, scale, LOADED * largest) for i, c in among.items()}
             gone = [i for i, yes in held.items() if not yes and (len(among[i]) > 1 or among[i][0].slips)]
             if not gone:
                 break
@@ -145,10 +146,9 @@ class Transition:
         names = " and ".join(repr(self.switches[i].name) for i in dict.fromkeys(which))
         return StepError(reason.status, f"{names}: {reason}, at t = {t:.17g}")
 
-    def _held(self, c: Candidate, lam: Array, rates: Array, scale: Array) -> bool:
+    def _held(self, c: Candidate, lam: Array, rates: Array, scale: Array, near: float) -> bool:
         if c.slips:  # some of those that depend on each other may stand at a limit, and all of them hold
             return bool(abs(rates[c.row]) <= HELD * scale[c.row])
-        near = LOADED * float(np.abs(lam).max(initial=0.0))
         return bool(c.lower + near < lam[c.row] < c.upper - near)
 
     def _approaches(self, at: ModePoint, c: Candidate, rates: Array) -> bool:
