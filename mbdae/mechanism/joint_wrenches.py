@@ -6,7 +6,8 @@ the joint: what the bearing carries, and what springs, motors and drivers of the
     f_j = sum over bodies k behind j of (I_k a_k + v_k x* I_k v_k - weight_k - wrenches of closures and forces on k).
 
 So S_j^T f_j + armature v'_j is the torque of all that acts in the joint. Which joint of a loop was cut does not
-matter: a closure's wrench, see `mbdae.mechanism.reactions`, is what its joint in the tree would have.
+matter: a closure's wrench, see `mbdae.mechanism.reactions`, is what its joint in the tree would have, its friction
+among it.
 """
 
 from typing import TYPE_CHECKING
@@ -43,7 +44,8 @@ def joint_wrenches(
     outer = np.zeros((model.njoints, 6))
     for name, part in system.constraints.frame_parts.items():
         rows = system.constraints.spans[name]
-        _add(outer, part.pair, system.constraints.W[:, rows] @ lam[rows])
+        friction = system.sliding.wrench(name, v, lam) if laws else 0.0
+        _add(outer, part.pair, system.constraints.W[:, rows] @ lam[rows] + friction)
     if laws:
         if not system.ng:
             pin.computeJointJacobians(model, data, q)
@@ -123,9 +125,7 @@ def loads(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Arr
     return world, own
 
 
-def point_loads(
-    system: "Index2System", t: float, q: Array, v: Array, vdot: Array, lam: Array
-) -> tuple[Array, Array]:
+def point_loads(system: "Index2System", t: float, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array]:
     """Return what `loads` does at one point, (k, 6) each."""
     names = loaded(system.mechanism)
     parts, joints = system.constraints.frame_parts, joint_names(system.model)
@@ -134,9 +134,8 @@ def point_loads(
     for k, name in enumerate(names):
         if name in parts:
             pair, rows = parts[name].pair, system.constraints.spans[name]
-            W = system.constraints.W[:, rows].copy()
-            W[3:] -= skew(pair.pb) @ W[:3]
-            w = W @ lam[rows]
+            w = system.constraints.W[:, rows] @ lam[rows] + system.sliding.wrench(name, v, lam)
+            w[3:] -= skew(pair.pb) @ w[:3]
             world[k], own[k] = w, (w.reshape(2, 3) @ pair.Ra).ravel()
         else:
             j = joints.index(name)

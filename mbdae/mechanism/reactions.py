@@ -80,8 +80,8 @@ class Effort:
         return text if self.unique else f"{text}\n  not unique ({NOT_UNIQUE})"
 
 
-def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Reaction:
-    """Return the reaction of a closure between frames, or of a driven distance.
+def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Array | None = None) -> Reaction:
+    """Return the reaction of a closure between frames, its friction among it, or of a driven distance.
 
     Args:
         mech: the mechanism.
@@ -89,6 +89,7 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Re
         t: times, (n,).
         q: configurations, (n, nq).
         lam: multipliers, (n, ng).
+        v: velocities, (n, nv), on which friction by load depends; at rest when left out.
 
     Raises:
         UnknownNameError: for a name that does not exist.
@@ -103,8 +104,12 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Re
     for i in range(len(t)):
         system.closures(q[i], t[i])
         W = system.constraints.W[:, rows].copy()
-        W[3:] -= skew(part.pair.pb) @ W[:3]
+        W[3:] -= (lever := skew(part.pair.pb)) @ W[:3]
         at_origin[i], wrench[i], turns[i] = W, W @ lam[i, rows], part.pair.Ra
+        if v is not None and system.sliding.rubs(name):
+            friction = system.sliding.wrench(name, v[i], lam[i])
+            wrench[i] += friction
+            wrench[i, 3:] -= lever @ friction[:3]
     force, torque = wrench[:, :3], wrench[:, 3:]
     local = [np.einsum("nji,nj->ni", turns, x) for x in (force, torque)]
     known = np.ones(6, bool)

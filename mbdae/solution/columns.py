@@ -7,6 +7,7 @@ import numpy as np
 from ..errors import InputError
 from ..mechanism import Reaction, joint_reaction, loaded, loads, reaction
 from ..mechanism.contacts import contact, path, rolling
+from ..mechanism.forces.coulomb_friction import CoulombFriction
 from ..mechanism.frames import WORLD, find_joint, frame_names, motions
 from ..mechanism.units import parts
 from ..system import Array
@@ -98,11 +99,12 @@ def contact_forces(sol: "Solution") -> dict[str, Array]:
 def pulls(mech: "Mechanism") -> dict[str, list[int]]:
     """Closures and driven distances between frames, with their rows that are forces along directions at right angles.
 
-    Those in m; the length of their multipliers is that of the force.
+    Those in m; the length of their multipliers is that of the force. Not those with regularised friction, which is none
+    of their multipliers.
     """
-    return {
-        c.name: [i for i in mech.rows_of(c.name) if mech.row_units[i] == "m"] for c in mech.constraints if c.frames
-    }
+    rubbed = {f.closure for f in mech.forces if isinstance(f, CoulombFriction) and not f.sticks}
+    framed = [c.name for c in mech.constraints if c.frames and c.name not in rubbed]
+    return {name: [i for i in mech.rows_of(name) if mech.row_units[i] == "m"] for name in framed}
 
 
 def frame_columns(sol: "Solution") -> dict[str, Array]:
@@ -142,7 +144,7 @@ def reaction_of(sol: "Solution", name: str) -> Reaction:
     mech = sol.mechanism
     if name in mech.joint_names and name not in mech.row_names:
         return joint_reaction(mech, name, sol.t, sol.q, sol.v, sol.vdot, sol.lam)
-    return reaction(mech, name, sol.t, sol.q, sol.lam)
+    return reaction(mech, name, sol.t, sol.q, sol.lam, sol.v)
 
 
 def load_units(mech: "Mechanism") -> dict[str, str]:

@@ -9,8 +9,8 @@ from ..mechanism.formulations.interpolation import plain, sampled
 from ..system import Array
 
 if TYPE_CHECKING:
+    from ..mechanism.formulations.index2 import Index2System
     from .solution import Solution
-
 
 
 def parts(sol: "Solution", nodes: Array) -> list[Array]:
@@ -22,13 +22,34 @@ def parts(sol: "Solution", nodes: Array) -> list[Array]:
 
 
 def at_times(sol: "Solution") -> tuple[Array, Array]:
-    """Return y' (n, ny) and multipliers (n, nz) at the times of a solution, see `Solution.derivatives`."""
+    """Return y' (n, ny) and multipliers (n, nz) at the times of a solution, see `Solution.derivatives`.
+
+    The multipliers of grips that slide are their friction.
+    """
     F, z = (np.full((len(sol.t), width), np.nan) for width in (sol.system.ny, sol.system.nz))
     nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
     for part in parts(sol, nodes):
         at = sol.at(int(nodes[part[0]]))
+        grips = isinstance(sol.problem, Mechanism) and at.sliding.grips
+        if grips:
+            _head(at, sol.y[part])
         F[part], z[part] = at.derivatives(sol.t[part], sol.y[part], sol.z_own[part])
+        if grips:
+            _head(at, sol.y[part])
+            for i in part:
+                q, v = at.split(sol.y[i])
+                at.jacobian(q)
+                z[i, : at.ng] = at.sliding.filled(v, z[i, : at.ng])
     return F, z
+
+
+def _head(at: "Index2System", ys: Array) -> None:
+    """Head as grips slide in the first of these points where they do: what begins to slide has no slip yet."""
+    for y in ys:
+        q, v = at.split(y)
+        at.jacobian(q)
+        if at.sliding.head(v):
+            return
 
 
 def kept(sol: "Solution") -> tuple[Array, Array, Array]:

@@ -156,7 +156,8 @@ class Solution(DenseOutput, Tabular):
     def lam(self) -> Array:
         """Multipliers from the hidden constraint 0 = G v' + gamma, (n, ng); of the order of v.
 
-        They act on the mechanism; rows in file order; of minimum norm where rows depend on each other.
+        They act on the mechanism; rows in file order; of minimum norm where rows depend on each other. Those of grips
+        that slide, whose rows a mode leaves out, are their friction.
         """
         return self.z[:, : self.mechanism.ng]
 

@@ -10,7 +10,7 @@ from ..closures.constraints import Constraints
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from ..frames import Anchor, Pair
-from . import ggl, projection, sliding
+from . import ggl, projection, sliding, sliding_place
 
 if TYPE_CHECKING:
     from ..._native import Limits
@@ -45,12 +45,12 @@ def limits_of(native: ModuleType) -> "Limits":
         met=ggl.ROUNDING,
         halted=ggl.STALLED,
         gaping=ggl.OPEN,
-        still=sliding.STILL,
-        turned=sliding.TURNED,
+        still=sliding_place.STILL,
+        turned=sliding_place.TURNED,
         loading=sliding.ITERATIONS,
         loaded=sliding.CONVERGED,
         settled=sliding.STALLED,
-        nothing=sliding.NOTHING,
+        nothing=sliding_place.NOTHING,
     )
     return limits
 

@@ -13,7 +13,7 @@ M. Roche, LNM 1409 (1989), section 7, for y' = f(y, z) with a general f.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,100 +21,17 @@ from ...errors import InputError, StepError, UnknownNameError
 from ...system import Array
 from ..closures.closure import Closure
 from ..closures.constraints import Constraints
-from ..closures.contact import Height
 from ..closures.independent_rows import minimum_norm
-from ..closures.line_rows import still
-from ..closures.rows import unit_axis
 from ..forces.coulomb_friction import CoulombFriction
-from ..frames import Pair
+from .sliding_place import NOTHING, SLIDES, STILL, TOUCHES, TURNS, SlidingPlace, directed
 
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-TURNS, SLIDES, TOUCHES = ("revolute", "point"), ("prismatic", "cylindrical", "in_line"), ("in_plane", "slot", "rolling")
 CARRIED = {"revolute": 3, "point": 3, "prismatic": 2, "cylindrical": 2, "in_line": 2}  # first rows that carry F; else 1
-STILL = 1e-9  # m/s: a slower slip has no direction of its own
-TURNED = 0.7  # cosine: a slip that has turned further within a step does not tell its direction
 ITERATIONS = 50
 CONVERGED = 1e-15  # of the largest T
 STALLED = 1e-12  # of the largest T: nor is a change this small made better that does not halve
-NOTHING = 1e-300  # keeps what is zero from being divided by
-
-
-class SlidingPlace(NamedTuple):
-    """Where bodies slide on each other.
-
-    Attributes:
-        force: what the user wrote.
-        closure: the closure.
-        pair: its frames.
-        rows: those whose multipliers are F.
-        grip: those of a grip that may slide.
-    """
-
-    force: CoulombFriction
-    closure: Closure
-    pair: Pair
-    rows: slice
-    grip: slice
-
-    def along_grip(self, v: Array, W: Array, heading: Array) -> tuple[Array, float]:
-        """Return the same where rows of a grip are there, which a mode leaves out; heading (m,) is kept up to date.
-
-        Through a slip of zero its direction goes on as it is: there a mode ends.
-        """
-        w = W[:, self.grip]
-        slip = w.T @ self.pair.relative(v)
-        size = float(np.sqrt(slip @ slip))
-        if size > STILL:
-            along = slip / size
-            ahead = float(along @ heading)
-            if ahead < 0:
-                along = -along
-            if abs(ahead) > TURNED:
-                heading[:] = along
-        else:
-            along = heading
-        e = self.pair.torque(w @ along)
-        return e, float(e @ v)
-
-    def slip(self, v: Array, w: Array) -> tuple[Array, float]:
-        """Return e (nv,) and e . v where the kinematics stand; w (6, m) are the wrenches of the rows."""
-        S = self.lever(w)
-        slip = S @ v
-        e = S[0] if len(S) == 1 else S.T @ _unit(slip)
-        return e, float(e @ v)
-
-    def lever(self, w: Array) -> Array:
-        """Return S (m, nv), the slip is S v, where the kinematics stand: m = 1 along an axis, else 3."""
-        pair, kind = self.pair, self.closure.kind
-        if kind in TOUCHES:
-            n, p = w[:3, 0], self.point()
-            ways = np.eye(3) - np.outer(n, n)
-        else:
-            axis = pair.Ra @ unit_axis(self.closure.axis or (0.0, 0.0, 1.0))
-            ways, p = np.eye(3) if kind == "point" else axis[None], pair.pb
-        wrenches = [np.concatenate([np.zeros(3), x] if kind in TURNS else [x, np.cross(p, x)]) for x in ways]
-        return np.array([pair.torque(x) for x in wrenches])
-
-    def plain(self) -> dict[str, Any]:
-        """Return the numbers of the place for the compiled core."""
-        force, kind = self.force, self.closure.kind
-        turns = "turns" if kind == "revolute" else "bears"
-        return {
-            "kind": "grips" if force.sticks else "touches" if kind in TOUCHES else turns if kind in TURNS else "slides",
-            "row": self.rows.start,
-            "carried": self.rows.stop - self.rows.start,
-            "grip": list(range(self.grip.start, self.grip.stop)) if force.sticks else [],
-            "axis": unit_axis(self.closure.axis or (0.0, 0.0, 1.0)).tolist(),
-            "coefficient": force.coefficient * (force.radius or 1.0),
-            "width": force.width,
-        }
-
-    def point(self) -> Array:
-        """Where the bodies touch, (3,)."""
-        first = self.closure.primitives()[0]
-        return first.lines(still(self.pair)).p[:, 0] if isinstance(first, Height) else self.pair.pb
 
 
 class Sliding:
@@ -178,6 +95,47 @@ class Sliding:
             return np.eye(ng)[:, rows]
         G = self.constraints.jacobian()
         return np.array([minimum_norm(G, r, g) for g in G[rows]]).T
+
+    def rubs(self, name: str) -> list[int]:
+        """Return the numbers of the places of a closure with regularised friction, which no multiplier stands for."""
+        return [k for k, p in enumerate(self.places) if p.closure.name == name and not p.force.sticks]
+
+    def wrench(self, name: str, v: Array, lam: Array) -> Array:
+        """Return the regularised friction of a closure on its second frame, at the world's origin, (6,); W stands.
+
+        Args:
+            name: of the closure.
+            v: velocity, (nv,).
+            lam: multipliers of all rows, (ng,).
+        """
+        out = np.zeros(6)
+        for k in self.rubs(name):
+            place = self.places[k]
+            A = place.ways(self.constraints.W[:, place.rows])
+            slip, F = A @ place.pair.relative(v), lam[place.rows]
+            load = self.coefficient[k] * np.sqrt(F @ F) * np.tanh(np.sqrt(slip @ slip) / place.force.width)
+            out -= load * (A.T @ directed(slip))
+        return out
+
+    def head(self, v: Array) -> bool:
+        """Head as grips slide, where W stands; False where one of them is at rest."""
+        moving = True
+        for k in np.flatnonzero(self.acts):
+            if (place := self.places[k]).force.sticks:
+                slip = self.constraints.W[:, place.grip].T @ place.pair.relative(v)
+                size = float(np.sqrt(slip @ slip))
+                moving &= size > STILL
+                self.heading[k][:] = slip / size if size > STILL else self.heading[k]
+        return moving
+
+    def filled(self, v: Array, lam: Array) -> Array:
+        """Return multipliers with -mu |F| d for grips that slide, (ng,), whose rows a mode leaves out; W stands."""
+        out = lam.copy()
+        for k in np.flatnonzero(self.acts):
+            if (place := self.places[k]).force.sticks:
+                along, F = place.along(v, self.constraints.W, self.heading[k]), lam[place.rows]
+                out[place.grip] = -self.coefficient[k] * np.sqrt(F @ F) * along
+        return out
 
     def refuse(self, what: str) -> None:
         """Refuse what does not know of forces that depend on multipliers.
@@ -258,10 +216,6 @@ def with_friction(
     whole: Callable[[Array], Array] = lambda x: s.all_multipliers(U, G, rows, x)  # noqa: E731
     T = s.sliding.solve(t, factor, whole(lam[0]), np.array([whole(x) for x in lam[1:]]))
     return vdot[0] + T @ vdot[1:], lam[0] + T @ lam[1:], float(T @ speed)
-
-
-def _unit(x: Array) -> Array:
-    return x / (np.sqrt(x @ x) + NOTHING)
 
 
 def _refuse(force: CoulombFriction, closure: Closure) -> None:

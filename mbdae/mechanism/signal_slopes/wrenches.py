@@ -4,6 +4,7 @@ import numpy as np
 
 from ...system import Array
 from ..forces.force import PairElement, Turning
+from .friction import friction_wrench
 from .varied_motion import VariedMotion
 
 
@@ -35,6 +36,9 @@ def closure_wrench(motion: VariedMotion, name: str) -> tuple[Array, Array]:
             near.jacobian()
             found[k] = near.W[:, near.spans[name]].dot(motion.lam[own])
         dF += np.outer(p.quotient(found), dp)
+    if motion.system.sliding.rubs(name):
+        rubbing, change = friction_wrench(motion, name)
+        F, dF = F + rubbing, dF + change
     return F, dF
 
 

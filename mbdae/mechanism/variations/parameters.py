@@ -20,8 +20,10 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array
+from ..closures.constraints import Constraints
 from ..forces.joint_friction import DryElement
 from ..formulations.index2 import Index2System
+from ..formulations.sliding import Sliding
 from ..frames import support
 from ..modes.switches import Mode
 from .opened_tree import OpenedTree
@@ -152,6 +154,16 @@ class Parameters:
     def near(self) -> list[dict[int, Index2System]]:
         """Workspaces of the mechanisms with other numbers."""
         return [{k: Index2System(m) for k, m in p.near.items()} for p in self.all]
+
+    @cached_property
+    def near_sliding(self) -> list[dict[int, Sliding]]:
+        """What slides with other numbers of forces and closures, in the own workspace."""
+        s, out = self.system, []
+        for p in self.all:
+            near = p.near.items() if s.sliding.places and (p.forces or p.specs) else ()
+            rows = {k: Constraints(s.model, s.data, m.constraints) for k, m in near}
+            out.append({k: Sliding(m.forces, m.closures, rows[k]) for k, m in near})
+        return out
 
     def of_rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Take Q and g of `ParameterSlopes`, (ng, k) each."""

@@ -41,7 +41,7 @@ def with_friction_slopes(s: "Index2System", at: Jacobians, q: Array, v: Array, l
     by_load, pull = np.zeros((s.nv, len(size))), np.zeros(s.nv)
     for k, (S, c, width) in enumerate(_acting(s, levers)):
         dS = moved[ends[k] - S.size : ends[k]].reshape(*S.shape, s.nv)
-        slip, phi, psi = S @ v, *_shape(float(np.linalg.norm(S @ v)), width)
+        slip, phi, psi = S @ v, *shape(float(np.linalg.norm(S @ v)), width)
         T, along = c * size[k], S.T @ slip
         by_slip = T * (psi * np.outer(along, slip) + phi * S.T)
         by_v += by_slip @ S
@@ -63,7 +63,7 @@ def friction(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> 
     out = np.zeros(s.nv)
     for load, (S, c, width) in zip(size, _acting(s, levers), strict=True):
         slip = S @ v
-        out += c * load * _shape(float(np.linalg.norm(slip)), width)[0] * (S.T @ slip)
+        out += c * load * shape(float(np.linalg.norm(slip)), width)[0] * (S.T @ slip)
     return np.append(out, out @ v)
 
 
@@ -83,7 +83,7 @@ def _acting(s: "Index2System", levers: list[Array]) -> list[tuple[Array, float, 
     return [(S, *x) for S, x in zip(levers, numbers, strict=True)]
 
 
-def _shape(x: float, width: float) -> tuple[float, float]:
+def shape(x: float, width: float) -> tuple[float, float]:
     """Return phi = tanh(x/w)/x and phi'/x."""
     r = x / width
     if r < SMALL:

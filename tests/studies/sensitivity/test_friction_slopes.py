@@ -45,7 +45,18 @@ def guided(coefficient=0.3, velocity=0.5):
     return Mechanism(planar_body("xyz"), [rail], [friction]), np.zeros(3), np.array([0.4, 0, 0])
 
 
-MADE = {"bead": bead, "point": bearing("point"), "revolute": bearing("revolute"), "prismatic": guided}
+def laid(coefficient=0.3, velocity=0.5):
+    floor = Closure.in_plane("world", "body", axis=(0, 1, 0), name="floor")
+    friction = CoulombFriction(closure="floor", coefficient=coefficient, velocity=velocity)
+    return Mechanism(planar_body("xyz"), [floor], [friction]), np.array([0, 0, 0.2]), np.array([0.4, 0, 1.0])
+
+
+MADE = {"bead": bead, "in_plane": laid, "point": bearing("point"), "revolute": bearing("revolute"), "prismatic": guided}
+
+
+def columns(sol, names):
+    found = sol.signals()
+    return np.array([found[name] for name in names])
 
 
 @pytest.mark.parametrize("kind", MADE)
@@ -67,7 +78,14 @@ def test_every_kind_of_place(kind):
     assert best(along, lambda x: run(faster=x).y, 0.0, mech=sol.mechanism) < 1e-10
     rows = best(found.lam[..., 0], lambda x: run(coefficient=x).lam, 0.3, mech=None)
     assert rows < 1e-10
-    compare(sol, values, ["v.x", "work"], model=lambda **x: MADE[kind](**x)[0])
+    closure = sol.mechanism.closures[0].name
+    signals = f"force.{closure}", f"force.{closure}.x", f"torque.{closure}.z", "force.x.2", "torque.y"
+    loads = np.array([found.signal(signal) for signal in signals])
+    for i, (name, value) in enumerate(values.items()):
+        assert best(loads[..., i], lambda x, name=name: columns(run(**{name: x}), signals), value, mech=None) < 1e-9, (
+            name
+        )
+    compare(sol, values, ["v.x", "work", f"force.{closure}.x"], model=lambda **x: MADE[kind](**x)[0])
 
 
 NAMES = ("force.coulomb_friction 1.coefficient", "force.coulomb_friction 1.radius", "joint.coupler.mass",
@@ -89,7 +107,10 @@ def test_closures_that_depend_on_each_other(name):
     value = found.parameters[name]
     assert best(found.dy[..., 0], lambda x: run(x).y, value, mech=own) < 1e-10
     assert best(found.lam[..., 0], lambda x: run(x).lam, value) < 1e-9
-    compare(sol, [name], ["q.crank", "lam.pin.1", "work"])
+    signals = "torque.pin.y", "force.crank", "torque.rocker.1", "force.pin"
+    loads = np.array([found.signal(signal)[:, 0] for signal in signals])
+    assert best(loads, lambda x: columns(run(x), signals), value) < 1e-8
+    compare(sol, [name], ["q.crank", "lam.pin.1", "work", "torque.pin.y"])
 
 
 def test_where_there_is_none():

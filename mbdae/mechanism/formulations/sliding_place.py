@@ -1,0 +1,104 @@
+"""A place where bodies slide on each other: along what, and how fast."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...system import Array
+from ..closures.closure import Closure
+from ..closures.contact import Height
+from ..closures.line_rows import still
+from ..closures.rows import unit_axis
+from ..forces.coulomb_friction import CoulombFriction
+from ..frames import Pair
+
+TURNS, SLIDES, TOUCHES = ("revolute", "point"), ("prismatic", "cylindrical", "in_line"), ("in_plane", "slot", "rolling")
+STILL = 1e-9  # m/s: a slower slip has no direction of its own
+TURNED = 0.7  # cosine: a slip that has turned further within a step does not tell its direction
+NOTHING = 1e-300  # keeps what is zero from being divided by
+
+
+class SlidingPlace(NamedTuple):
+    """Where bodies slide on each other.
+
+    Attributes:
+        force: what the user wrote.
+        closure: the closure.
+        pair: its frames.
+        rows: those whose multipliers are F.
+        grip: those of a grip that may slide.
+    """
+
+    force: CoulombFriction
+    closure: Closure
+    pair: Pair
+    rows: slice
+    grip: slice
+
+    def along(self, v: Array, W: Array, heading: Array) -> Array:
+        """Return the direction (m,) of a slip along rows of a grip that a mode leaves out; heading is kept up to date.
+
+        Through a slip of zero its direction goes on as it is: there a mode ends.
+        """
+        slip = W[:, self.grip].T @ self.pair.relative(v)
+        size = float(np.sqrt(slip @ slip))
+        if size <= STILL:
+            return heading
+        along = slip / size
+        ahead = float(along @ heading)
+        if ahead < 0:
+            along = -along
+        if abs(ahead) > TURNED:
+            heading[:] = along
+        return along
+
+    def along_grip(self, v: Array, W: Array, heading: Array) -> tuple[Array, float]:
+        """Return e (nv,) and e . v of a grip that slides, see `along`."""
+        e = self.pair.torque(W[:, self.grip] @ self.along(v, W, heading))
+        return e, float(e @ v)
+
+    def slip(self, v: Array, w: Array) -> tuple[Array, float]:
+        """Return e (nv,) and e . v where the kinematics stand; w (6, m) are the wrenches of the rows."""
+        S = self.lever(w)
+        slip = S @ v
+        e = S[0] if len(S) == 1 else S.T @ directed(slip)
+        return e, float(e @ v)
+
+    def lever(self, w: Array) -> Array:
+        """Return S (m, nv), the slip is S v, where the kinematics stand: m = 1 along an axis, else 3."""
+        return np.array([self.pair.torque(x) for x in self.ways(w)])
+
+    def ways(self, w: Array) -> Array:
+        """Return wrenches A (m, 6) on the second frame, S = A J, for those of the rows, w (6, r)."""
+        pair, kind = self.pair, self.closure.kind
+        if kind in TOUCHES:
+            n, p = w[:3, 0], self.point()
+            ways = np.eye(3) - np.outer(n, n)
+        else:
+            axis = pair.Ra @ unit_axis(self.closure.axis or (0.0, 0.0, 1.0))
+            ways, p = np.eye(3) if kind == "point" else axis[None], pair.pb
+        return np.array([np.concatenate([np.zeros(3), x] if kind in TURNS else [x, np.cross(p, x)]) for x in ways])
+
+    def plain(self) -> dict[str, Any]:
+        """Return the numbers of the place for the compiled core."""
+        force, kind = self.force, self.closure.kind
+        turns = "turns" if kind == "revolute" else "bears"
+        return {
+            "kind": "grips" if force.sticks else "touches" if kind in TOUCHES else turns if kind in TURNS else "slides",
+            "row": self.rows.start,
+            "carried": self.rows.stop - self.rows.start,
+            "grip": list(range(self.grip.start, self.grip.stop)) if force.sticks else [],
+            "axis": unit_axis(self.closure.axis or (0.0, 0.0, 1.0)).tolist(),
+            "coefficient": force.coefficient * (force.radius or 1.0),
+            "width": force.width,
+        }
+
+    def point(self) -> Array:
+        """Where the bodies touch, (3,)."""
+        first = self.closure.primitives()[0]
+        return first.lines(still(self.pair)).p[:, 0] if isinstance(first, Height) else self.pair.pb
+
+
+def directed(x: Array) -> Array:
+    """The unit vector along x; 0 of nothing."""
+    return x / (np.sqrt(x @ x) + NOTHING)
