@@ -9,6 +9,7 @@ that needs them refutes it only where its rates agree with each other. What cann
 """
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -133,11 +134,15 @@ class Measurement:
     def rounding(self, tableau: Any, h: float, sizes: Array) -> Array:
         """What rounding makes of each quantity, of these sizes, with steps of h."""
         rounding = EPS * (1 + sizes)
-        start = self.problem.point(*self.start)
-        gain = self.system.multiplier_gain(0.0, start, self.system.derivative(0.0, start)[1])
         moving = sizes[1] if self.mechanical else sizes[0]
-        rounding[-2] = EPS * (gain * moving / (h * tableau.smallest_pivot) + sizes[-2])
+        rounding[-2] = EPS * (self.gain * moving / (h * tableau.smallest_pivot) + sizes[-2])
         return rounding
+
+    @cached_property
+    def gain(self) -> float:
+        """The change of lam per unit residual of the hidden constraint, at the start: asked for with every slope."""
+        start = self.problem.point(*self.start)
+        return self.system.multiplier_gain(0.0, start, self.system.derivative(0.0, start)[1])
 
     def claims(self, tableau: Any) -> tuple[list[int], int]:
         """The claimed order of each quantity, and how many are judged: without closures there is no lam."""

@@ -149,3 +149,12 @@ def test_the_reason_why_an_order_cannot_be_judged(errors, uncertainty, why):
     ns, floors = [10 * 2**i for i in range(len(errors))], [100 * (uncertainty + 1e-15)] * len(errors)
     measure = Measurement(hessenberg_a(), 1.0, 10, None, print, "python")
     assert measure._fit("q", 5, ns, errors, floors, uncertainty).verdict == f"cannot be judged: {why}"
+
+
+def test_the_gain_of_multipliers_is_found_once(monkeypatch):
+    problem = hessenberg_a()
+    system = type(problem.system())
+    find, found = system.multiplier_gain, []
+    monkeypatch.setattr(system, "multiplier_gain", lambda *given: found.append(given) or find(*given))
+    mbdae.check_order(problem, ["herk1", "herk2"], T=0.5)
+    assert len(found) == 1
