@@ -80,5 +80,5 @@ class CollocationSlopes:
     def _solve(self, right: Array, transposed: int = 0) -> Array:
         flat, matrix = right.reshape(len(self.lu), -1), self.matrix.T if transposed else self.matrix
         out = dgetrs(self.lu, self.pivots, flat, trans=transposed)[0]
-        out += dgetrs(self.lu, self.pivots, flat - matrix @ out, trans=transposed)[0]  # rows differ in size by powers of h
+        out += dgetrs(self.lu, self.pivots, flat - matrix @ out, trans=transposed)[0]  # rows differ by powers of h
         return out.reshape(right.shape)
