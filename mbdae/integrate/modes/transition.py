@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
     from ...mechanism.modes.switches import Mode
 
-NEAR = 1e-10  # m or rad: rows nearer than that touch
+NEAR = 1e-12  # m or rad: rows nearer than that touch, and are brought together: a flight of a microsecond is as high
 EXACT = 1e-13  # of 1 + |v|: rows that are kept are met as well as that
 JUMP = 1e-6  # of 1 + |v|: a speed that rows miss which are there from now on
 HELD = 1e-9  # of the accelerations that a limit makes: less is none

@@ -126,3 +126,14 @@ def test_a_load_that_turns_opens_a_stop():
     sol = mbdae.solve(mech, (0, 1.6), [0.0], [0.0], rtol=1e-11)
     assert [m for _, m in sol.modes] == [(1,), (0,)]
     assert sol.t[sol.modes[1][0]] == pytest.approx((np.pi + np.arcsin(0.5)) / 3, abs=1e-12)
+
+
+def test_what_strikes_a_little_later_is_not_moved_to_where_it_strikes():
+    model = empty()
+    for name in "ab":
+        carried(model, 0, pin.JointModelPZ(), name)
+    mech = Mechanism(model, stops=[Stop(joint="a", lower=0.0), Stop(joint="b", lower=0.0)])
+    h = np.array([1e-3, 1e-3 + 5e-11])
+    sol = mbdae.solve(mech, (0, 0.02), h, np.zeros(2), rtol=1e-10)
+    assert np.array([x.t for x in sol.impacts]) == pytest.approx(np.sqrt(2 * h / G), rel=1e-12)
+    assert balance(sol) < 1e-11
