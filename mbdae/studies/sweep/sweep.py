@@ -22,6 +22,7 @@ from ...mechanism.formats.library import model_names
 from ...mechanism.formats.parametric import split as split_name
 from ...mechanism.part import shortened
 from ...solution.archive import versions
+from ...solution.signals import units
 from ..workers import pool
 from .file import SweepFile
 from .fingerprint import fingerprint
@@ -110,7 +111,9 @@ def sweep(
     numbers, samples = ([w.text for w in wanted if bool(w.reduction) is kept] for kept in (True, False))
     kinds = column_kinds(plan, numbers, samples)
     manifest = _manifest(job, plan, mech)
+    of = units(mech) if wanted else {}
     meta = {"manifest": manifest, "kinds": kinds, "parameters": names(plan), "outputs": numbers, "samples": samples}
+    meta["units"] = {w.text: of[w.signal] for w in wanted if of[w.signal]}
     job = Job(job.model, job.t_span, job.times, job.outputs, job.settings, json.dumps(manifest))
     file = SweepFile(Path(path), kinds, meta, fresh) if path is not None else None
     result = Sweep([], meta, path=Path(path) if path is not None else None)

@@ -32,7 +32,7 @@ class Sweep(Tabular):
         rows: for each run its number ``run``, parameters, ``seed``, ``status``, ``message``, end time ``t`` in s,
             counts of work, ``backend``, and outputs; those of a run that did not come to its end are None. Results of
             functions are a table ``more``.
-        meta: what was computed: manifest, names of parameters, numbers and signals.
+        meta: what was computed: manifest, names of parameters, numbers and signals, and units of these.
         seconds: wall time of each run that was computed now, by its number. No column of the table, which is the same
             bit for bit whoever computes it.
         path: the file, if any.
@@ -112,8 +112,8 @@ class Sweep(Tabular):
         return {"complete": self.complete, **about, "outputs": self.outputs, "rows": rows}
 
     def tabulated(self) -> Columns:
-        """All columns by name; of signals at times an array for each run, (n, times)."""
-        return Columns({name: self[name] for name in self.names}, {"t": "s"})
+        """All columns by name; of signals at times an array for each run, (n, times). Units are those of signals."""
+        return Columns({name: self[name] for name in self.names}, {"t": "s"} | self.meta["units"])
 
     def cells(self) -> list[list[str]]:
         """Parameters, status and outputs of all runs."""

@@ -119,3 +119,15 @@ def test_numbers_of_stops_are_swept():
     assert np.ptp(np.stack(runs["q.rod"])[:, -1]) > 0.1
     with pytest.raises(InputError, match="rod stop"):
         mbdae.sweep("pendulum_on_stop", {"stop.rod.lower": [0.1]}, 0.8)
+
+
+def test_outputs_have_the_units_of_their_signals(tmp_path):
+    """A reduction has that of its signal, in the table and in one that is read again."""
+    pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    outputs = ["max v.joint1", "peak force.joint1", "q.joint2", "final energy"]
+    path = tmp_path / "runs.parquet"
+    table = mbdae.sweep("double_pendulum", {"gravity.2": [-9.81]}, (0, 0.1), outputs=outputs, times=3, path=path)
+    wanted = {"t": "s", "max v.joint1": "rad/s", "peak force.joint1": "N", "q.joint2": "rad", "final energy": "J"}
+    assert table.to_pandas().attrs["units"] == wanted
+    assert mbdae.Sweep.load(path).to_pandas().attrs["units"] == wanted
