@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...tabular import table
 from ..report.page import document, facts, image
+from ..report.parts import captioned
 from ..report.report import provenance
 from .figure import compared
 from .result import Fit
@@ -36,13 +36,13 @@ def _values(fit: Fit) -> str:
         [name, f"{x:.8g}", f"{fit.deviations[name]:.2g}", "at its bound" if name in fit.at_bounds else ""]
         for name, x in fit.values.items()
     ]
-    return table([["parameter", "value", "standard deviation", ""], *rows])
+    return captioned("Values", ["parameter", "value", "standard deviation", ""], rows)
 
 
 def _correlations(fit: Fit) -> str:
     names = list(fit.values)
     rows = [[n, *(f"{x:+.3f}" for x in row)] for n, row in zip(names, fit.correlations, strict=True)]
-    return table([["", *names], *rows])
+    return captioned("Correlations of the values", ["", *names], rows)
 
 
 def _searches(fit: Fit) -> str:
@@ -53,4 +53,4 @@ def _searches(fit: Fit) -> str:
         + [f"{s.chi2:.6g}", "" if s.converged else s.message]
         for s in sorted(fit.searches, key=lambda s: s.chi2)
     ]
-    return table([heads, *rows])
+    return captioned("Searches, the best first", heads, rows)

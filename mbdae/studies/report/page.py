@@ -7,7 +7,6 @@ from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from ...tabular import table
 from .. import figures
 from ..comparison.figure import work_precision
 from ..comparison.tables import comparison_rows
@@ -17,7 +16,7 @@ from ..replay.document import frame
 from ..replay.replay import pace
 from ..replay.replay import page as replay_page
 from ..run.figure import motion
-from .parts import downloads, parts, ranking
+from .parts import captioned, downloads, parts, ranking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,7 +87,7 @@ def _drift(report: "Report") -> str:
         for h, d in zip([d.history for d in report.drifts], report.drifts, strict=True)
     ]
     picture = image(drifts([d.history for d in report.drifts]), "drift of the closures and of the energy over time")
-    return table([heads, *rows]) + picture
+    return captioned("Largest drift of the closures and of the energy", heads, rows) + picture
 
 
 def _orders(report: "Report") -> str:
@@ -101,9 +100,9 @@ def _orders(report: "Report") -> str:
         [name, *(f'<span class="{marks.get(s.verdict, "")}">{c}</span>' for c, s in zip(cells, slopes, strict=True))]
         for (name, *cells), slopes in zip(body, study.slopes.values(), strict=True)
     ]
-    text = f"<p>Observed (claimed) orders with fixed steps, T = {study.T:g} s; a slope holds at the claim less 0.2.</p>"
+    caption = f"Observed (claimed) orders with fixed steps, T = {study.T:g} s; a slope holds at the claim less 0.2"
     excuse = f'<p class="note">{escape("; ".join(study.remarks()))}</p>' if study.remarks() else ""
-    return text + table([heads, *rows], safe=True) + excuse + image(convergence(study), "convergence")
+    return captioned(caption, heads, rows, safe=True) + excuse + image(convergence(study), "convergence")
 
 
 def _comparison(report: "Report") -> str:
@@ -115,7 +114,7 @@ def _comparison(report: "Report") -> str:
     )
     ranking = "<li>Each point is one run; the section Ranking reads the work to an accuracy between them.</li>"
     picture = image(work_precision(result), "work-precision diagram")
-    return text + picture + f'<ul class="note">{ranking}</ul>' + table([heads, *rows])
+    return text + picture + f'<ul class="note">{ranking}</ul>' + captioned("Every run", heads, rows)
 
 
 def _repeat(report: "Report") -> str:

@@ -30,7 +30,7 @@ def parts(mech: Mechanism) -> str:
         "Closures and drivers": _closures(mech),
         "Forces": _forces(mech),
     }
-    tables = "".join(_captioned(caption, *rows) for caption, rows in found.items() if rows[1])
+    tables = "".join(captioned(caption, *rows) for caption, rows in found.items() if rows[1])
     return f'<div class="parts">{tables}</div>'
 
 
@@ -47,7 +47,7 @@ def ranking(result: "Comparison") -> str:
         if any(least):
             words = "seconds" if work == "seconds" else "linear solves"
             caption = f"Ranking: {words} to an error in q below the head of the column (rad or m); - was not reached"
-            out.append(_captioned(caption, ["method", *(f"{goal:.0e}" for goal in goals)], rows, safe=True))
+            out.append(captioned(caption, ["method", *(f"{goal:.0e}" for goal in goals)], rows, safe=True))
     return "".join(out)
 
 
@@ -121,7 +121,8 @@ def _cell(place: Place, best: float) -> str:
     return f"<b>{text}</b>" if place.work <= best else text
 
 
-def _captioned(caption: str, heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
+def captioned(caption: str, heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
+    """A table that is numbered, and may be wider than the page; ``safe`` rows are HTML already."""
     words = [any(cell[:1].isalpha() for cell in column) for column in zip(*rows, strict=True)]
     sides = [' class="word"' if word else "" for word in words] or [""] * len(heads)
     head = "".join(f"<th{side}>{escape(h)}</th>" for h, side in zip(heads, sides, strict=True))

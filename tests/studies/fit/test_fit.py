@@ -153,6 +153,7 @@ def test_several_runs_with_starts_of_their_own(tmp_path):
     assert json.loads((tmp_path / "fit.json").read_text())["values"] == found.values
     found.save(tmp_path / "fit.html")
     page = (tmp_path / "fit.html").read_text()
+    assert page.count('<p class="caption">') == page.count("<table>") >= 1, "every table of numbers is numbered"
     for words in ("Fit of", "standard deviation", "gravity.2", "nothing stands against", "data:image/svg+xml"):
         assert words in page, words
 

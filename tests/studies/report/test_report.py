@@ -80,6 +80,14 @@ def test_figures_are_whole_pictures(page):
         assert svg.count("<path") > 20
 
 
+def test_every_figure_and_every_table_of_numbers_has_a_caption(page):
+    text = outside(page.read_text("utf-8"))
+    tables = len(re.findall("<table>", text))
+    assert tables >= 7
+    assert len(re.findall(r'<p class="caption">[^<]+</p><div class="wide"><table>', text)) == tables
+    assert text.count("<figcaption>") == text.count("<img ") == 4
+
+
 def test_what_repeats_it_is_in_it(result, page):
     text = page.read_text("utf-8")
     described = json.loads(html.unescape(re.search(r"<pre>(.*?)</pre>", text, re.S)[1]))
