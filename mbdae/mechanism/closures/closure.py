@@ -280,8 +280,7 @@ class Closure(OneSided):
 
     def agreeing(self) -> tuple[np.ndarray, np.ndarray]:
         """Unit axes of frames a and b that point the same way where the closure is closed, (3, m) each; m may be 0."""
-        direction = BETWEEN_FRAMES.get(self.kind, ("", ""))[1]
-        if direction == "frame":
+        if (direction := BETWEEN_FRAMES.get(self.kind, ("", ""))[1]) == "frame":
             return np.eye(3), np.eye(3)
         axis, second = (unit_axis(x)[:, None] for x in (self.axis or Z, self.other_axis))
         return (axis, second) if direction == "axis" else (axis[:, :0], second[:, :0])
