@@ -35,13 +35,6 @@ class OneWay(OneSidedRow):
         alone, _ = _one_way(mechanism)
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in alone]
 
-    @property
-    def rows(self) -> tuple[int, ...]:  # noqa: D102
-        return (self.row,)
-
-    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
-        return self.rows if state == LOCKED else ()
-
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == LOCKED:
             return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
@@ -74,13 +67,6 @@ class Opposed(Switch):
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         _, opposed = _one_way(mechanism)
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in opposed]
-
-    @property
-    def rows(self) -> tuple[int, ...]:  # noqa: D102
-        return (self.row,)
-
-    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
-        return self.rows if state == LOCKED else ()
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         return ()

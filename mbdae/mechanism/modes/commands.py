@@ -37,13 +37,6 @@ class Commanded(Switch):
         found = [c for c in mechanism.constraints if isinstance(c, Clutch) and c.engaged]
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in found]
 
-    @property
-    def rows(self) -> tuple[int, ...]:  # noqa: D102
-        return (self.row,)
-
-    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
-        return self.rows if state == ENGAGED else ()
-
     def wanted(self, point: "ModePoint") -> int:
         """Return the state that the signal asks for."""
         return ENGAGED if self.spec.engaged and self.spec.engaged.at(point.t) > 0 else OPEN
@@ -82,9 +75,6 @@ class SteppingDrive(Switch):
     @property
     def rows(self) -> tuple[int, ...]:  # noqa: D102
         return ()  # its row is there in all modes
-
-    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
-        return ()
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         return (Guard("step", self.name, self.at, lambda x: x.standstill - abs(float(x.rate[self.row]))),)

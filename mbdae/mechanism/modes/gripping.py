@@ -47,9 +47,6 @@ class Gripping(Switch):
     def rows(self) -> tuple[int, ...]:  # noqa: D102
         return tuple(self.grip)
 
-    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
-        return self.rows if state == GRIPS else ()
-
     def share(self, lam: "Array") -> "Array":
         """Return the friction as a share of its limit, along the rows of the grip."""
         return lam[self.grip] / max(self.limit * abs(float(lam[self.height])), np.finfo(float).tiny)

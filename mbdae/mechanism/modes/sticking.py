@@ -42,13 +42,6 @@ class Sticking(Switch):
             switch.others = out
         return out
 
-    @property
-    def rows(self) -> tuple[int, ...]:  # noqa: D102
-        return (self.row,)
-
-    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
-        return self.rows if state == STUCK else ()
-
     def margin(self, point: "ModePoint") -> float:
         """Return what the friction could hold beyond what it does, as a share of its limit."""
         mode = point.system.mode

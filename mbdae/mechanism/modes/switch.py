@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 Value = Callable[["ModePoint"], float]
 Load = Callable[["ModePoint"], "float | Array"]
+HELD = 1  # the state in which closed, locked, engaged or stuck rows are solved for
 AT_LIMIT = 1e-9  # of the limit: a load that is nearer has reached it
 
 
@@ -95,8 +96,10 @@ class Switch:
         at: its number among the switches of the mechanism.
         states: words for its states.
         rest: a flight that is shorter ends in rest, in s.
+        row: number of its first row.
     """
 
+    row: int
     states: tuple[str, ...] = ("open", "closed")
     rest: float = 0.0
 
@@ -110,12 +113,12 @@ class Switch:
 
     @property
     def rows(self) -> tuple[int, ...]:
-        """All its rows."""
-        raise NotImplementedError
+        """All its rows; `row` alone, where a kind does not say more."""
+        return (self.row,)
 
     def active(self, state: int) -> tuple[int, ...]:
-        """Return the rows that are solved for in a state."""
-        raise NotImplementedError
+        """Return the rows that are solved for in a state; all of them in state 1, where a kind does not say more."""
+        return self.rows if state == HELD else ()
 
     def guards(self, state: int) -> tuple[Guard, ...]:
         """Return what ends a state."""

@@ -51,9 +51,6 @@ class Unilateral(OneSidedRow):
     def rows(self) -> tuple[int, ...]:  # noqa: D102
         return (self.row, *self.others)
 
-    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
-        return self.rows if state == CLOSED else ()
-
     def gap(self, point: "ModePoint") -> float:
         """Return the gap, positive where it is open."""
         return self.sign * float(point.g[self.row])

@@ -49,9 +49,6 @@ class Window(Switch):
     def rows(self) -> tuple[int, ...]:  # noqa: D102
         return self.all_rows
 
-    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
-        return self.all_rows if state == ON else ()
-
     def depth(self, point: "ModePoint") -> float:
         """Return how far inside a window the joint is."""
         return self.spec.depth(float(point.q[self.q]))
