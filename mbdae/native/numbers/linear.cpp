@@ -13,7 +13,10 @@ void BandLU::resize(int n, int half) {
   swap_.assign(n, 0);
 }
 
-void BandLU::zero() { std::fill(a_.begin(), a_.end(), 0.0); }
+void BandLU::zero() {
+  for (int i = 0; i < n_; ++i)
+    std::fill(&at(i, std::max(0, i - half_)), &at(i, std::min(n_ - 1, i + 2 * half_)) + 1, 0.0);
+}
 
 bool BandLU::factorize() {
   double smallest = INFINITY, largest = 0;
@@ -28,9 +31,9 @@ bool BandLU::factorize() {
     const double pivot = std::fabs(at(k, k));
     if (!(pivot > 0) || !std::isfinite(pivot)) return ratio_ = 0, false;
     smallest = std::min(smallest, pivot), largest = std::max(largest, pivot);
-    const double* top = &at(k, k);
+    const double* __restrict top = &at(k, k);
     for (int i = k + 1; i <= below; ++i) {
-      double* row = &at(i, k);
+      double* __restrict row = &at(i, k);
       const double f = row[0] / top[0];
       multiplier_[k * half_ + i - k - 1] = f;
       if (f != 0)

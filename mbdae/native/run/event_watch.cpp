@@ -37,15 +37,16 @@ class Search {
 
   void run(int number, std::vector<Hit>& hits) {
     number_ = number, hits_ = &hits;
-    const Numbers y(step_.y, step_.y + s_.length), y1(step_.y1, step_.y1 + s_.length);
     if (step_.t != node_.t) {  // behind a jump
+      const Numbers y(step_.y, step_.y + s_.length);
       const double f = value(step_.t, y.data());
       passage({0, y, node_.f}, {0, y, f});
       move(step_.t, y.data(), f);
     }
-    std::vector<Mark> marks = {{0, y, node_.f}};
-    const double f1 = value(step_.t1, y1.data());
-    const double theta = turn(node_.f, f1);
+    const double f0 = node_.f, f1 = value(step_.t1, step_.y1), theta = turn(f0, f1);
+    if (!(theta > 0) && f0 * f1 > 0) return move(step_.t1, step_.y1, f1);
+    const Numbers y(step_.y, step_.y + s_.length), y1(step_.y1, step_.y1 + s_.length);
+    std::vector<Mark> marks = {{0, y, f0}};
     if (theta > 0) {
       const Numbers between = shorter_(theta);
       marks.push_back({theta, between, value(step_.t + theta * h_, between.data())});

@@ -16,6 +16,7 @@ void PointValues::derive() {
   if (derived_) return;
   if (!s_.point.near(y_.data())) part();
   const Counts counts = s_.counts;
+  F_.resize(s_.ny), z_.resize(s_.ng);
   s_.stabilised = false;
   try {
     s_.derivative(t_, y_.data(), F_.data(), z_.data(), s_.point.near(y_.data()));
@@ -32,7 +33,7 @@ void PointValues::measure() {
     s_.mechanics.inertia(y_.data());
   else
     part(), s_.point.evaluate(y_.data(), false);
-  g_ = s_.point.g;
+  g_ = s_.point.g, rate_.resize(s_.ng);
   s_.constraints.gaps(t_, g_.data());
   s_.residual_rate(t_, y_.data() + s_.nq, rate_.data());
   energy_ = mbdae::energy(s_, y_.data()), measured_ = true;

@@ -13,8 +13,7 @@ namespace mbdae {
 class PointValues {
  public:
   // kept: where the configuration of the run goes when another one is looked at; it comes back in the end.
-  explicit PointValues(Index2System& s, Point* kept = nullptr)
-      : s_(s), kept_(kept), F_(s.ny), z_(s.ng), g_(s.ng), rate_(s.ng) {}
+  explicit PointValues(Index2System& s, Point* kept = nullptr) : s_(s), kept_(kept) {}
   ~PointValues() {
     if (apart_) s_.point.exchange(*kept_);
   }

@@ -84,12 +84,14 @@ void TimeLoop::look(Proposal& p) {
   // what `settle` is to find at the end, to the last bit
   const bool kept = s_.point.near(next_.y.data()) && !s_.point.exactly(next_.y.data());
   PointValues values(s_, kept ? &aside_ : nullptr);
-  const State end = next_;
-  const Numbers z = z_, size = size1_;
+  State end;  // what stands in `next_` until shorter steps are taken: its arrays stay where they are
+  Numbers z, size;
   const bool renewed = renewed_;
+  bool away = false;
   double last = 1;  // the share of the step that was taken last
   auto shorter = [&](double theta) {
     values.part();
+    if (!away) end = std::move(next_), next_ = State(), z = z_, size = size1_, away = true;
     method_.take(run_.adaptive, t, theta * h, run_.state, next_, z_.data(), errors_);
     if (run_.adaptive || run_.project) s_.size(next_.y.data(), size1_.data());
     if (run_.project) project(t + theta * h);
@@ -99,15 +101,15 @@ void TimeLoop::look(Proposal& p) {
   const auto carried = [&](const State& x) {  // (v', s', w')
     return x.carry.empty() ? nullptr : x.carry.data() + (s_.carried() - (s_.ny - s_.nv));
   };
-  seen_ = mbdae::look(s_, values, run_.events, {t, p.t_next, run_.state.y.data(), end.y.data(), carried(run_.state), carried(end)},
-                      shorter);
+  const Taken taken{t, p.t_next, run_.state.y.data(), next_.y.data(), carried(run_.state), carried(next_)};
+  seen_ = mbdae::look(s_, values, run_.events, taken, shorter);
   if (seen_.stop >= 0) {
     const bool near = run_.watched && std::sqrt(least) < run_.watch.zone * run_.watch.usual;
     if (near || seen_.stop * h == 0) throw Trouble();
     if (last != seen_.stop) shorter(seen_.stop);
     p.t_next = t + seen_.stop * h;
-  } else if (last != 1) {
-    next_ = end, z_ = z, size1_ = size, renewed_ = renewed;
+  } else if (away) {
+    next_ = std::move(end), z_ = z, size1_ = size, renewed_ = renewed;
   }
 }
 

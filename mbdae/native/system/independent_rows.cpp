@@ -39,10 +39,13 @@ void IndependentRows::set(std::vector<int> rows) {
   std::fill(position_.begin(), position_.end(), -1);
   const int r = static_cast<int>(rows_.size());
   for (int i = 0; i < r; ++i) position_[rows_[i]] = i;
-  half_bandwidth_ = 0;
-  for (int i = 0; i < r; ++i)
+  half_bandwidth_ = 0, coupled_.assign(r, {});
+  for (int i = 0; i < r; ++i) {
     for (int l : neighbours_[rows_[i]])
-      if (position_[l] >= 0) half_bandwidth_ = std::max(half_bandwidth_, std::abs(i - position_[l]));
+      if (position_[l] >= 0 && position_[l] <= i) coupled_[i].push_back(position_[l]);
+    std::sort(coupled_[i].begin(), coupled_[i].end());
+    half_bandwidth_ = std::max(half_bandwidth_, i - coupled_[i].front());
+  }
   others_.clear();
   for (size_t k = 0; k < position_.size(); ++k)
     if (position_[k] < 0 && !left_out_[k]) others_.push_back(static_cast<int>(k));

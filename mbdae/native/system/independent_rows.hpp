@@ -23,6 +23,8 @@ class IndependentRows {
 
   const std::vector<int>& neighbours(int row) const { return neighbours_[row]; }  // with a column in common, sorted
   const std::vector<int>& in_use() const { return rows_; }                        // (r,) in the order of elimination
+  // Positions of the rows in use with a column in common with the one at a position, up to it, in order.
+  const std::vector<int>& coupled(int position) const { return coupled_[position]; }
   const std::vector<int>& others() const { return others_; }                      // (ng - r,) sorted
   const std::vector<int>& position() const { return position_; }  // (ng,) in the saddle system; -1 where not in use
   int half_bandwidth() const { return half_bandwidth_; }          // of the saddle system
@@ -48,6 +50,7 @@ class IndependentRows {
   std::vector<std::vector<int>> neighbours_;   // (ng,)
   std::vector<bool> left_out_;                 // (ng,)
   std::vector<int> rows_, others_, position_;  // (r,), (ng - r,), (ng,)
+  std::vector<std::vector<int>> coupled_;      // (r,)
   int half_bandwidth_ = 0;
   long version_ = 0;
   double best_ = 0, now_ = NAN;  // ratios of pivots: best since the last look, and last; nan: nothing was solved since

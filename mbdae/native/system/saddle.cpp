@@ -11,24 +11,38 @@ SaddleSystem::SaddleSystem(const Point& point, const Constraints& constraints, I
                            const Limits& limits, Counts& counts, int nv)
     : point_(point), constraints_(constraints), rows_(rows), limits_(limits), counts_(counts), nv_(nv) {}
 
+// Four sums at once, which do not wait for each other.
 void SaddleSystem::assemble(const Numbers& Zhat) {
-  const std::vector<int>& position = rows_.position();
+  const std::vector<int>& rows = rows_.in_use();
+  const int r = static_cast<int>(rows.size());
   if (version_ != rows_.version()) {
-    const int r = static_cast<int>(rows_.in_use().size());
     lu_.resize(r, rows_.half_bandwidth()), x_.resize(std::max(nv_, r));
     version_ = rows_.version();
   } else {
     lu_.zero();
   }
-  for (int k : rows_.in_use()) {
-    const std::vector<int>& columns = constraints_.rows[k].columns;
-    const double* a = &Zhat[static_cast<size_t>(k) * nv_];
-    for (int l : rows_.neighbours(k)) {
-      if (position[l] < 0) continue;
-      const double* b = &point_.Z[static_cast<size_t>(l) * nv_];
-      double s = 0;
-      for (int c : columns) s += a[c] * b[c];
-      lu_.at(position[k], position[l]) = s;
+  const bool mirrored = &Zhat == &point_.Z;
+  const auto z = [&](int i) { return point_.Z.data() + static_cast<size_t>(rows[i]) * nv_; };
+  const auto zhat = [&](int i) { return Zhat.data() + static_cast<size_t>(rows[i]) * nv_; };
+  for (int i = 0; i < r; ++i) {
+    const std::vector<int>&columns = constraints_.rows[rows[i]].columns, &coupled = rows_.coupled(i);
+    const size_t last = coupled.size() - 1;  // i itself
+    const double *a = zhat(i), *b = z(i);
+    for (size_t m = 0; mirrored && m <= last; m += 4) {
+      const int j = coupled[m], k = coupled[std::min(m + 1, last)], l = coupled[std::min(m + 2, last)],
+                n = coupled[std::min(m + 3, last)];
+      const double *zj = z(j), *zk = z(k), *zl = z(l), *zn = z(n);
+      double sj = 0, sk = 0, sl = 0, sn = 0;
+      for (int c : columns) sj += a[c] * zj[c], sk += a[c] * zk[c], sl += a[c] * zl[c], sn += a[c] * zn[c];
+      lu_.at(i, j) = lu_.at(j, i) = sj, lu_.at(i, k) = lu_.at(k, i) = sk;
+      lu_.at(i, l) = lu_.at(l, i) = sl, lu_.at(i, n) = lu_.at(n, i) = sn;
+    }
+    for (size_t m = 0; !mirrored && m <= last; m += 2) {
+      const int j = coupled[m], k = coupled[std::min(m + 1, last)];
+      const double *zj = z(j), *zk = z(k), *hj = zhat(j), *hk = zhat(k);
+      double ij = 0, ji = 0, ik = 0, ki = 0;
+      for (int c : columns) ij += a[c] * zj[c], ji += hj[c] * b[c], ik += a[c] * zk[c], ki += hk[c] * b[c];
+      lu_.at(i, j) = ij, lu_.at(j, i) = ji, lu_.at(i, k) = ik, lu_.at(k, i) = ki;
     }
   }
 }

@@ -96,43 +96,28 @@ void ParameterSlopes::moved(const Pair& pair, const Turning& t, const std::vecto
       by_a[j] += relative[i] * t.Da[6 * i + j], by_b[j] += relative[i] * t.Db[6 * i + j];
       if (t.damped) damping[j] += relative[i] * t.C[6 * i + j];
     }
-  for (size_t s = 0; s < stuff_.size(); ++s) {
-    const Stuff& x = stuff_[s];
-    Six g;
-    if (x.of == Stuff::frame) {
-      if (&pair != (x.of_law ? &s_.law_pairs()[x.at] : &s_.constraints.pairs[x.at])) continue;
-      g = x.b ? by_b : by_a;
-    } else if (x.of == Stuff::place && above_[a][x.at] != above_[b][x.at]) {
-      const bool with_b = above_[b][x.at];
-      const int end = with_b ? b : a, before = s_.mechanics.parents[x.at];
+  for (const Moving& m : ends_.at(&pair)) {
+    const Stuff& x = stuff_[m.stuff];
+    Six g = m.b ? by_b : by_a;
+    if (x.of == Stuff::place) {
+      const int end = m.b ? b : a, before = s_.mechanics.parents[x.at];
       double Y[6], turned[6];
-      g = with_b ? by_b : by_a;
       for (int i = 0; i < 6; ++i) Y[i] = X[end][i] - X[before][i];
       wrench_cross(Y, t.F, turned);
-      for (int i = 0; i < 6; ++i) g[i] += with_b ? turned[i] : -turned[i];
+      for (int i = 0; i < 6; ++i) g[i] += m.b ? turned[i] : -turned[i];
       if (t.damped) {
         for (int i = 0; i < 6; ++i) Y[i] = V_[end][i] - V_[before][i];
         wrench_cross(Y, damping.data(), turned);
-        for (int i = 0; i < 6; ++i) g[i] += with_b ? turned[i] : -turned[i];
+        for (int i = 0; i < 6; ++i) g[i] += m.b ? turned[i] : -turned[i];
       }
-    } else {
-      continue;
     }
-    for (int i = 0; i < 6; ++i) pull_[s][i] += g[i];
+    for (int i = 0; i < 6; ++i) pull_[m.stuff][i] += g[i];
   }
 }
 
 void ParameterSlopes::shifted(const Pair& pair, const double* F) {
-  const int a = pair.a.joint, b = pair.b.joint;
-  for (size_t s = 0; s < stuff_.size(); ++s) {
-    const Stuff& x = stuff_[s];
-    double sign = 0;
-    if (x.of == Stuff::place) sign = static_cast<double>(above_[b][x.at]) - above_[a][x.at];
-    if (x.of == Stuff::frame && &pair == (x.of_law ? &s_.law_pairs()[x.at] : &s_.constraints.pairs[x.at]))
-      sign = x.b ? 1 : -1;
-    if (sign == 0) continue;
-    for (int i = 0; i < 6; ++i) pull_[s][i] += sign * F[i];
-  }
+  for (const Moving& m : ends_.at(&pair))
+    for (int i = 0; i < 6; ++i) pull_[m.stuff][i] += m.b ? F[i] : -F[i];
 }
 
 void ParameterSlopes::pulled(const std::vector<Placed>& placed) {
@@ -184,6 +169,7 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above, co
     twists(J_.data(), above, U_);
     bodies();
     for (const ActingWrench& w : point.wrenches) {
+      if (ends_.at(w.pair).empty()) continue;
       const double power = w.conservative ? 0 : above[n_ - 1];
       for (int j = 0; j < m.joints; ++j)
         for (int i = 0; i < 6; ++i) X_[j][i] = U_[j][i] + power * V_[j][i];
@@ -222,6 +208,7 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above, co
   }
   for (size_t i = 0; nu && i < met_.size(); ++i) {
     for (const auto& [pair, rows] : met_[i].rows) {
+      if (ends_.at(pair).empty()) continue;
       Turning sum;
       bool asked = false;
       for (const auto& [at, t] : rows) {

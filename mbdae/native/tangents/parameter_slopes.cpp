@@ -36,6 +36,18 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
     placing_ = placing_ || x.of == Stuff::place;
     moving_ = moving_ || placing_ || x.of == Stuff::frame;
   }
+  const auto find = [&](const std::vector<Pair>& pairs, bool of_laws) {
+    for (size_t p = 0; p < pairs.size(); ++p) {
+      const int a = pairs[p].a.joint, b = pairs[p].b.joint;
+      std::vector<Moving>& found = ends_[&pairs[p]];
+      for (int i = 0; i < static_cast<int>(stuff_.size()); ++i) {
+        const Stuff& x = stuff_[i];
+        if (x.of == Stuff::frame && x.of_law == of_laws && x.at == static_cast<int>(p)) found.push_back({i, x.b});
+        if (x.of == Stuff::place && above_[a][x.at] != above_[b][x.at]) found.push_back({i, above_[b][x.at]});
+      }
+    }
+  };
+  find(s.constraints.pairs, false), find(s.law_pairs(), true);
   for (const Changed& c : changed_) meeting_ = meeting_ || !c.rows.empty();
   for (auto* x : {&V_, &A_, &U_, &X_, &F_, &H_, &C_, &h_}) x->assign(m.joints, Six{});
   body_.resize(m.joints);
@@ -73,6 +85,7 @@ void ParameterSlopes::stand(const VariedPoint& point) {
     met.rows.clear();
     for (size_t p = 0; p < s_.constraints.pairs.size(); ++p) {
       Pair& pair = s_.constraints.pairs[p];
+      if (ends_.at(&pair).empty()) continue;
       std::vector<std::pair<int, Turning>> found;
       for (int k : s_.constraints.of_pair[p]) {
         if (position[k] < 0) continue;
@@ -174,6 +187,7 @@ void ParameterSlopes::columns(const VariedPoint& point, Numbers& P, Numbers& Q) 
   stand(point);
   Numbers unit(std::max(n, r), 0.0), p(count_);
   for (size_t e = 0; e < n + r; ++e) {
+    if (e < n ? e >= static_cast<size_t>(s_.nv) && e < n - 1 : met_.empty()) continue;  // rates of states are laws' own
     const size_t at = e < n ? e : e - n;
     unit[at] = 1, clear(), std::fill(p.begin(), p.end(), 0.0);
     contract(point, e < n ? unit.data() : nullptr, e < n ? nullptr : unit.data());

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <map>
 #include <memory>
 
 #include "system/index2.hpp"
@@ -66,6 +67,11 @@ class ParameterSlopes {
     double R[9], p[3];
   };
 
+  struct Moving {  // stuff that moves one frame of a pair alone
+    int stuff;
+    bool b;  // the second one
+  };
+
   void stand(const VariedPoint& point);
   void change(const VariedPoint& point);                                  // own_P_ and own_Q_
   void contract(const VariedPoint& point, const double* above, const double* nu);  // into sums_
@@ -86,6 +92,7 @@ class ParameterSlopes {
   const std::vector<Stuff> stuff_;
   const std::vector<Direction> directions_;
   std::vector<Changed> changed_;
+  std::map<const Pair*, std::vector<Moving>> ends_;  // of all pairs
   bool moving_ = false, placing_ = false, kinematic_ = false, meeting_ = false;
   std::vector<std::vector<int>> columns_;  // of J, of each joint
   std::vector<std::vector<bool>> above_;   // (joints, joints) is the second one the first, or before it?
