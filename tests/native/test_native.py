@@ -80,10 +80,12 @@ def test_fixed_steps(name, method):
 @pytest.mark.parametrize("options", [{"method": "herk5"}, {"method": "rk4"}, {"project": True}], ids=str)
 @pytest.mark.parametrize("name", IN_CORE)
 def test_controlled_steps(name, options):
-    native, python = both(model(name), (0, SPANS.get(name, 0.5)), rtol=1e-6, atol=ATOL.get(name), **options)
+    T = SPANS.get(name, 0.5)
+    # the first steps of a run are short: rounding is all of their errors, and would choose the next ones
+    native, python = both(model(name), (0, T), rtol=1e-6, atol=ATOL.get(name), first_step=T / 20, **options)
     assert native.status == python.status == "finished"
     assert (native.stats["steps"], native.stats["rejected"]) == (python.stats["steps"], python.stats["rejected"])
-    assert_near(native.y[-1], python.y[-1], 1e-10)  # step sizes follow the rounding of small errors
+    assert_near(native.y[-1], python.y[-1], 1e-11)  # step sizes follow the rounding of small errors
     assert [x.rank_there for x in native.singular] == [x.rank_there for x in python.singular]
 
 
