@@ -79,7 +79,7 @@ class Part:
             weightless={prefix + n: mass for n, mass in self.weightless.items()},
             mimics=tuple(Mimic(prefix + m.joint, prefix + m.other, *m[2:]) for m in self.mimics),
             start=self.start.model_copy(update=names),
-            motors=tuple(Motor(prefix + m.name, prefix + m.joint, m.gear) for m in self.motors),
+            motors=tuple(Motor(prefix + m.name, prefix + m.joint, *m[2:]) for m in self.motors),
             controls={prefix + n: u for n, u in self.controls.items()},
             left_out=tuple(f"{prefix}: {text}" for text in self.left_out),
         )

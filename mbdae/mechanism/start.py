@@ -99,11 +99,12 @@ class SolveSettings(Table):
 
 
 class Motor(NamedTuple):
-    """A named input: control u gives the torque gear * u on a joint of one coordinate, in N m or N."""
+    """A named input: control u gives gear u + b_0 + b_1 q + b_2 v on a joint of one coordinate, in N m or N."""
 
     name: str
     joint: str
     gear: float = 1.0
+    bias: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
 def coordinates(model: pin.Model, table: Mapping[str, Any], *, of_v: bool = False) -> tuple[np.ndarray, np.ndarray]:

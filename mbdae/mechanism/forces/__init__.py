@@ -81,4 +81,4 @@ def bind_forces(forces: Sequence[Any], model: pin.Model, data: pin.Data) -> Forc
                 seen.add(name)
                 j = find_joint(model, name)
                 damping[j.idx_v : j.idx_v + j.nv] = 0
-    return ForceElements([*laws, damping_law("URDF damping", damping)] if damping.any() else laws, model)
+    return ForceElements([*laws, damping_law("joint damping", damping)] if damping.any() else laws, model)

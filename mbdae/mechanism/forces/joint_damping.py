@@ -12,7 +12,7 @@ from .linear import LinearElement
 
 
 class JointDamping(Force):
-    """tau = -damping * v on each coordinate of the joints; replaces their URDF damping.
+    """tau = -damping * v on each coordinate of the joints; replaces that of their source.
 
     Attributes:
         joint: one joint or several.

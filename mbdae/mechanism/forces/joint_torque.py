@@ -7,17 +7,21 @@ import pinocchio as pin
 from ...errors import InputError
 from ..frames import find_joint
 from ..signals import Signal
-from .force import Force, ForceElement
-from .linear import LinearElement
+from .force import Force, ForceElement, single
+from .linear import LinearElement, Term
 
 
 class JointTorque(Force):
     """A torque (N m) or force (N) on a joint, one for each of its nv coordinates: tau_k = gear torque_k(t).
 
+    With a bias tau = gear torque(t) + b_0 + b_1 q + b_2 v, as of the actuators of MJCF files: where b_1 < 0 it holds a
+    position.
+
     Attributes:
         joint: one joint.
         torque: one constant or function of time, or nv of them.
         gear: a factor on all of them.
+        bias: what is added on a joint of one coordinate, b_0 + b_1 q + b_2 v; in N m or N, per rad or m, and s.
         name: for parameters, signals and messages; the kind and a number when left out.
 
     Raises:
@@ -29,11 +33,16 @@ class JointTorque(Force):
     joint: str
     torque: Signal | tuple[Signal, ...]
     gear: float = 1.0
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         j = find_joint(model, self.joint)
         values = self.torque if isinstance(self.torque, tuple) else (self.torque,)
         if len(values) != j.nv:
             raise InputError(f"joint {self.joint!r} takes {j.nv} torque values, got {len(values)}")
-        terms = [("tau", j.idx_v + i, "u", i, self.gear) for i in range(j.nv)]
+        terms: list[Term] = [("tau", j.idx_v + i, "u", i, self.gear) for i in range(j.nv)]
+        if any(self.bias):
+            i = single(model, self.joint, f"joint_torque {self.name!r} with a bias")[0].idx_v
+            columns = (("1", 0), ("q", j.idx_q), ("v", i))
+            terms += [("tau", i, column, x, b) for (column, x), b in zip(columns, self.bias, strict=True)]
         return LinearElement(self.name, terms, signals=values)

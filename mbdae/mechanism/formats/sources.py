@@ -120,7 +120,8 @@ def _driven(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[Jo
     for name in controls:
         if name not in motors:
             raise UnknownNameError("motor", name, motors)
-    return [JointTorque(name=n, joint=motors[n].joint, torque=u, gear=motors[n].gear) for n, u in controls.items()]
+    acting = [m for m in motors.values() if m.name in controls or any(m.bias)]
+    return [JointTorque(torque=controls.get(m.name, 0.0), **m._asdict()) for m in acting]
 
 
 def _gravity(file: MechanismFile, parts: Sequence[Part]) -> tuple[float, ...]:

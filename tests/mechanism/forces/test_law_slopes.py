@@ -40,7 +40,10 @@ def kinds_of_forces():
         ],
         "JointDamping": [{"joint": ("spherical_2", "planar_4"), "damping": 0.7}],
         "JointFriction": [{"joint": ("revolute_1", "planar_4"), "friction": 0.7, "velocity": 0.5}],
-        "JointTorque": [{"joint": "planar_4", "torque": (1.0, SHAKE, -2.0), "gear": 2.0}],
+        "JointTorque": [
+            {"joint": "planar_4", "torque": (1.0, SHAKE, -2.0), "gear": 2.0},
+            {"joint": "prismatic_5", "torque": SHAKE, "gear": 2.0, "bias": (0.4, -3.0, -0.6)},
+        ],
         "JointPID": [
             {"joint": "revolute_1", "reference": SHAKE, "kp": 5.0, "ki": 2.0, "kd": 1.0},
             {"joint": "prismatic_5", "reference": 1.0, "kp": 5.0, "controls": "velocity"},

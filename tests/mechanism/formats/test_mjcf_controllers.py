@@ -1,9 +1,12 @@
-"""Position, velocity and general actuators of MJCF files as controllers, against MuJoCo: its torques, its rest."""
+"""Position, velocity and general actuators of MJCF files, each as one force, against MuJoCo: its forces, its rest."""
+
+import warnings
 
 import numpy as np
 import pytest
 
 import mbdae
+from mbdae.mechanism.formats.remembered import Remembered, number
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 FIVE_BAR = """<mujoco>
@@ -56,28 +59,48 @@ ONE = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/>
 <actuator>{}</actuator><keyframe><key ctrl="0.7"/></keyframe></mujoco>"""
 
 
-@pytest.mark.parametrize(
-    "actuator",
-    [
-        '<position name="a" joint="j" kp="30" kv="2" gear="3"/>',
-        '<velocity name="a" joint="j" kv="5" gear="2"/>',
-        '<general name="a" joint="j" gear="2" gainprm="4" biastype="affine" biasprm="1.5 0 0"/>',
-        '<general name="a" joint="j" gear="2" gaintype="affine" gainprm="4" biastype="affine" biasprm="1 -2 -3"/>',
-    ],
-)
-def test_torques_are_those_of_mujoco(actuator, tmp_path):
+ACTUATORS = [
+    '<position name="a" joint="j" kp="30" kv="2" gear="3"/>',
+    '<velocity name="a" joint="j" kv="5" gear="2"/>',
+    '<motor name="a" joint="j" gear="-2"/>',
+    '<general name="a" joint="j" gear="2" gainprm="4" biastype="affine" biasprm="1.5 0 0"/>',
+    '<general name="a" joint="j" gear="2" gaintype="affine" gainprm="4" biastype="affine" biasprm="1 -2 -3"/>',
+]
+
+
+@pytest.mark.parametrize("actuator", ACTUATORS)
+def test_torque_and_power_are_those_of_mujoco(actuator, tmp_path, back_end):
     path = tmp_path / "one.xml"
     path.write_text(ONE.format(actuator))
     m = mujoco.MjModel.from_xml_path(str(path))
     d = mujoco.MjData(m)
-    mujoco.mj_resetDataKeyframe(m, d, 0)
-    d.qpos[:], d.qvel[:] = 0.4, -1.3
-    mujoco.mj_forward(m, d)
-    mech = mbdae.load(path)
-    system = mech.system()
-    q, v = np.array([0.4]), np.array([-1.3])
-    system.inertia(0.0, q)
-    assert system.torque(0.0, q, v, np.empty(0))[0][0] == pytest.approx(d.qfrc_actuator[0], rel=1e-12)
+    control = {"kind": "harmonic", "offset": 0.7, "amplitude": 0.4, "omega": 5.0}
+    mech = mbdae.load(path, motors={"a": control})
+    sol = mbdae.solve(mech, (0, 1), np.array([0.4]), np.array([-1.3]))
+    assert sol.stats["backend"] == back_end
+    found = sol.signals()
+    assert [f.name for f in mech.forces] == [n[6:] for n in found if n.startswith("power.")] == ["a"]
+    torque, power = found["torque.a"], found["power.a"]
+    for k in np.linspace(0, len(sol.t) - 1, 5, dtype=int):
+        d.qpos[:], d.qvel[:], d.ctrl[:] = sol.q[k], sol.v[k], 0.7 + 0.4 * np.sin(5.0 * sol.t[k])
+        mujoco.mj_forward(m, d)
+        assert torque[k] == pytest.approx(m.actuator_gear[0, 0] * d.actuator_force[0], rel=1e-12)
+        assert power[k] == pytest.approx(d.qfrc_actuator[0] * d.qvel[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["gear", "bias.0", "bias.1", "bias.2", "torque"])
+def test_runs_have_slopes_by_the_numbers_of_actuators(name, five_bar):
+    with warnings.catch_warnings(action="ignore"):
+        mech = mbdae.load(five_bar)
+    key, tight = f"force.right.{name}", {"rtol": 1e-10, "method": "pherk6"}
+    slope = mbdae.sensitivity(mbdae.solve(mech, (0, 0.5), **tight), [key]).signal("q.left")[-1]
+
+    def end(x):
+        return mbdae.solve(files.make({key: x}), (0, 0.5), **tight).signals()["q.left"][-1]
+
+    files = Remembered(mech)
+    x = number(files, key)
+    assert slope == pytest.approx((end(x + 1e-4) - end(x - 1e-4)) / 2e-4, rel=1e-5)
 
 
 def test_gains_that_depend_on_the_joint_are_named(tmp_path):

@@ -6,10 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...forces.bushing import Bushing
-from ...forces.joint_pid import JointPID
 from ...forces.joint_spring import JointSpring
-from ...forces.joint_torque import JointTorque
-from ...signals import Constant
 from ...start import Motor
 from .states import pose
 
@@ -22,13 +19,11 @@ class MjcfActuators(NamedTuple):
 
     Attributes:
         motors: by the index of their control.
-        controllers: what acts besides, in proportion to positions and velocities of joints.
         others: names of actuators of another kind.
         limited: names of those whose limits or delays are not carried over.
     """
 
     motors: dict[int, Motor]
-    controllers: list[JointPID | JointTorque]
     others: list[str]
     limited: list[str]
 
@@ -37,11 +32,10 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
     """MjcfActuators on hinges and slides whose force is gain u + b_0 + b_1 length + b_2 velocity of the transmission.
 
     That is motor, position, velocity, and general with affine bias. With length = gear q the torque on the joint is
-    gear gain u, that of a motor, and gear b_0 + gear^2 (b_1 q + b_2 v), a controller's.
+    gear times that force, gear gain u + gear b_0 + gear^2 (b_1 q + b_2 v): gear of the motor is gear gain.
     """
     m, lib = c.m, c.lib
     motors: dict[int, Motor] = {}
-    controllers: list[JointPID | JointTorque] = []
     others, limited = [], []
     for i in range(len(m.actuator_trntype)):
         name, joint = actuator_name(c, i), _scalar_joint(c, i)
@@ -60,26 +54,14 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
             others.append(f"{name} (not active)")
         elif joint is not None and plain:
             control = _address(m, "actuator_ctrladr", i)
-            motors[control] = Motor(name, c.joints[joint], gear * float(m.actuator_gainprm[i, 0]))
-            if bias == lib.mjtBias.mjBIAS_AFFINE:
-                controllers += _feedback(name, c.joints[joint], gear, m.actuator_biasprm[i, :3])
+            b = m.actuator_biasprm[i, :3] if bias == lib.mjtBias.mjBIAS_AFFINE else np.zeros(3)
+            b = (b * [gear, gear**2, gear**2]).tolist()
+            motors[control] = Motor(name, c.joints[joint], gear * float(m.actuator_gainprm[i, 0]), tuple(b))
             if _is_limited(c, i, control, joint):
                 limited.append(name)
         else:
             others.append(name if m.actuator_plugin[i] < 0 else f"{name} (plugin)")
-    return MjcfActuators(motors, controllers, others, limited)
-
-
-def _feedback(name: str, joint: str, gear: float, bias: Any) -> list[JointPID | JointTorque]:
-    """The torque gear b_0 + gear^2 (b_1 q + b_2 v), at rest where b_0 = -gear b_1 q."""
-    constant, kp, kd = gear * float(bias[0]), -(gear**2) * float(bias[1]), -(gear**2) * float(bias[2])
-    out: list[JointPID | JointTorque] = []
-    if kp or kd:
-        rest = Constant(value=constant / kp if kp else 0.0)
-        out.append(JointPID(name=f"{name} feedback", joint=joint, reference=rest, kp=kp, kd=kd))
-    if constant and not kp:
-        out.append(JointTorque(name=f"{name} bias", joint=joint, torque=Constant(value=constant)))
-    return out
+    return MjcfActuators(motors, others, limited)
 
 
 def actuator_name(c: "MjcfModel", i: int) -> str:
