@@ -82,6 +82,8 @@ class UnknownNameError(InputError):
         kind: what was looked up, for instance ``"joint"``.
         name: the name that was not found.
         valid: the names that exist.
+        what: what is wrong.
+        choice: what is right.
     """
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]) -> None:
@@ -89,7 +91,9 @@ class UnknownNameError(InputError):
         near = get_close_matches(str(name), self.valid, n=1)
         hint = f" (did you mean {near[0]!r}?)" if near else ""
         all_of = f", ... ({len(self.valid)} in all)" if len(self.valid) > MANY else ""
-        super().__init__(f"unknown {kind} {name!r}{hint}; valid: {', '.join(self.valid[:MANY]) or 'none'}{all_of}")
+        self.what = f"unknown {kind} {name!r}{hint}"
+        self.choice = f"valid: {', '.join(self.valid[:MANY]) or 'none'}{all_of}"
+        super().__init__(f"{self.what}; {self.choice}")
 
 
 class AssemblyError(MbdaeError):

@@ -63,8 +63,7 @@ def load(
         parameters: of a mechanism.py, also written behind the name: ``"n_four_bar?N=10"``.
 
     Raises:
-        UnknownNameError: for a model, parameter, frame, joint, motor or keyframe that does not exist; lists those that
-            do.
+        UnknownNameError: for a model, parameter, frame, joint, motor or keyframe that does not exist; lists what does.
         InputError: for a file that is wrong: one line with the key and what was expected.
     """
     more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches}
@@ -72,7 +71,7 @@ def load(
     recipe = read(path, parameters, key=key, assemble=assemble, more=more)
     if recipe.left_out:
         warnings.warn(f"{recipe.name}: not carried over: {'; '.join(map(shortened, recipe.left_out))}", stacklevel=2)
-    with blamed("" if forces or any(more.values()) else str(path), recipe.file):
+    with blamed("" if forces or any(more.values()) else str(path), recipe.file, recipe.parts):
         mech = make(recipe, [f for f in forces if not isinstance(f, FORCES)])
     if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
         _remark_open(mech, recipe.name)
@@ -123,7 +122,8 @@ def read(
     }
     file = file.model_copy(update=update)
     parts = [read_source(s, found.parent) for s in file.source]
-    file, motors, left_out = merged(file, parts)
+    with blamed("" if any((more or {}).values()) else str(path), file, parts):
+        file, motors, left_out = merged(file, parts)
     return Recipe(file, name, parts, motors, left_out, chosen)
 
 

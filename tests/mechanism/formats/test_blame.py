@@ -35,6 +35,85 @@ def test_files(text, words, tmp_path, monkeypatch):
     assert str(pickle.loads(pickle.dumps(told.value))) == str(told.value)
 
 
+FAULTY = """
+[[body]]
+name = "a"
+parent = "wrld"
+[[body]]
+name = "b"
+parent = "a"
+mass = 1.0
+inertia = [1, 1, 1, 0, 0, 0]
+[[frame]]
+name = "tip"
+parent = "c"
+[[closure]]
+kind = "point"
+name = "pin"
+frames = ["tip", "z"]
+within = { joint = "d", windows = [[0, 1]] }
+[[closure]]
+kind = "coupling"
+joints = ["a", "e"]
+coefficients = [0, 2]
+[[force]]
+kind = "joint_spring"
+name = "s"
+joint = ["b", "f"]
+stiffness = 1.0
+[[force]]
+kind = "coulomb_friction"
+closure = "pim"
+coefficient = 0.1
+[start]
+q = { g = 1 }
+[order]
+v = { h = 1 }
+"""
+
+
+def test_all_names_that_do_not_exist_are_said_at_once(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "m.toml").write_text(FAULTY)
+    with pytest.raises(UnknownNameError) as told:
+        mbdae.load("m.toml")
+    assert str(told.value).split("; ") == [
+        "m.toml: frame.tip.parent: unknown frame 'c'",
+        "body.a.parent: unknown frame 'wrld' (did you mean 'world'?)",
+        "closure.pin.frames.1: unknown frame 'z'",
+        "valid: world, a, b, tip",
+        "closure.pin.within.joint: unknown joint 'd'",
+        "closure.a-e.joints.1: unknown joint 'e'",
+        "force.s.joint.1: unknown joint 'f'",
+        "start.q.g: unknown joint 'g'",
+        "order.v.h: unknown joint 'h'",
+        "valid: a, b",
+        "force.1.closure: unknown closure 'pim' (did you mean 'pin'?)",
+        "valid: pin, a-e",
+    ]
+
+
+def test_names_of_sources_are_known(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="arm"><link name="base"/><link name="link"/><joint name="turn" type="continuous">'
+        '<parent link="base"/><child link="link"/><axis xyz="0 0 1"/></joint></robot>'
+    )
+    text = '[[source]]\nfile = "arm.urdf"\nprefix = "l_"\n' + BODY.replace("world", "l_link")
+    lost = '[[force]]\nkind = "joint_spring"\njoint = ["l_turn", "x"]\nstiffness = 1.0\n'
+    (tmp_path / "m.toml").write_text(f"lock = {{ y = 0.0 }}\n[motor]\nu = 1.0\nw = 2.0\n{text}{lost}")
+    with pytest.raises(UnknownNameError) as told:
+        mbdae.load("m.toml")
+    assert str(told.value).split("; ") == [
+        "m.toml: lock.y: unknown joint 'y'",
+        "force.0.joint.1: unknown joint 'x'",
+        "valid: l_turn, a",
+        "motor.u: unknown motor 'u'",
+        "motor.w: unknown motor 'w'",
+        "valid: none",
+    ]
+
+
 def test_what_python_adds_is_not_the_files():
     with pytest.raises(UnknownNameError) as told:
         mbdae.load("pendulum", forces=[mbdae.JointSpring(joint="b", stiffness=1.0)])
