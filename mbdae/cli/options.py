@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
@@ -133,6 +133,12 @@ def finish(sol: "Solution") -> None:
     if not sol.success:
         click.echo(printable(f"mbdae: {sol.status}: {sol.message}"), err=True)
         sys.exit(FAILED)
+
+
+def stopped(what: str) -> NoReturn:
+    """Exit 1 where the user stopped a study, with what there is of it, or is not, on stderr."""
+    click.echo(printable(f"mbdae: stopped by the user {what}"), err=True)
+    sys.exit(FAILED)
 
 
 def emit(data: Any, text: str, as_json: bool) -> None:

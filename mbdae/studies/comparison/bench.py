@@ -81,7 +81,7 @@ class Bench:
         self.reference, self.witness = "", ""
         self.uncertainty: dict[str, float] = {}
         self.samples: Samples | None = None
-        about = {"versions": versions(), "command": sys.argv, "machine": machine()}
+        about = {"versions": versions(), "command": sys.argv, "machine": machine(), "runs": len(trials)}
         self.meta = {"key": self.key(), **about, "backend": motion.backend, "because": motion.because}
         if path and path.exists() and not fresh:
             self._read(path)

@@ -1,6 +1,5 @@
 """The sub-command ``compare``."""
 
-import sys
 from typing import Any
 
 import click
@@ -8,7 +7,6 @@ import click
 from ...cli.completion import COMPARED, completed
 from ...cli.model import ChosenModel, model_argument
 from ...cli.options import (
-    FAILED,
     PICTURES,
     TABLES,
     as_json,
@@ -20,6 +18,7 @@ from ...cli.options import (
     numbers,
     plot_option,
     span,
+    stopped,
     time_option,
     writable,
 )
@@ -68,10 +67,10 @@ def compare(
     from .comparison import OF_TEXTBOOK, QUANTITIES
 
     written = writable(*((path, TABLES) for path in outputs), (plot, PICTURES))
-    tables, kept = ([p for p in outputs if p.endswith(".tex") is tex] for tex in (True, False))
-    output = kept[0] if kept else None
-    if len(kept) > 1:
-        raise InputError(f"the runs are kept in one file, got {' and '.join(kept)}")
+    tables, files = ([p for p in outputs if p.endswith(".tex") is tex] for tex in (True, False))
+    output = files[0] if files else None
+    if len(files) > 1:
+        raise InputError(f"the runs are kept in one file, got {' and '.join(files)}")
     problem = model.problem()
     known = OF_TEXTBOOK if model.textbook else tuple(QUANTITIES)
     if quantity is not None and quantity not in known:
@@ -96,5 +95,5 @@ def compare(
     wrote = written if result.points else []
     emit({**result.to_dict(), "written": wrote}, "\n".join([str(result), *(f"wrote {p}" for p in wrote)]), as_json)
     if not result.complete:
-        click.echo("mbdae: stopped by the user" + (f"; {output} keeps what is finished" if output else ""), err=True)
-        sys.exit(FAILED)
+        kept = f"; {output} keeps what is finished, the same command goes on from there" if output else ""
+        stopped(f"after {len(result.points)} of {result.asked} runs{kept}")

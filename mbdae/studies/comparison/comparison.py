@@ -35,7 +35,8 @@ class Comparison(Tabular):
         uncertainty: largest difference of the two, for ``"q"``, ``"v"``, ``"lam"`` of a mechanism, ``"y"``, ``"z"`` of
             a textbook problem: what is known of the reference.
         complete: False when the comparison was stopped before its end.
-        meta: key of the settings, versions, command, machine, back end and what keeps the runs from the core.
+        meta: key of the settings, versions, command, machine, back end and what keeps the runs from the core, how many
+            runs were asked for.
     """
 
     title: str
@@ -46,6 +47,11 @@ class Comparison(Tabular):
     uncertainty: dict[str, float]
     complete: bool = True
     meta: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def asked(self) -> int:
+        """How many runs were asked for."""
+        return self.meta.get("runs", len(self.points))
 
     @property
     def quantities(self) -> tuple[str, ...]:

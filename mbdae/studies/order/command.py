@@ -19,6 +19,7 @@ from ...cli.options import (
     methods_completed,
     plot_option,
     show,
+    stopped,
     table_option,
     writable,
 )
@@ -52,7 +53,8 @@ def order(
 ) -> None:
     """Measure the orders of methods on a model: exit 1 when one misses its claim, 3 when one cannot be judged.
 
-    For up to three methods it shows step sizes, errors, and the rates between them.
+    For up to three methods it shows step sizes, errors, and the rates between them. Ctrl-C keeps the methods that are
+    finished.
     """
     from .gradients import check_gradients
     from .order import check_order
@@ -74,6 +76,9 @@ def order(
     if output:
         study.save(output)
     emit({**study.to_dict(), "written": written}, "\n".join([str(study), *(f"wrote {p}" for p in written)]), as_json)
+    if study.missing:
+        done, left = len(study.slopes), ", ".join(study.missing)
+        stopped(f"after {done} of {done + len(study.missing)} methods; {left} are left")
     sys.exit(FAILED if study.refuted else HOLDS if study.holds else UNJUDGED)
 
 

@@ -25,7 +25,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ..sensitivity.numbers import maker
 from ..sensitivity.sensitivity import sensitivity
-from .measurement import LEAST_OUTPUTS, Measurement, Progress
+from .measurement import LEAST_OUTPUTS, Measurement, Progress, ended, finished
 from .result import OrderStudy
 
 __all__ = ["check_gradients"]
@@ -80,7 +80,7 @@ class GradientStudy(OrderStudy):
             seen = [f"{x.quantity} {'-' if x.observed is None else f'{x.observed:.2f}'} ({x.claimed})" for x in row]
             bad = [f"{x.quantity}: {x.verdict}" for x in row if x.verdict != "holds"]
             out.append("  ".join([f"{name:8s} {difference:7.0e}{more}", *seen, *(["; ".join(bad)] if bad else [])]))
-        return "\n".join(out)
+        return "\n".join(out + self.left())
 
 
 def check_gradients(
@@ -118,12 +118,11 @@ def check_gradients(
         raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
     backend, because = common(mech, [(m, "index2", None) for m in chosen.values()], "auto")
     measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)
-    beside = {name: measure.beside(m) for name, m in chosen.items()}
-    slopes = {name: measure.judge(m) for name, m in chosen.items()}
+    found = finished(chosen, lambda m: (measure.judge(m), measure.beside(m)))
+    slopes, beside = {name: x for name, (x, _) in found.items()}, {name: x for name, (_, x) in found.items()}
     differences, uncertainties = ({name: x[i] for name, x in beside.items()} for i in (0, 1))
-    return GradientStudy(
-        mech.title, T, slopes, backend, because, parameter or "a velocity of the start", differences, uncertainties
-    )
+    of, missing = parameter or "a velocity of the start", tuple(name for name in chosen if name not in found)
+    return GradientStudy(mech.title, T, slopes, backend, because, missing, of, differences, uncertainties)
 
 
 class GradientMeasurement(Measurement):
@@ -161,15 +160,14 @@ class GradientMeasurement(Measurement):
         return sensitivity(sol, [self.parameter], model=self.model).dy[:, : 2 * nv, 0]
 
     def run(self, method: Method, n: int, moved: float | None = None) -> Solution | None:
-        """Run a method with n steps; None where it does not come to the end."""
+        """Run a method with n steps; None where it does not come to the end, see `ended`."""
         self.progress(f"{method.name}, {n} steps")
         mech, (q, v) = self.mech, self.start
         if self.parameter is None:
             v = self.own[1] + (moved or 0.0) * self.direction
         elif moved is not None:
             mech = maker(mech, self.model).make({self.parameter: moved})
-        sol = solve(mech, (0.0, self.T), q, v, method=method, step=self.T / n, backend=self.backend)
-        return sol if sol.ended else None
+        return ended(solve(mech, (0.0, self.T), q, v, method=method, step=self.T / n, backend=self.backend))
 
     def beside(self, method: Method) -> tuple[float, float]:
         """The difference of tangent and quotients, and that of the two best quotients; nan where no run ends."""

@@ -8,9 +8,9 @@ uncertainty. Where these are fewer than four halvings, coarser steps are added, 
 that needs them refutes it only where its rates agree with each other. What cannot be judged is said so.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,7 @@ LARGEST_RUN = 120_000  # solves in one run of the study
 SETTLED = 0.1  # the spread of the last slopes below which finer steps would not say more
 EPS = float(np.finfo(float).eps)
 Progress = Callable[[str], None]
+Found = TypeVar("Found")
 
 
 class Measurement:
@@ -59,10 +60,11 @@ class Measurement:
         self.system = problem.system()
 
     def run(self, method: Method, n: int) -> Solution | None:
-        """Run a method with n steps; None where it does not come to the end."""
+        """Run a method with n steps; None where it does not come to the end, see `ended`."""
         self.progress(f"{method.name}, {n} steps")
-        sol = solve(self.problem, (0.0, self.T), *self.start, method=method, step=self.T / n, backend=self.backend)
-        return sol if sol.ended else None
+        return ended(
+            solve(self.problem, (0.0, self.T), *self.start, method=method, step=self.T / n, backend=self.backend)
+        )
 
     def sample(self, sol: Solution, every: int = 1) -> tuple[Array, ...]:
         """The quantities at each of the common times, or every second, ..., one row each; configurations as points."""
@@ -221,6 +223,33 @@ class Measurement:
                 what = f"rates from {rates.min():.1f} to {rates.max():.1f} with fewer steps than {least}"
                 return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
         return Slope(quantity, claimed, slope, verdict, *record, (window.start, end))
+
+
+def finished(methods: Mapping[str, Method], study: Callable[[Method], Found]) -> dict[str, Found]:
+    """What a study found of each method; where the user stops it, of those that are finished.
+
+    Raises:
+        KeyboardInterrupt: where none is.
+    """
+    out: dict[str, Found] = {}
+    try:
+        for name, method in methods.items():
+            out[name] = study(method)
+    except KeyboardInterrupt:
+        if not out:
+            raise
+    return out
+
+
+def ended(sol: Solution) -> Solution | None:
+    """A run that came to its end.
+
+    Raises:
+        KeyboardInterrupt: for one that the user stopped.
+    """
+    if sol.status == "interrupted":
+        raise KeyboardInterrupt
+    return sol if sol.ended else None
 
 
 def above(errors: Sequence[float], floors: Sequence[float]) -> int:

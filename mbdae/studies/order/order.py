@@ -9,7 +9,7 @@ from ...mechanism import Mechanism
 from ...methods import METHODS
 from ...methods import method as find_method
 from ...solution.solution import Problem
-from .measurement import LEAST_OUTPUTS, Measurement, Progress
+from .measurement import LEAST_OUTPUTS, Measurement, Progress, finished
 from .result import OrderStudy
 
 __all__ = ["check_order"]
@@ -27,7 +27,8 @@ def check_order(
 
     An error is the largest one over common times, error(h) ~ C h^p; p is the least-squares slope of log error over log
     h, of at least four halvings above rounding and the uncertainty of a reference by another method. lam is that of the
-    hidden constraint, 0 = G v' + gamma, own lam what the method itself carries.
+    hidden constraint, 0 = G v' + gamma, own lam what the method itself carries. Stopped by Ctrl-C, it returns the
+    methods that were finished.
 
     Args:
         problem: a mechanism (started from its model file's state) or a textbook problem.
@@ -54,5 +55,5 @@ def check_order(
     backend, because = common(problem, [(m, "index2", None) for m in chosen.values()], "auto")
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
     measure.lower = lower
-    slopes = {name: measure.judge(m) for name, m in chosen.items()}
-    return OrderStudy(problem.title, T, slopes, backend, because)
+    slopes = finished(chosen, measure.judge)
+    return OrderStudy(problem.title, T, slopes, backend, because, tuple(name for name in chosen if name not in slopes))

@@ -63,6 +63,7 @@ class OrderStudy(Tabular):
         slopes: by method.
         backend: of all runs.
         because: what keeps them from the compiled core, in words; "" where nothing does.
+        missing: the methods that were left when the user stopped the study.
     """
 
     title: str
@@ -70,11 +71,12 @@ class OrderStudy(Tabular):
     slopes: dict[str, tuple[Slope, ...]]
     backend: str = "python"
     because: str = ""
+    missing: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:
         """True when every slope was judged and reaches its claim."""
-        return all(s.verdict == "holds" for row in self.slopes.values() for s in row)
+        return not self.missing and all(s.verdict == "holds" for row in self.slopes.values() for s in row)
 
     @property
     def refuted(self) -> bool:
@@ -91,6 +93,7 @@ class OrderStudy(Tabular):
             "because": self.because,
             "holds": self.holds,
             "refuted": self.refuted,
+            "missing": list(self.missing),
             "methods": slopes,
         }
 
@@ -104,9 +107,13 @@ class OrderStudy(Tabular):
         return [["method", *quantities], *rows]
 
     def remarks(self) -> list[str]:
-        """What misses its claim, and what cannot be judged."""
+        """What misses its claim, what cannot be judged, and what is missing."""
         every = [(name, s) for name, row in self.slopes.items() for s in row]
-        return [f"{name}, {s.quantity}: {s.verdict}" for name, s in every if s.verdict != "holds"]
+        return [f"{name}, {s.quantity}: {s.verdict}" for name, s in every if s.verdict != "holds"] + self.left()
+
+    def left(self) -> list[str]:
+        """One line on what is missing, where the user stopped the study."""
+        return [f"stopped: {', '.join(self.missing)} are left"] if self.missing else []
 
     def convergence(self, method: str) -> list[list[str]]:
         """Step sizes of a method, and for each quantity the errors there and the rates between them.
@@ -162,4 +169,4 @@ class OrderStudy(Tabular):
             lines.append(f"{name:8s} " + "  ".join(cells) + ("  " + "; ".join(bad) if bad else ""))
         for name in self.slopes if len(self.slopes) <= FEW else ():
             lines += ["", *aligned(self.convergence(name))]
-        return "\n".join(lines)
+        return "\n".join(lines + self.left())

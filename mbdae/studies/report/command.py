@@ -15,6 +15,7 @@ from ...cli.options import (
     methods_option,
     rtol_option,
     span,
+    stopped,
     time_option,
     writable,
 )
@@ -32,7 +33,10 @@ from ...cli.options import (
 def report(
     model: ChosenModel, output: str, names: tuple[str, ...], end: float | None, as_json: bool, **options: Any
 ) -> None:
-    """Write one page on a model: card, run with replay, drift, orders and comparison, with all that repeats it."""
+    """Write one page on a model: card, run with replay, drift, orders and comparison, with all that repeats it.
+
+    Ctrl-C writes what is finished.
+    """
     from .report import report as study
 
     written = writable((output, PAGES))
@@ -42,3 +46,5 @@ def report(
         result = study(mech, span(mech, end)[1], methods=listed(names) or None, progress=tell, **options)
     result.save(output)
     emit({**result.to_dict(), "written": written}, f"{result}\n\nwrote {output}", as_json)
+    if result.missing:
+        stopped(result.without)

@@ -33,6 +33,7 @@ def page(report: "Report") -> str:
     c, meta = report.card, report.meta
     backend = f"{report.sol.stats['backend']} back end on {meta['machine']}"
     summary = f"Degrees of freedom: {c.freedom}. mbdae {meta['versions']['mbdae']}, {backend}, {meta['date']}."
+    summary += f" Stopped by the user {report.without}." if report.missing else ""
     return document(c.title, summary, meta["versions"]["mbdae"], bodies)
 
 
@@ -55,7 +56,7 @@ def _parts(report: "Report") -> str:
 
 
 def _ranking(report: "Report") -> str:
-    return ranking(report.comparison)
+    return ranking(report.comparison) if report.comparison and report.comparison.points else ""
 
 
 def _model(report: "Report") -> str:
@@ -107,6 +108,8 @@ def _orders(report: "Report") -> str:
 
 def _comparison(report: "Report") -> str:
     result = report.comparison
+    if result is None or not result.points:
+        return ""
     heads, rows = comparison_rows(result)
     text = (
         f"<p>Errors are the largest differences over common times to {escape(result.trust)}; "

@@ -55,9 +55,10 @@ def downloads(report: "Report") -> str:
     """Links to files that the page holds: the run, the comparison, and all results."""
     results = {"report.json": json.dumps(report.to_dict(), default=str).encode()}
     with tempfile.TemporaryDirectory() as folder:
-        for name, save in (("run.csv", report.sol.save), ("comparison.csv", report.comparison.save)):
-            save(Path(folder, name))
-            results[name] = Path(folder, name).read_bytes()
+        for name, kept in (("run.csv", report.sol), ("comparison.csv", report.comparison)):
+            if kept:
+                kept.save(Path(folder, name))
+                results[name] = Path(folder, name).read_bytes()
     links = []
     for name, data in sorted(results.items()):
         size = f"{name} ({len(data) / 1e3:.0f} kB"

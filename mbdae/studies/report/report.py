@@ -3,7 +3,7 @@
 import platform
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -44,26 +44,33 @@ class Report:
         sol: the run that is replayed.
         drifts: drift of every method's run.
         orders: observed and claimed orders; None when no method without a formulation was asked for.
-        comparison: methods against a reference.
+        comparison: methods against a reference; None when the user stopped it before the reference was there.
         mechanism: description of the mechanism, enough to make it again.
         meta: command, parameters, versions, machine and date.
+        missing: what was left when the user stopped the study, in words.
     """
 
     card: Card
     sol: Solution
     drifts: tuple[Drift, ...]
     orders: OrderStudy | None
-    comparison: Comparison
+    comparison: Comparison | None
     mechanism: dict[str, Any]
     meta: dict[str, Any]
+    missing: tuple[str, ...] = ()
 
     @property
     def parts(self) -> list[Any]:
         """The results in order."""
         return [part for part in (self.card, *self.drifts, self.orders, self.comparison) if part is not None]
 
+    @property
+    def without(self) -> str:
+        """What is missing, in words."""
+        return f"without {'; '.join(self.missing)}" if self.missing else ""
+
     def __str__(self) -> str:
-        return "\n\n".join(str(part) for part in self.parts)
+        return "\n\n".join([*map(str, self.parts), *([f"stopped by the user {self.without}"] if self.missing else [])])
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON, without the run's states."""
@@ -73,8 +80,9 @@ class Report:
             "run": {**run, "settings": self.sol.settings},
             "drift": [d.to_dict() for d in self.drifts],
             "orders": self.orders.to_dict() if self.orders else None,
-            "comparison": self.comparison.to_dict(),
+            "comparison": self.comparison.to_dict() if self.comparison else None,
             "meta": self.meta,
+            "missing": list(self.missing),
         }
 
     def save(self, path: str | Path) -> None:
@@ -99,7 +107,7 @@ def report(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Report:
-    """Study a mechanism from its start state.
+    """Study a mechanism from its start state. Stopped by Ctrl-C, it returns what was finished.
 
     Args:
         mech: the mechanism.
@@ -119,24 +127,27 @@ def report(
     tell = progress or (lambda done, name: None)
     chosen = variants(methods or METHODS)
     span = checked_span(mech.duration if end is None else end)
-    sols = []
-    for i, v in enumerate(chosen):
-        tell(SHARES["runs"] * i / len(chosen), f"run, {v}")
-        sols.append(_finished(solve(mech, span, rtol=rtol, **v.arguments())))
     plain = [v.method for v in chosen if not v.prefix]
-    orders = check_order(mech, plain, progress=lambda name: tell(SHARES["runs"], f"order, {name}")) if plain else None
-    left = 1.0 - SHARES["orders"]
-    comparison = compare(
-        mech,
-        span,
-        methods=chosen,
-        rtol=tolerances,
-        repeats=repeats,
-        workers=workers,
-        progress=lambda done, name: tell(SHARES["orders"] + left * done, f"compare, {name}"),
-    )
-    if not comparison.complete:
-        raise KeyboardInterrupt
+    sols, orders, comparison, left = list[Solution](), None, None, 1.0 - SHARES["orders"]
+    try:
+        for i, v in enumerate(chosen):
+            tell(SHARES["runs"] * i / len(chosen), f"run, {v}")
+            sols.append(_finished(solve(mech, span, rtol=rtol, **v.arguments())))
+        if plain:
+            orders = check_order(mech, plain, progress=lambda name: tell(SHARES["runs"], f"order, {name}"))
+        if orders is None or not orders.missing:
+            comparison = compare(
+                mech,
+                span,
+                methods=chosen,
+                rtol=tolerances,
+                repeats=repeats,
+                workers=workers,
+                progress=lambda done, name: tell(SHARES["orders"] + left * done, f"compare, {name}"),
+            )
+    except KeyboardInterrupt:
+        if not sols:
+            raise
     parameters = {
         "t_span": list(span),
         "methods": [str(v) for v in chosen],
@@ -154,7 +165,23 @@ def report(
         comparison=comparison,
         mechanism=describe(mech),
         meta=provenance(parameters),
+        missing=tuple(_missing([str(v) for v in chosen[len(sols) :]], orders, bool(plain), comparison)),
     )
+
+
+def _missing(runs: list[str], orders: OrderStudy | None, judged: bool, comparison: Comparison | None) -> Iterator[str]:
+    """What a study is without, in words."""
+    if runs:
+        yield f"runs of {', '.join(runs)}"
+    if judged and orders is None:
+        yield "orders"
+    elif orders and orders.missing:
+        yield f"orders of {', '.join(orders.missing)}"
+    if comparison is None:
+        yield "the comparison"
+    elif not comparison.complete:
+        left = comparison.asked - len(comparison.points)
+        yield f"{left} of {comparison.asked} runs of the comparison" if left else "times of the comparison"
 
 
 def _finished(sol: Solution) -> Solution:

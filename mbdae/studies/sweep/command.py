@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from ...cli.options import FAILED, PICTURES, RTOL, TABLES, as_json, bar, emit, writable
+from ...cli.options import FAILED, PICTURES, RTOL, TABLES, as_json, bar, emit, stopped, writable
 
 OWN, KEPT = {"rtol", "step"}, ".parquet"
 
@@ -53,8 +53,7 @@ def sweep(file: str, output: str | None, fresh: bool, plot: str | None, as_json:
     emit({**result.to_dict(), "written": wrote}, "\n".join([str(result), *(f"wrote {p}" for p in wrote)]), as_json)
     if not result.complete:
         kept = f"; {path}.part keeps what is finished, the same command goes on from there" if path else ""
-        click.echo(f"mbdae: stopped by the user after {len(result)} of {result.total} runs{kept}", err=True)
-        sys.exit(FAILED)
+        stopped(f"after {len(result)} of {result.total} runs{kept}")
     if result.failed:
         click.echo(f"mbdae: {len(result.failed)} of {result.total} runs failed, see their status", err=True)
         sys.exit(FAILED if len(result.failed) == len(result) else 0)

@@ -251,7 +251,7 @@ def test_what_is_finished_is_not_done_again(four_bar, tmp_path, monkeypatch, nam
     first = mbdae.compare(four_bar, (0, 1), **QUICK, progress=stop, resume=tmp_path / name)
     assert not first.complete
     assert len(first.points) == 3
-    assert "stopped: 3 runs" in str(first)
+    assert "stopped: 3 of 4 runs" in str(first)
     assert Comparison.load(tmp_path / name).points == first.points
     runs.clear()
     second = mbdae.compare(four_bar, (0, 1), **QUICK, resume=tmp_path / name)

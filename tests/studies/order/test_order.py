@@ -1,6 +1,8 @@
 """Observed orders of every method against its claims, by the rules of the order study."""
 
 import json
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from commands import call
 import mbdae
 from mbdae.backend import load as load_core
 from mbdae.methods import Tableau
+from mbdae.studies.order import measurement
 from mbdae.studies.order.measurement import LEAST_OUTPUTS, Measurement, above, done, settled
 from mbdae.textbook.problems import hessenberg_a
 
@@ -158,3 +161,24 @@ def test_the_gain_of_multipliers_is_found_once(monkeypatch):
     monkeypatch.setattr(system, "multiplier_gain", lambda *given: found.append(given) or find(*given))
     mbdae.check_order(problem, ["herk1", "herk2"], T=0.5)
     assert len(found) == 1
+
+
+@pytest.mark.parametrize("gradients", [[], ["--gradients"]])
+def test_ctrl_c_keeps_the_methods_that_are_finished(gradients, tmp_path, monkeypatch):
+    where = measurement if not gradients else mbdae.studies.order.gradients
+    real = where.solve
+
+    def solve(*args, method, **options):
+        press = (lambda done: os.kill(os.getpid(), signal.SIGINT)) if method.name == "herk3" else None
+        return real(*args, method=method, progress=press, **options)
+
+    monkeypatch.setattr(where, "solve", solve)
+    arguments = ["order", "pendulum", "-m", "herk2,herk3,herk4", "-t", "0.2", "-o", "o.json", *gradients]
+    code, out, err = call(*arguments, cwd=tmp_path)
+    assert code == 1
+    assert err == "mbdae: stopped by the user after 1 of 3 methods; herk3, herk4 are left\n"
+    assert "stopped: herk3, herk4 are left" in out
+    kept = json.loads((tmp_path / "o.json").read_text())
+    assert (list(kept["methods"]), kept["missing"], kept["holds"]) == (["herk2"], ["herk3", "herk4"], False)
+    code, out, err = call(*arguments[:2], "-m", "herk3", *gradients)
+    assert (code, out, err.strip()) == (130, "", "mbdae: stopped by the user")

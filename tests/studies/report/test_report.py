@@ -3,8 +3,10 @@
 import base64
 import html
 import json
+import os
 import re
 import shlex
+import signal
 
 import numpy as np
 import pytest
@@ -99,7 +101,7 @@ def test_what_repeats_it_is_in_it(result, page):
 
 def test_results_are_data_and_text(result, told):
     data = json.loads(json.dumps(result.to_dict(), allow_nan=False))
-    assert set(data) == {"card", "run", "drift", "orders", "comparison", "meta"}
+    assert set(data) == {"card", "run", "drift", "orders", "comparison", "meta", "missing"}
     assert [d["method"] for d in data["drift"]] == list(OPTIONS["methods"])
     assert list(data["orders"]["methods"]) == ["pherk5"]
     assert len(data["comparison"]["points"]) == 4
@@ -184,3 +186,41 @@ def test_a_browser_shows_text_figures_and_replay(page):
         assert orange.sum() > 200
         tab.resize((390, 844))
         assert tab.evaluate("document.documentElement.scrollWidth") == 390, "fits a phone"
+
+
+@pytest.mark.parametrize(
+    ("at", "missing", "orders", "points"),
+    [
+        ("run, ggl:herk3", ("runs of ggl:herk3, herk2", "orders", "the comparison"), None, None),
+        ("order, herk2", ("orders of herk2", "the comparison"), ["pherk6"], None),
+        ("compare, reference", ("the comparison",), ["pherk6", "herk2"], None),
+        ("compare, herk2, rtol 0.001", ("1 of 3 runs of the comparison",), ["pherk6", "herk2"], 2),
+        ("compare, time 2", ("times of the comparison",), ["pherk6", "herk2"], 3),
+    ],
+)
+def test_ctrl_c_keeps_what_is_finished(at, missing, orders, points):
+    def stop(done, name):
+        if name.startswith(at):
+            raise KeyboardInterrupt
+
+    options = OPTIONS | {"methods": ("pherk6", "ggl:herk3", "herk2")} | {"tolerances": (1e-3,), "workers": 1}
+    options |= {"repeats": 2} if "time" in at else {}
+    found = mbdae.report(mbdae.load("pendulum"), 0.3, **options, progress=stop)
+    assert found.missing == missing
+    assert (found.orders and [*found.orders.slopes]) == orders
+    assert (found.comparison and len(found.comparison.points)) == points
+    assert str(found).endswith(f"stopped by the user without {'; '.join(missing)}")
+
+
+def test_ctrl_c_writes_what_is_finished(tmp_path, monkeypatch):
+    for figure in ("motion", "drifts", "image"):
+        monkeypatch.setattr(f"mbdae.studies.report.page.{figure}", lambda *_: "")
+    monkeypatch.setattr("mbdae.studies.report.report.METHODS", ("pherk6", "herk2"))
+    press = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)  # noqa: E731
+    monkeypatch.setattr("mbdae.studies.report.report.check_order", press)
+    code, out, err = call("report", "pendulum", "-t", "0.3", "-o", "r.html", cwd=tmp_path)
+    assert (code, err) == (1, "mbdae: stopped by the user without orders; the comparison\n")
+    assert out.endswith("without orders; the comparison\n\nwrote r.html\n")
+    text = outside((tmp_path / "r.html").read_text("utf-8"))
+    assert "Stopped by the user without orders; the comparison." in text
+    assert re.findall(r'<h2 id="(\w+)">', text) == ["Model", "Parts", "Run", "Drift", "Repeat", "Data"]
