@@ -32,7 +32,8 @@ class Sweep(Tabular):
         rows: for each run its number ``run``, parameters, ``seed``, ``status``, ``message``, end time ``t`` in s,
             counts of work, ``backend``, and outputs; those of a run that did not come to its end are None. Results of
             functions are a table ``more``.
-        meta: what was computed: manifest, names of parameters, numbers and signals, and units of these.
+        meta: what was computed: manifest, names of parameters, numbers and signals, and units of these, where the
+            file tells them.
         seconds: wall time of each run that was computed now, by its number. No column of the table, which is the same
             bit for bit whoever computes it.
         path: the file, if any.
@@ -113,7 +114,7 @@ class Sweep(Tabular):
 
     def tabulated(self) -> Columns:
         """All columns by name; of signals at times an array for each run, (n, times). Units are those of signals."""
-        return Columns({name: self[name] for name in self.names}, {"t": "s"} | self.meta["units"])
+        return Columns({name: self[name] for name in self.names}, {"t": "s"} | self.meta.get("units", {}))
 
     def cells(self) -> list[list[str]]:
         """Parameters, status and outputs of all runs."""

@@ -10,6 +10,7 @@ import mbdae
 from mbdae.__main__ import cli
 from mbdae.cli.options import FAILED
 from mbdae.errors import InputError
+from mbdae.studies.sweep.file import write
 
 
 def closing_over(g):
@@ -131,3 +132,8 @@ def test_outputs_have_the_units_of_their_signals(tmp_path):
     wanted = {"t": "s", "max v.joint1": "rad/s", "peak force.joint1": "N", "q.joint2": "rad", "final energy": "J"}
     assert table.to_pandas().attrs["units"] == wanted
     assert mbdae.Sweep.load(path).to_pandas().attrs["units"] == wanted
+    older = {key: x for key, x in table.meta.items() if key != "units"}
+    write(path, table.rows, table.kinds, older)
+    again = mbdae.Sweep.load(path)
+    assert again.to_pandas().attrs["units"] == {"t": "s"}
+    np.testing.assert_array_equal(again["max v.joint1"], table["max v.joint1"])
