@@ -23,7 +23,8 @@ def compared(fit: Fit) -> "Figure":
         t = fit.times[i]
         left.plot(t, fit.measured[i][name], ".", color=COLOURS[1], markersize=3, label="measured")
         left.plot(t, fit.computed[i][name], color=COLOURS[0], label="computed")
-        left.set_ylabel(plain(name if len(fit.names) == 1 else f"{name}, {Path(fit.names[i]).name}"))
+        of = f", {Path(fit.names[i]).name}" if len(fit.names) > 1 else ""
+        left.set_ylabel(plain(f"{name}{of} ({fit.units[name]})" if fit.units.get(name) else name + of))
         left.set_xlabel("$t$ (s)")
         right.plot(t, fit.residuals[i][name], ".", color=COLOURS[0], markersize=3)
         right.axhline(0.0, color="0.4", linewidth=0.7)

@@ -20,6 +20,7 @@ from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import number
 from ...mechanism.formats.template import Template
 from ...solution.signals import signals as computed_signals
+from ...solution.signals import units
 from ...system import Array
 from ..sensitivity.numbers import Makes, maker
 from .data import records
@@ -213,12 +214,14 @@ def _result(problem: Misfit, searches: list[Attempt], low: Array, high: Array, s
     residuals = [{name: (c[name] - record.columns[name]) / problem.sigma[name] for name in c}
                  for c, record in zip(computed, problem.found, strict=True)]  # fmt: skip
     probability = float(chi2_distribution.sf(chi2, dof)) if problem.given and dof > 0 else np.nan
+    mech = problem.solved(x)[0].mechanism
+    every = units(mech)
     return Fit(
-        problem.solved(x)[0].mechanism.title,
+        mech.title,
         dict(zip(names, x.tolist(), strict=True)),
         dict(zip(names, deviation.tolist(), strict=True)),
         covariance, correlations, chi2, dof, probability, list(dict.fromkeys(untold)), at_bounds, residuals, computed,
         [record.columns for record in problem.found], [record.t for record in problem.found],
         [record.name for record in problem.found], problem.runs, problem.gradients, best.converged, best.message,
-        searches,
+        searches, {name: every[name] for record in problem.found for name in record.columns},
     )  # fmt: skip

@@ -57,6 +57,7 @@ class Fit(Tabular):
         converged: whether the search came to an end.
         message: how it ended.
         searches: one for each start.
+        units: of the signals.
     """
 
     model: str
@@ -79,6 +80,7 @@ class Fit(Tabular):
     converged: bool = True
     message: str = ""
     searches: list[Attempt] = field(default_factory=list, repr=False)
+    units: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def agreeing(self) -> int:
@@ -103,6 +105,7 @@ class Fit(Tabular):
             **{key: getattr(self, key) for key in plain},
             "refuted": self.refuted,
             "untold": [list(group) for group in self.untold],
+            "units": self.units,
             "covariance": self.covariance.tolist(),
             "correlations": self.correlations.tolist(),
             "searches": [s._asdict() for s in self.searches],

@@ -1,6 +1,8 @@
 """Numbers from measurements: the truth within its standard deviations, false minima, what data do not tell, errors."""
 
+import base64
 import json
+import re
 
 import numpy as np
 import pytest
@@ -156,6 +158,20 @@ def test_several_runs_with_starts_of_their_own(tmp_path):
     assert page.count('<p class="caption">') == page.count("<table>") >= 1, "every table of numbers is numbered"
     for words in ("Fit of", "standard deviation", "gravity.2", "nothing stands against", "data:image/svg+xml"):
         assert words in page, words
+
+
+@pytest.mark.parametrize("runs", [[""], [", data 1", ", data 2"]])
+def test_panels_of_the_page_say_signal_run_and_unit(runs, tmp_path):
+    """From the figure inside the page, which has each text as a comment before its curves."""
+    units = {"q.joint1": "rad", "force.joint1": "N"}
+    data = [measured("double_pendulum", {}, np.linspace(0.1, 0.4, 4), units, **STEP) for _ in runs]
+    mbdae.fit("double_pendulum", {"gravity.2": (-12, -8)}, data, spans=(1.0,), **STEP).save(tmp_path / "fit.html")
+    (picture,) = re.findall(r"data:image/svg\+xml;base64,([^\"]+)", (tmp_path / "fit.html").read_text())
+    said = re.findall(r"<!-- (.*?) -->", base64.b64decode(picture).decode())
+    labels = [f"{name}{run} ({unit})" for run in runs for name, unit in units.items()]
+    assert [text for text in said if text.startswith(tuple(units))] == labels
+    assert said.count("residual / noise level") == len(labels)
+    assert {"measured", "computed"} <= set(said)
 
 
 def test_parquet(tmp_path):
