@@ -22,7 +22,7 @@ from .threejs import mesh_data, node, scene_object
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene, Shape
 
-SCRIPTS = ("scene", "springs", "camera", "plots", "controls", "linkage", "sliders")
+SCRIPTS = ("scene", "springs", "camera", "plots", "controls", "linkage", "sliders", "print")
 
 
 def drawn(scene: "Scene", bodies: Sequence[Mapping[str, str]]) -> dict[str, Any]:

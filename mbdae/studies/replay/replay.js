@@ -162,6 +162,7 @@ async function main() {
   if (scene.sliders) page.slide(0);
   if (obey(page, scene)) page.play();
   arrange();
+  printed(page, arrange);
   viewer.render();
   window.mbdae = page;
   new ResizeObserver(arrange).observe(pane);

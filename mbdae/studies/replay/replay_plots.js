@@ -119,10 +119,10 @@ function plot(scene, seek) {
   return {
     panes,
     show(shown) { document.querySelector("main").classList.toggle("bare", !shown || scene.panes.length === 0); },
-    resize() {
+    resize(each = 0) {
       const style = getComputedStyle(box), width = box.clientWidth - parseFloat(style.paddingRight) - parseFloat(style.paddingLeft);
       const height = box.clientHeight - parseFloat(style.paddingTop) - parseFloat(style.paddingBottom);
-      if (width > 0) for (const pane of panes) pane.resize(width, Math.max(height / panes.length, 170));
+      if (width > 0) for (const pane of panes) pane.resize(width, each || Math.max(height / panes.length, 170));
       shown = NaN;
     },
     draw(time) {
