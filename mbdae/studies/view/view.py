@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from ..replay import animation_tracks as tracks
 from ..replay.document import document, drawn, frame
 from .linkage import linkage
 from .sliders import MOST, Slider, sliders
+
+if TYPE_CHECKING:
+    from ...mechanism.scene.scene import Scene
 
 __all__ = ["view"]
 
@@ -72,8 +75,9 @@ class View:
 
     def page(self) -> str:
         """The page as text."""
-        scene = self.mechanism.scene
         start = self.q[None]
+        reached = np.concatenate([start, *(s.q for s in self.sliders)])
+        scene = self.mechanism.scene.travelled(reached)
         springs = tracks.springs(scene, start)
         payload = {
             **drawn(scene, tracks.bodies(scene, self.mechanism.model)),
@@ -81,19 +85,18 @@ class View:
             "frames": 1,
             **{"start": 0.0, "end": 1.0, "speed": 1.0},
             "springs": springs,
-            "gaps": tracks.gaps(scene, np.concatenate([start, *(s.q for s in self.sliders)])),
+            "gaps": tracks.gaps(scene, reached),
             **{"camera": None, "follow": "", "marked": False, "ghosts": [], "traces": [], "panes": []},
             "arrows": {"largest": 0.0, "forces": []},
             "switched": {"each": []},
-            "choices": [self._choice(s) for s in self.sliders],
+            "choices": [self._choice(scene, s) for s in self.sliders],
             "sliders": [_plain(s) for s in self.sliders],
             "linkage": self._linkage,
             "note": self._note(),
         }
         return document(self.mechanism.title, payload)
 
-    def _choice(self, slider: Slider) -> dict[str, Any]:
-        scene = self.mechanism.scene
+    def _choice(self, scene: "Scene", slider: Slider) -> dict[str, Any]:
         placements = scene.placements(slider.q)
         moving = [p for p in tracks.poses(scene, placements) if len(p["values"].data) > 28]
         known = {s["name"] for s in tracks.springs(scene, self.q[None])}

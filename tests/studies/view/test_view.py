@@ -125,6 +125,20 @@ def test_several_coordinates_move_together_and_loops_stay_closed(name, moves, tm
     np.testing.assert_allclose(log["places"], mech.scene.placements(q)[:, :3], atol=1e-6)
 
 
+def test_a_rail_reaches_as_far_as_its_slider(tmp_path):
+    found = mbdae.view(mbdae.load("cart_pole"))
+    page, _ = page_of(found, tmp_path)
+    script = """
+      const rail = nodeOf(mbdae.viewer, "mechanism/rail/cart rail");
+      const {min, max} = new MeshCat.THREE.Box3().setFromObject(rail);
+      log.ends = [min.x, max.x];
+    """
+    low, high = Chromium().ask(page, script)["ends"]
+    (cart,) = found.sliders
+    margin = 7 * found.mechanism.scene.width
+    assert (low, high) == pytest.approx((cart.u.min() - margin, cart.u.max() + margin), abs=1e-3)
+
+
 def test_where_loops_cannot_be_closed_a_slider_stops(tmp_path):
     found = mbdae.view(mbdae.load("delta_robot"))
     page, move = page_of(found, tmp_path)
