@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...mechanism.scene.surfaces import Surface, surfaces
+from ...mechanism.scene.surfaces import Surface
 from ...system import Array
 from .animation_tracks import continuous
 from .mode_tracks import HELD, STRUCK
-from .solids import coil, solid
+from .solids import coil, parts, solid
 
 if TYPE_CHECKING:
-    from ...mechanism.scene.scene import Scene, Shape
+    from ...mechanism.scene.scene import Scene
     from .mode_tracks import Switched
 
 GREY = (0.7, 0.7, 0.7, 1.0)
@@ -134,7 +134,7 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
         return node
 
     for shape, track in zip(scene.shapes, scene.placements(q).swapaxes(0, 1), strict=True):
-        if shape.role != "closure" and (found := _parts(shape)):
+        if shape.role != "closure" and (found := parts(shape)):
             mesh = file.mesh(shape.mesh or (shape.kind, shape.size), found, shape.rgba)
             scale = {} if shape.scale == (1.0, 1.0, 1.0) else {"scale": np.array([shape.scale])}
             place(shape.name, mesh, {"translation": track[:, :3], "rotation": _unit(continuous(track[:, 3:])), **scale})
@@ -206,12 +206,6 @@ def _flashing(mark: "Switched", times: Array, speed: float) -> tuple[Array, Arra
 
 def _rgba(colour: str) -> tuple[float, ...]:
     return (*(int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)), 0.6)
-
-
-def _parts(shape: "Shape") -> list[Surface]:
-    if shape.mesh is None:
-        return [solid(shape.kind, shape.size)]
-    return surfaces(shape.mesh, pictures=True) or []
 
 
 def _unit(quaternions: Array) -> Array:

@@ -1,11 +1,23 @@
-"""Plain shapes as triangles, with their axes of symmetry along z and their middle at the origin."""
+"""Shapes as triangles, plain ones with their axes of symmetry along z and their middle at the origin."""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...mechanism.scene.surfaces import Surface, welded
+from ...mechanism.scene.surfaces import Surface, surfaces, welded
 from ...system import Array
 
+if TYPE_CHECKING:
+    from ...mechanism.scene.scene import Shape
+
 AROUND, ACROSS, TURNS = 48, 16, 12
+
+
+def parts(shape: "Shape") -> list[Surface]:
+    """The triangles of a shape, an entry for each colour; none for a mesh that is damaged."""
+    if shape.mesh is None:
+        return [solid(shape.kind, shape.size)]
+    return surfaces(shape.mesh, pictures=True) or []
 
 
 def solid(kind: str, size: tuple[float, ...]) -> Surface:

@@ -13,6 +13,7 @@ from ..comparison.tables import comparison_rows
 from ..drift.figure import drifts
 from ..order.figure import convergence
 from ..replay.document import frame
+from ..replay.figure import posture
 from ..replay.replay import pace
 from ..replay.replay import page as replay_page
 from ..run.figure import motion
@@ -62,7 +63,8 @@ def _ranking(report: "Report") -> str:
 def _model(report: "Report") -> str:
     c = report.card
     note = "<p>Reactions of dependent rows are not unique: lam is the one of minimum norm.</p>" if c.ng > c.rank else ""
-    return facts(c.facts()) + note
+    picture = image(posture(report.sol), "the mechanism at the start of the run", small=True)
+    return picture + facts(c.facts()) + note
 
 
 def _run(report: "Report") -> str:
@@ -139,8 +141,9 @@ def facts(known: dict[str, str]) -> str:
     return f'<table class="facts">{"".join(rows)}</table>'
 
 
-def image(figure: "Figure", words: str) -> str:
-    """A figure inside the page, and what it shows."""
+def image(figure: "Figure", words: str, *, small: bool = False) -> str:
+    """A figure inside the page, and what it shows; a small one is whole on a phone."""
     data = base64.b64encode(figures.svg(figure)).decode()
-    picture = f'<div class="wide"><img alt="{escape(words)}" src="data:image/svg+xml;base64,{data}"></div>'
+    width = ' class="small"' if small else ""
+    picture = f'<div class="wide"><img{width} alt="{escape(words)}" src="data:image/svg+xml;base64,{data}"></div>'
     return f"<figure>{picture}<figcaption>{escape(words[:1].upper() + words[1:])}.</figcaption></figure>"

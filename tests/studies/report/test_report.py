@@ -69,8 +69,9 @@ def test_the_page_needs_nothing_from_outside(page):
 
 
 def test_figures_are_whole_pictures(page):
-    pictures = re.findall(r'<img alt="([^"]+)" src="data:image/svg\+xml;base64,([^"]+)"', page.read_text("utf-8"))
+    pictures = re.findall(r'<img[^>]* alt="([^"]+)" src="data:image/svg\+xml;base64,([^"]+)"', page.read_text("utf-8"))
     assert [alt for alt, _ in pictures] == [
+        "the mechanism at the start of the run",
         "motion over time",
         "drift of the closures and of the energy over time",
         "convergence",
@@ -87,7 +88,7 @@ def test_every_figure_and_every_table_of_numbers_has_a_caption(page):
     tables = len(re.findall("<table>", text))
     assert tables >= 7
     assert len(re.findall(r'<p class="caption">[^<]+</p><div class="wide"><table>', text)) == tables
-    assert text.count("<figcaption>") == text.count("<img ") == 4
+    assert text.count("<figcaption>") == text.count("<img ") == 5
 
 
 def test_what_repeats_it_is_in_it(result, page):
@@ -181,7 +182,7 @@ def test_a_browser_shows_text_figures_and_replay(page):
         scene = tab.picture()
         for colour in (BLUE, RED):  # rod and crank
             assert (np.abs(scene - colour).max(axis=2) < 45).mean() > 0.002
-        tab.evaluate("document.querySelectorAll('figure')[1].scrollIntoView(); 0")
+        tab.evaluate("document.querySelectorAll('figure')[2].scrollIntoView(); 0")
         orange = np.abs(tab.picture() - np.array([217, 72, 1])).max(axis=2) < 20  # pherk5 in the figures
         assert orange.sum() > 200
         tab.resize((390, 844))

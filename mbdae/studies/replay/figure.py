@@ -1,0 +1,96 @@
+"""A still picture of a mechanism: triangles in the light of one lamp, the far ones drawn first."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...solution.solution import Solution
+from ...system import Array
+from ..figures import WIDTH, settled, sheet
+from .glb import GREY, SPRING
+from .solids import coil, parts, solid
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ...mechanism.scene.scene import Scene
+
+FRAMES = 60  # of a motion, by which the view is chosen
+FLAT = 0.3  # of the widest extent: what is thinner is seen without perspective along its thinnest axis
+HIGHEST = 3.6  # inches
+LAMP = np.array([-0.35, 0.5, 0.79])  # where light comes from: to the right, up, towards the eye
+
+
+@settled
+def posture(sol: Solution) -> "Figure":
+    """Draw a mechanism at the start of a run, from where its motion is seen best, with axes where that is plane."""
+    from matplotlib.collections import PolyCollection
+
+    few = np.unique(np.linspace(0, len(sol.t) - 1, min(len(sol.t), FRAMES)).astype(int))
+    scene = sol.mechanism.scene.travelled(sol.q[few])
+    thin = _plane(scene, sol.q[few])
+    view = _view(thin)
+    found = list(_triangles(scene, sol.q[0]))
+    corners = np.concatenate([c for c, _ in found]) @ view.T
+    colours = np.concatenate([np.tile(rgba, (len(c), 1)) for c, rgba in found])
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    colours[:, :3] *= (0.5 + 0.5 * np.abs(normals @ LAMP))[:, None]
+    order = np.argsort(corners[:, :, 2].mean(axis=1))
+    width, height, _ = np.ptp(corners.reshape(-1, 3), axis=0)
+    figure = sheet(WIDTH, np.clip(0.9 * WIDTH * height / width, 0.8, HIGHEST - 0.5) + 0.5)
+    ax: Any = figure.subplots()
+    drawn = PolyCollection(corners[order][:, :, :2], facecolors=colours[order], edgecolors="face", linewidths=0.2)
+    drawn.set_rasterized(True)
+    ax.add_collection(drawn)
+    ax.set_aspect("equal")
+    ax.autoscale_view()
+    if thin < 0:
+        ax.set_axis_off()
+    else:
+        across, up = (name for k, name in enumerate("xyz") if k != thin)
+        ax.set(xlabel=f"${across}$ (m)", ylabel=f"${up}$ (m)")
+    return figure
+
+
+def _view(thin: int) -> Array:
+    """The picture's axes (3, 3): to the right, up, and towards the eye."""
+    back = np.array([1, -1, 0.6]) if thin < 0 else np.eye(3)[thin] * (-1 if thin == 1 else 1)
+    back /= np.linalg.norm(back)
+    right = np.cross(np.eye(3)[1 if thin == 2 else 2], back)
+    right /= np.linalg.norm(right)
+    return np.array([right, np.cross(back, right), back])
+
+
+def _plane(scene: "Scene", q: Array) -> int:
+    """The axis along which a motion q (m, nq) is seen as it is; -1 for one in space."""
+    places = scene.placements(q)
+    moving = [k for k, s in enumerate(scene.shapes) if np.ptp(places[:, k], axis=0).any() and s.role != "closure"]
+    points = [
+        pin.XYZQUATToSE3(place).act(corner)
+        for k in moving or range(len(scene.shapes))
+        for place in places[:, k]
+        for corner in np.stack(np.meshgrid(*scene.shapes[k].bounds.T), axis=-1).reshape(-1, 3)
+    ]
+    size = np.ptp(points, axis=0)
+    return int(size.argmin()) if size.min() < FLAT * size.max() else -1
+
+
+def _triangles(scene: "Scene", q: Array) -> Iterator[tuple[Array, tuple[float, ...]]]:
+    """Corners (n, 3, 3) in the world [m] and the colour of all that is drawn at q (nq,)."""
+    for shape, place in zip(scene.shapes, scene.placements(q), strict=True):
+        pose = pin.XYZQUATToSE3(place)
+        for surface in parts(shape) if shape.role != "closure" else ():
+            points = (surface.points * shape.scale) @ pose.rotation.T + pose.translation
+            yield points[surface.faces], shape.rgba or surface.rgba or GREY
+    for spring, (begin, end) in zip(scene.springs, scene.ends(scene.springs, q[None])[0], strict=True):
+        length = float(np.linalg.norm(end - begin))
+        turn = pin.Quaternion.FromTwoVectors(pin.ZAxis, end - begin).matrix()
+        if spring.coil and length > 0:
+            surface = coil(2.4 * scene.width, 0.5 * scene.width, length)
+            yield (surface.points @ turn.T + begin)[surface.faces], SPRING
+        if spring.tube and length > 0:
+            surface = solid("cylinder", (scene.width, length))
+            yield (surface.points @ turn.T + (begin + end) / 2)[surface.faces], GREY
