@@ -1,15 +1,16 @@
 """A still picture of a mechanism: triangles in the light of one lamp, the far ones drawn first."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from ...solution.solution import Solution
 from ...system import Array
 from ..figures import WIDTH, settled, sheet
-from .glb import GREY, SPRING
+from .glb import GREY, SPRING, towards
 from .solids import coil, parts, solid
 
 if TYPE_CHECKING:
@@ -68,12 +69,11 @@ def _plane(scene: "Scene", q: Array) -> int:
     """The axis along which a motion q (m, nq) is seen as it is; -1 for one in space."""
     places = scene.placements(q)
     moving = [k for k, s in enumerate(scene.shapes) if np.ptp(places[:, k], axis=0).any() and s.role != "closure"]
-    points = [
-        pin.XYZQUATToSE3(place).act(corner)
+    points = np.concatenate([
+        _placed(np.array(list(product(*scene.shapes[k].bounds.T))), place)
         for k in moving or range(len(scene.shapes))
         for place in places[:, k]
-        for corner in np.stack(np.meshgrid(*scene.shapes[k].bounds.T), axis=-1).reshape(-1, 3)
-    ]
+    ])  # fmt: skip
     size = np.ptp(points, axis=0)
     return int(size.argmin()) if size.min() < FLAT * size.max() else -1
 
@@ -81,16 +81,18 @@ def _plane(scene: "Scene", q: Array) -> int:
 def _triangles(scene: "Scene", q: Array) -> Iterator[tuple[Array, tuple[float, ...]]]:
     """Corners (n, 3, 3) in the world [m] and the colour of all that is drawn at q (nq,)."""
     for shape, place in zip(scene.shapes, scene.placements(q), strict=True):
-        pose = pin.XYZQUATToSE3(place)
         for surface in parts(shape) if shape.role != "closure" else ():
-            points = (surface.points * shape.scale) @ pose.rotation.T + pose.translation
-            yield points[surface.faces], shape.rgba or surface.rgba or GREY
+            yield _placed(surface.points * shape.scale, place)[surface.faces], shape.rgba or surface.rgba or GREY
     for spring, (begin, end) in zip(scene.springs, scene.ends(scene.springs, q[None])[0], strict=True):
-        length = float(np.linalg.norm(end - begin))
-        turn = pin.Quaternion.FromTwoVectors(pin.ZAxis, end - begin).matrix()
+        length, (turn,) = float(np.linalg.norm(end - begin)), towards((end - begin)[None])
         if spring.coil and length > 0:
             surface = coil(2.4 * scene.width, 0.5 * scene.width, length)
-            yield (surface.points @ turn.T + begin)[surface.faces], SPRING
+            yield _placed(surface.points, [*begin, *turn])[surface.faces], SPRING
         if spring.tube and length > 0:
             surface = solid("cylinder", (scene.width, length))
-            yield (surface.points @ turn.T + (begin + end) / 2)[surface.faces], GREY
+            yield _placed(surface.points, [*(begin + end) / 2, *turn])[surface.faces], GREY
+
+
+def _placed(points: Array, place: Sequence[float] | Array) -> Array:
+    """Points (n, 3) of a frame that is at x, y, z with the quaternion x, y, z, w, in the world."""
+    return Rotation.from_quat(place[3:]).apply(points) + place[:3]

@@ -147,7 +147,7 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
             looks += [("tube", solid("cylinder", (scene.width, 1.0)))] if spring.tube else []
             for look, surface in looks:
                 begin = ends[:, 0] if look == "coil" else ends.mean(axis=1)
-                tracks = {"translation": begin, "rotation": _towards(ways)}
+                tracks = {"translation": begin, "rotation": towards(ways)}
                 mesh = file.mesh((look, length), [surface], SPRING if look == "coil" else None)
                 stretched = lengths / (length if look == "coil" else 1.0)
                 place(f"{spring.name} {look}", mesh, {**tracks, "scale": _along(np.maximum(stretched, TINY))})
@@ -216,7 +216,7 @@ def _along(z: Array) -> Array:
     return np.column_stack([np.ones_like(z), np.ones_like(z), z])
 
 
-def _towards(ways: Array) -> Array:
+def towards(ways: Array) -> Array:
     """Quaternions (m, 4) that turn z into directions (m, 3)."""
     d = ways / np.maximum(np.linalg.norm(ways, axis=1), 1e-300)[:, None]
     out = np.column_stack([-d[:, 1], d[:, 0], np.zeros(len(d)), 1 + d[:, 2]])
