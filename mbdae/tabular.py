@@ -147,12 +147,20 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     return ["  ".join([row[0].ljust(widths[0]), *cells[1:]]) for row, cells in zip(rows, shifted, strict=True)]
 
 
-def table(cells: Sequence[Sequence[str]], *, safe: bool = False) -> str:
-    """A table in HTML, headings first; ``safe`` cells are HTML already."""
-    heads, *rows = cells
-    head = "".join(f"<th>{escape(h)}</th>" for h in heads)
-    body = "".join("<tr>" + "".join(f"<td>{c if safe else escape(c)}</td>" for c in row) + "</tr>" for row in rows)
-    return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
+def table(cells: Sequence[Sequence[str]]) -> str:
+    """A table in HTML, headings first; columns of words stand to the left, as notebooks do not place them."""
+    sides = [' style="text-align: left"' if word else "" for word in wordy(cells[1:])] or [""] * len(cells[0])
+    head, *body = (
+        "".join(f"<{tag}{side}>{escape(c)}</{tag}>" for c, side in zip(row, sides, strict=True))
+        for tag, row in zip(["th", *len(cells[1:]) * ["td"]], cells, strict=True)
+    )
+    lines = "".join(f"<tr>{row}</tr>" for row in body)
+    return f'<div class="wide"><table><tr>{head}</tr>{lines}</table></div>'
+
+
+def wordy(rows: Sequence[Sequence[str]]) -> list[bool]:
+    """Which columns are words: those in which a cell begins with a letter; none without rows."""
+    return [any(cell[:1].isalpha() for cell in column) for column in zip(*rows, strict=True)]
 
 
 def latex(cells: Sequence[Sequence[str]], heading: str = "") -> str:

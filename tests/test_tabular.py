@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.tabular import Tabular, latex, write_csv
+from mbdae.tabular import Tabular, latex, table, write_csv
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +55,14 @@ def test_a_notebook_shows_it(results, name):
     page = results[name]._repr_html_()
     assert isinstance(results[name], Tabular)
     assert page.startswith("<iframe" if name == "solution" else "<div><strong>")
-    assert page.count("<td>") == page.count("</td>")
+    assert page.count("<td") == page.count("</td>")
     assert str(results[name]).strip()
+
+
+def test_words_stand_to_the_left_and_numbers_to_the_right():
+    left = ' style="text-align: left"'
+    page = table([["name", "x"], ["a < b", "-1.5"]])
+    assert f"<tr><th{left}>name</th><th>x</th></tr><tr><td{left}>a &lt; b</td><td>-1.5</td></tr>" in page
 
 
 def test_a_mechanism_shows_its_card(mech):

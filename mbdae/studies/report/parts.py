@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from ...mechanism import Mechanism
 from ...mechanism.joints import kind_of
+from ...tabular import wordy
 from ..comparison.comparison import Work
 from ..comparison.ranking import Place
 
@@ -124,8 +125,7 @@ def _cell(place: Place, best: float) -> str:
 
 def captioned(caption: str, heads: Sequence[str], rows: Sequence[Sequence[str]], *, safe: bool = False) -> str:
     """A table that is numbered, and may be wider than the page; ``safe`` rows are HTML already."""
-    words = [any(cell[:1].isalpha() for cell in column) for column in zip(*rows, strict=True)]
-    sides = [' class="word"' if word else "" for word in words] or [""] * len(heads)
+    sides = [' class="word"' if word else "" for word in wordy(rows)] or [""] * len(heads)
     head = "".join(f"<th{side}>{escape(h)}</th>" for h, side in zip(heads, sides, strict=True))
     body = "".join(
         f"<tr><td>{escape(name)}</td>"

@@ -265,5 +265,5 @@ def test_it_is_a_table_by_the_names_of_signals(tmp_path):
     assert f"wrote {tmp_path / 'e.csv'}" in done.output
     pandas.testing.assert_frame_equal(pandas.read_csv(tmp_path / "e.csv"), frame, rtol=1e-12)
     assert "force.pin & " in held.to_latex()
-    assert "<td>holding.left</td>" in held._repr_html_()
+    assert ">holding.left</td>" in held._repr_html_()
     assert held.to_xarray()["force.pin"].attrs["units"] == "N"
