@@ -67,6 +67,23 @@ def test_what_sticks_does_not_creep():
         assert len(sol.modes) == 1
 
 
+@pytest.mark.parametrize("scale", [1.0, 100.0])
+@pytest.mark.usefixtures("back_end")
+def test_two_joints_of_a_loop_that_stick_do_not_creep(scale):
+    """Crank and slider hold together 99 % of what they can; steps are seconds long, and v is as often their rounding."""
+    source, p = mbdae.load("stick_slip_slider"), 0.6
+    crank, slider, (*_, gravity, way) = 0.40 * scale, 2.0 * scale, SliderCrank().terms(p)
+    push = JointTorque(joint="crank", torque=0.99 * (crank + slider * abs(way)) - gravity)
+    holds = [JointFriction(joint=n, friction=f, exact=True) for n, f in (("crank", crank), ("slider", slider))]
+    mech = Mechanism(source.model, source.closures, forces=[push, *holds])
+    sol = mbdae.solve(mech, (0, 10), *source.start)
+    assert sol.success
+    assert len(sol.modes) == 1
+    assert len(sol.t) < 20
+    assert np.abs(sol.v).max() <= 1e-14
+    assert np.abs(sol.q - sol.q[0]).max() <= 1e-14
+
+
 @pytest.mark.usefixtures("back_end")
 def test_a_load_that_peaks_above_the_limit_is_seen():
     """It sticks without error, and steps would grow until the peak lies between two samples."""

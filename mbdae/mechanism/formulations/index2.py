@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg.lapack import dgesv, dpotrf, dpotrs
+from scipy.linalg.lapack import dgesv, dgetrs, dpotrf, dpotrs
 
 from ...errors import StepError
 from ...system import Array, Counts, System
@@ -243,7 +243,7 @@ class Index2System(System):
         if f.ndim > 1:
             right = -S[:, r:]
             right[:, 0] += rhs
-        lu, _, lam, info = dgesv(S[:, :r], right if f.ndim > 1 else rhs - S[:, r], overwrite_a=1, overwrite_b=1)
+        lu, piv, lam, info = dgesv(S[:, :r], right if f.ndim > 1 else rhs - S[:, r], overwrite_a=1, overwrite_b=1)
         self.counts.factorizations += 1
         pivot = np.abs(lu.diagonal())
         i, largest = pivot.argmin(), pivot[pivot.argmax()]
@@ -252,7 +252,13 @@ class Index2System(System):
         if info or not ratio > independent_rows.SMALLEST_PIVOT:
             name = self.mechanism.row_names[int(self.rows[i] if self.rows is not None else 0)]
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
-        return (X[r] + lam.dot(X[:r]), lam) if f.ndim == 1 else (X[r:] + lam.T.dot(X[:r]), lam.T)
+        vdot = X[r] + lam.dot(X[:r]) if f.ndim == 1 else X[r:] + lam.T.dot(X[:r])
+        if self.mode and r == self.nv:  # what sticks stands still: what rounding has left is solved for once more
+            left = -Ghat.dot(vdot.T)
+            np.atleast_2d(left.T)[0] += rhs
+            more = dgetrs(lu, piv, left)[0]
+            vdot, lam = vdot + more.T.dot(X[:r]), lam + more
+        return vdot, lam.T
 
     def carry(self, F: Array, z: Array) -> Array:
         """Keep (v', s', w'): not lam, because rows may be re-chosen."""

@@ -48,7 +48,7 @@ def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> 
         gap = largest_error(system.mechanism, g)
         raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
     rate = G @ v + system.g_t(t)
-    if tight or felt(rate, v):
+    if tight or speeds_felt(system, rate, v):
         v = v - _smallest(U, G, rate)
     return np.concatenate([q, v, y[system.nq + system.nv :]])
 
@@ -77,9 +77,14 @@ def approach(
     return path, g, G, move
 
 
-def felt(residual: Array, x: Array) -> bool:
+def felt(residual: Array, x: Array, least: float = 1.0) -> bool:
     """Say whether a residual is more than rounding."""
-    return bool(np.linalg.norm(residual) > ROUNDING * (1 + np.abs(x).max()))
+    return bool(np.linalg.norm(residual) > ROUNDING * (least + np.abs(x).max()))
+
+
+def speeds_felt(system: "Index2System", rate: Array, v: Array) -> bool:
+    """Say whether G v + g_t, (ng,), is more than rounding: of v itself in modes, where what sticks stands still."""
+    return felt(rate, v, 0.0 if system.mode else 1.0)
 
 
 def _smallest(U: Array, G: Array, r: Array) -> Array:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...system import Array
-from ..formulations.projection import UNMOVED, approach, felt
+from ..formulations.projection import UNMOVED, approach, speeds_felt
 from .parameters import Parameters
 from .stage_slopes import Saddle
 
@@ -50,7 +50,7 @@ class Corrections:
         q, G = path[-1], s.jacobian(path[-1])
         rate = G @ v + s.g_t(t)
         dv = out[nv : 2 * nv].copy()
-        if felt(rate, v):
+        if speeds_felt(s, rate, v):
             B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
             dv -= self._correction(t, start, q, rate, G, G @ dv + B @ dq + Q @ dp, out[:nv], dq)[1]
         out[:nv], out[nv : 2 * nv] = dq, dv

@@ -7,6 +7,11 @@
 
 namespace mbdae {
 
+bool felt(const Index2System& s, const double* rate, const double* v) {
+  const double least = s.constraints.off.empty() ? 1 : 0;  // in a mode: what sticks stands still
+  return norm(rate, s.ng) > s.mechanics.limits.rounding * (least + largest(v, s.nv));
+}
+
 void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
   const int nq = s.nq, nv = s.nv, ng = s.ng;
   const Limits& limits = s.mechanics.limits;
@@ -51,7 +56,7 @@ void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
   Numbers rate(ng, 0.0);
   s.constraints.speed(t, rate.data());
   for (int k = 0; k < ng; ++k) rate[k] += dot(&point.G[static_cast<size_t>(k) * nv], v, nv);
-  if (norm(rate.data(), ng) > limits.rounding * (1 + largest(v, nv))) {
+  if (felt(s, rate.data(), v)) {
     smallest(point.Z, rate);
     for (int i = 0; i < nv; ++i) v[i] -= x[i];
   }

@@ -6,6 +6,9 @@
 
 namespace mbdae {
 
+// Whether G v + g_t (ng,) is more than rounding.
+bool felt(const Index2System& system, const double* rate, const double* v);
+
 // y becomes the nearest point with g = 0 and G v + g_t = 0; the configurations on the way, but for the last.
 void restore(Index2System& system, double t, double* y, std::vector<Numbers>* path = nullptr);
 

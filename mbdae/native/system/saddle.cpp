@@ -63,16 +63,20 @@ void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
 
 void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f) {
   point_.half(f);
-  if (!rows_.in_use().empty()) {
-    const std::vector<int>& position = rows_.position();
+  const std::vector<int>& position = rows_.position();
+  right_.assign(rhs, rhs + position.size());
+  // in a mode without freedom, what sticks stands still: what rounding has left is solved for once more
+  const int corrections = !constraints_.off.empty() && static_cast<int>(rows_.in_use().size()) == nv_ ? 1 : 0;
+  for (int i = 0; i <= corrections && !rows_.in_use().empty(); ++i) {
     for (int k : rows_.in_use()) {
-      double s = rhs[k];
+      double s = right_[k];
       for (int c : constraints_.rows[k].columns) s -= Zhat[static_cast<size_t>(k) * nv_ + c] * f[c];
       x_[position[k]] = s;
     }
     lu_.solve(x_.data());
     for (int k : rows_.in_use()) {
-      const double l = rhs[k] = x_[position[k]];
+      const double l = x_[position[k]];
+      rhs[k] = i ? rhs[k] + l : l;
       const double* z = &point_.Z[static_cast<size_t>(k) * nv_];
       for (int c : constraints_.rows[k].columns) f[c] += z[c] * l;
     }

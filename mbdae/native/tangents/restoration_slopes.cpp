@@ -39,7 +39,7 @@ void RestorationSlopes::take(double t, double* y) {
   std::fill(r.begin(), r.end(), 0.0);
   s_.constraints.speed(t, r.data());
   for (int k = 0; k < ng; ++k) r[k] += dot(&c.G[static_cast<size_t>(k) * nv], v.data(), nv);
-  if (norm(r.data(), ng) > s_.mechanics.limits.rounding * (1 + largest(v.data(), nv)))
+  if (felt(s_, r.data(), v.data()))
     correct(c, t, y, v.data(), r);
   else
     --count_;
