@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..mechanism.modes.point import AllRows, ModePoint
+from ..mechanism.modes.switch import Switch
 from ..mechanism.modes.unilateral import Unilateral
 from ..system import Array
 
@@ -17,17 +18,22 @@ def _opening(mech: "Mechanism") -> list[Unilateral]:
     return [s for s in mech.switches if isinstance(s, Unilateral)]
 
 
+def _struck(mech: "Mechanism") -> list[Switch]:
+    return [s for s in mech.switches if s.struck]
+
+
 def mode_units(mech: "Mechanism") -> dict[str, str]:
     """Names of the columns of `mode_columns`, and their units."""
-    units = {s.name: mech.row_units[s.rows[0]] for s in _opening(mech)}
-    out = {f"gap.{name}": unit for name, unit in units.items()} | {f"mode.{s.name}": "1" for s in mech.switches}
-    return out | {f"impulse.{name}": "N s" if unit == "m" else "N m s" for name, unit in units.items()}
+    out = {f"gap.{s.name}": mech.row_units[s.row] for s in _opening(mech)}
+    out |= {f"mode.{s.name}": "1" for s in mech.switches}
+    return out | {f"impulse.{s.name}": "N s" if mech.row_units[s.row] == "m" else "N m s" for s in _struck(mech)}
 
 
 def mode_columns(sol: "Solution") -> dict[str, Array]:
     """Return ``gap.<name>`` in m or rad of what opens, ``mode.<name>``, the number of the state that a switch is in.
 
-    And ``impulse.<name>`` in N s, N m s: what was passed on at the time of a point, and 0 where nothing struck.
+    And ``impulse.<name>`` in N s, N m s, of what opens, of clutches and of drives whose speed steps: what was passed on
+    at the time of a point, and 0 where nothing struck.
     """
     mech = sol.mechanism
     opening = _opening(mech)
@@ -38,7 +44,7 @@ def mode_columns(sol: "Solution") -> dict[str, Array]:
     points = [ModePoint(system, rows, float(t), y) for t, y in zip(sol.t, sol.y, strict=True)]
     out = {f"gap.{s.name}": np.array([s.gap(p) for p in points]) for s in opening}
     out |= {f"mode.{s.name}": modes[:, s.at] for s in mech.switches}
-    for s in opening:
+    for s in _struck(mech):
         column = out[f"impulse.{s.name}"] = np.zeros(len(sol.t))
         for x in sol.impacts:
             if s.name in x.where:

@@ -146,7 +146,7 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
     the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of all that moves, ``momentum.x``
     (kg m/s) and ``angular_momentum.x`` (kg m^2/s) about it; ``kinetic``, ``potential``, ``energy``, and ``work`` of the
-    non-conservative forces and drivers in J; of what opens and closes ``gap``, ``mode`` and ``impulse.<name>``, see
+    non-conservative forces and drivers in J; of what switches ``gap``, ``mode`` and ``impulse.<name>``, see
     `mbdae.solution.mode_columns`; ``g`` and ``Gv``, the largest |g| and |G v + g_t| over all rows.
 
     Args:

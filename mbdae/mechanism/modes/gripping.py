@@ -26,6 +26,7 @@ class Gripping(Switch):
         which: its number among the frictions of closures.
     """
 
+    struck = False
     states = ("idle", "grips", "slides")
 
     def __init__(self, force: CoulombFriction, rows: Sequence[int], which: int) -> None:

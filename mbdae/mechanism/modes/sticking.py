@@ -27,6 +27,7 @@ class Sticking(Switch):
         column: of its velocity.
     """
 
+    struck = False
     states = ("idle", "sticks", "slips ahead", "slips back")
 
     def __init__(self, spec: Brake, row: int, column: int) -> None:

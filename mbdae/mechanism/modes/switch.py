@@ -97,9 +97,11 @@ class Switch:
         states: words for its states.
         rest: a flight that is shorter ends in rest, in s.
         row: number of its first row.
+        struck: whether impulses pass through that row.
     """
 
     row: int
+    struck = True
     states: tuple[str, ...] = ("open", "closed")
     rest: float = 0.0
 
