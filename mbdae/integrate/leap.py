@@ -5,12 +5,14 @@ where they lead. But the motion on its own branch is smooth there. So the polyno
 and their rates leads across, q by its integral, and the point behind is brought onto the closures.
 """
 
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
+from ..errors import StepError
 from ..mechanism.formulations.index2 import Index2System
 from ..mechanism.singularity import Singular, crossing, singular
 from ..system import Array
@@ -143,7 +145,8 @@ def _before(run: Any, way: float, first: int) -> tuple[Array, Array, Array]:
     back = np.abs(np.array(run.ts[first:]) - run.t)
     if run.back and back[0] > 0:
         offsets = np.array(OFFSETS) * min(1.0, back[0] / (OFFSETS[-1] * way))
-        return run.back(run.t - run.sign * way * offsets)
+        with suppress(StepError):  # near singular configurations rounding may forbid sharp steps
+            return run.back(run.t - run.sign * way * offsets)
     chosen = [len(back) - 1]
     for offset in OFFSETS:
         earlier = back[: chosen[-1]]

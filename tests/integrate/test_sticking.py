@@ -70,7 +70,7 @@ def test_what_sticks_does_not_creep():
 @pytest.mark.parametrize("scale", [1.0, 100.0])
 @pytest.mark.usefixtures("back_end")
 def test_two_joints_of_a_loop_that_stick_do_not_creep(scale):
-    """Crank and slider hold together 99 % of what they can; steps are seconds long, and v is as often their rounding."""
+    """Crank and slider hold together 99 % of what they can; steps are seconds long, as often is v their rounding."""
     source, p = mbdae.load("stick_slip_slider"), 0.6
     crank, slider, (*_, gravity, way) = 0.40 * scale, 2.0 * scale, SliderCrank().terms(p)
     push = JointTorque(joint="crank", torque=0.99 * (crank + slider * abs(way)) - gravity)
