@@ -71,13 +71,13 @@ def dropped_chain(rng):
     elif kind == 0:
         turn = rng.uniform(-0.8, 0.8)
         q[2:4] = np.cos(turn), np.sin(turn)
-    q[(1, 0, 2)[kind]] += float(rng.choice([0.0, 0.05, 0.5])) - gaps(mech, q)[: n + 1].min()
+    q[(1, 0, 2)[kind]] += float(rng.choice([0.0, 0.05, 0.5])) - gaps(mech, q)[0, : n + 1].min()
     return mech, q, float(rng.choice([0.0, 0.5, 2.0])) * rng.normal(size=model.nv)
 
 
-def gaps(mech, q):
-    """Gaps of all rows that press on one side, (k,), positive where they are open."""
+def gaps(mech, *qs):
+    """Gaps of all rows that press on one side, at each q, (n, k), positive where they are open."""
     from mbdae.mechanism.modes.point import AllRows
 
-    g = AllRows(mech.system())(0.0, q)[0]
-    return np.array([s.sign * g[s.row] for s in mech.switches])
+    rows = AllRows(mech.system())
+    return np.array([[s.sign * g[s.row] for s in mech.switches] for g in (rows(0.0, q)[0] for q in qs)])

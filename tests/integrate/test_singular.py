@@ -11,6 +11,7 @@ from click.testing import CliRunner
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import AssemblyError, StepError, UnknownNameError
+from mbdae.integrate import retrace
 
 HORIZONTAL = [0.714355529, 1.228159387, 2.65687, 3.170674, 4.599385]  # s: when the cranks of two four-bars lie along x
 
@@ -42,6 +43,22 @@ def test_passed_and_reported_where_positions_are_kept(options):
         assert (x.rank, x.rank_there, x.closures) == (2, 1, ("pin_1",))
         assert abs(np.sin(x.q[0])) < 1e-6
         np.testing.assert_allclose(x.v[0], sol(x.t).v[0], rtol=1e-6)
+
+
+def test_a_leap_takes_nodes_of_the_run_where_none_steps_back_from_it(monkeypatch):
+    asked = []
+
+    def refused(run, *_):
+        asked.append(run.t)
+        raise StepError("step_size", "rounding forbids steps so sharp")
+
+    monkeypatch.setattr(retrace, "time_loop", refused)
+    sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 2), rtol=1e-8, project=True)
+    assert asked
+    assert sol.success
+    np.testing.assert_allclose([x.t for x in sol.singular], fall(), atol=1e-6)
+    assert np.ptp(cranks(sol), axis=1).max() < 1e-10
+    assert mbdae.drift(sol).energy_relative < 1e-6
 
 
 @pytest.mark.usefixtures("back_end")

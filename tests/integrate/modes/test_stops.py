@@ -137,3 +137,20 @@ def test_what_strikes_a_little_later_is_not_moved_to_where_it_strikes():
     sol = mbdae.solve(mech, (0, 0.02), h, np.zeros(2), rtol=1e-10)
     assert np.array([x.t for x in sol.impacts]) == pytest.approx(np.sqrt(2 * h / G), rel=1e-12)
     assert balance(sol) < 1e-11
+
+
+def test_a_slit_that_a_block_crosses_in_no_time_is_named():
+    """Elastic ends 1e-9 m apart, at 1 m/s: without a longer rest, and where clocks hardly tell flights apart."""
+    model = empty(0.0)
+    carried(model, 0, pin.JointModelPX(), "x")
+
+    def run(**more):
+        slit = Stop(joint="x", lower=0.0, upper=1e-9, restitution=1.0, name="slit", **more)
+        return mbdae.solve(Mechanism(model, stops=[slit]), (1000, 1001), np.array([5e-10]), np.ones(1))
+
+    sol = run(rest=1e-12)
+    assert sol.status == "switching"
+    assert sol.message.startswith("'slit upper': modes switch without an end at t = 1000.0000003")
+    assert sol.t[-1] - 1000 == pytest.approx(3e-7, rel=0.01)
+    assert np.abs(sol.v).max() == pytest.approx(1.0, rel=1e-12)
+    assert run().success  # a flight shorter than 1e-6 s is none

@@ -5,6 +5,7 @@ from math import cos, sin
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import brentq
 
 import mbdae
 from mbdae import Closure
@@ -52,6 +53,28 @@ def test_undercut_is_refused():
         Closure.cam("cam", "follower", {"kind": "points", "points": ROUND, "closed": False}, radius=0.01)
     with pytest.raises(InputError, match="needs one of radius, of its roller, and axis"):
         Closure.cam("cam", "follower", {"kind": "circle", "radius": 1.0})
+
+
+@pytest.mark.usefixtures("back_end")
+def test_a_centre_of_curvature_is_named_and_steps_past_it_are_shortened():
+    """An eccentric circular groove: the midpoint of a step so long stands in its centre, where no point is nearest."""
+    R, e, turn = 0.04, 0.03, 10.0
+    groove = Closure.slot("cam", "follower", {"kind": "fourier", "x": (e, R, 0.0), "y": (0.0, 0.0, R)}, name="groove")
+    mech = cam_and_follower(groove)
+    for ask in (mech.residual, lambda *at: mbdae.solve(mech, (0, 1), *at)):
+        with pytest.raises(StepError, match=r"'groove': the contact stands in a centre of curvature .*undercut"):
+            ask(np.array([np.pi / 2, e]), np.zeros(2))
+
+    def lift(p):
+        root = np.sqrt(R**2 - e**2 * np.cos(p) ** 2)
+        return e * np.sin(p) + root, e * np.cos(p) + e**2 * np.sin(p) * np.cos(p) / root
+
+    start = brentq(lambda p: lift(p)[0] + lift(p)[1] * (np.pi / 2 - p) - e, -np.pi / 2, 0.0, xtol=1e-15)
+    step, (z, rise) = 2 * (np.pi / 2 - start) / turn, lift(start)
+    q, v = np.array([start, z]), np.array([turn, turn * rise])
+    assert (q + step / 2 * v) == pytest.approx([np.pi / 2, e], abs=1e-14)
+    sol = mbdae.solve(mech, (0, 2 * step), q, v, method="herk2", step=step, project=False)
+    assert np.diff(sol.t)[0] < 0.9 * step
 
 
 def test_a_slot_ends():
