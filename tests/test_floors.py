@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -29,9 +30,10 @@ SECRETS = {  # heavy or special imports, and the only places that may know them
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 
+@cache
 def imported(path):
     """Full names of everything a file imports, wherever in it, except for type checkers."""
-    tree = ast.parse(path.read_text())
+    tree, names = ast.parse(path.read_text()), []
     package = ["mbdae", *path.relative_to(PACKAGE).parts[:-1]]
     skipped = {
         id(inner)
@@ -43,11 +45,12 @@ def imported(path):
         if id(node) in skipped:
             continue
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else []
             stem = [*base, *([node.module] if node.module else [])]
-            yield from (".".join([*stem, alias.name]) for alias in node.names)
+            names += [".".join([*stem, alias.name]) for alias in node.names]
+    return names
 
 
 def room(name, folder=PACKAGE):
@@ -63,6 +66,7 @@ def floor(name, order):
     return next((level for level, names in enumerate(order.split(" < ")) if name in names.split()), None)
 
 
+@cache
 def home(name):
     """What a module given by its dotted name belongs to: its folder, or itself where folders stand beside it."""
     parts = name.split(".")
