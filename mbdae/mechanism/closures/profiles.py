@@ -50,6 +50,8 @@ class PlaneCurve:
     def __init__(self, starts: Array, numbers: Array, *, closed: bool) -> None:
         self.starts, self.numbers, self.closed = starts, numbers, closed
         self.harmonic = numbers.ndim == 2
+        self.orders = np.repeat(np.arange(1, len(numbers) // 2 + 1), 2)  # k of a_k, b_k
+        self.signs = np.resize([1.0, -1.0], len(self.orders))
         self.first, self.length = float(starts[0]), float(starts[-1] - starts[0])
         n = max(LEAST, SAMPLES * len(numbers))
         self.samples = self.first + self.length * np.arange(n + (not closed)) / n
@@ -66,11 +68,9 @@ class PlaneCurve:
         if self.closed:
             s = s - self.length * np.floor((np.real(s) - self.first) / self.length)
         if self.harmonic:
-            k = np.repeat(np.arange(1, len(self.numbers) // 2 + 1), 2)
-            sign = np.resize([1.0, -1.0], len(k))
-            wave = np.where(sign > 0, np.cos(k * s), np.sin(k * s))
-            other = np.where(sign > 0, np.sin(k * s), np.cos(k * s))
-            a = self.numbers[1:]
+            k, sign, a = self.orders, self.signs, self.numbers[1:]
+            cos, sin = np.cos(k * s), np.sin(k * s)
+            wave, other = np.where(sign > 0, (cos, sin), (sin, cos))
             return PointOfCurve(s, self.numbers[0] + wave.dot(a), (-sign * k * other).dot(a), (-k * k * wave).dot(a))
         i = min(max(int(np.searchsorted(self.starts, np.real(s), "right")) - 1, 0), len(self.numbers) - 1)
         x, c, d, dd = s - self.starts[i], 0.0, 0.0, 0.0

@@ -10,7 +10,7 @@ from ..closures.contact import Height
 from ..closures.line_rows import still
 from ..closures.rows import unit_axis
 from ..forces.coulomb_friction import CoulombFriction
-from ..frames import Pair
+from ..frames import Pair, cross
 
 TURNS, SLIDES, TOUCHES = ("revolute", "point"), ("prismatic", "cylindrical", "in_line"), ("in_plane", "slot", "rolling")
 STILL = 1e-9  # m/s: a slower slip has no direction of its own
@@ -77,7 +77,8 @@ class SlidingPlace(NamedTuple):
         else:
             axis = pair.Ra @ unit_axis(self.closure.axis or (0.0, 0.0, 1.0))
             ways, p = np.eye(3) if kind == "point" else axis[None], pair.pb
-        return np.array([np.concatenate([np.zeros(3), x] if kind in TURNS else [x, np.cross(p, x)]) for x in ways])
+        parts = (np.zeros(ways.shape), ways) if kind in TURNS else (ways, cross(p[:, None], ways.T).T)
+        return np.concatenate(parts, axis=1)
 
     def plain(self) -> dict[str, Any]:
         """Return the numbers of the place for the compiled core."""
