@@ -4,10 +4,12 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from itertools import pairwise
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 Point = tuple[float, float]
 Interpolation = Literal["spline", "monotone"]
@@ -32,7 +34,7 @@ class Pieces:
             self._derivatives.append([_derivative(row) for row in self._derivatives[k]])
 
     @classmethod
-    def of(cls, c: PPoly, breaks: Sequence[float] = ()) -> "Pieces":
+    def of(cls, c: "PPoly", breaks: Sequence[float] = ()) -> "Pieces":
         """The pieces of a scipy curve."""
         return cls(c.x[:-1], c.c.T, breaks)
 
@@ -68,7 +70,7 @@ def increasing(points: Sequence[Point]) -> tuple[Point, ...]:
     return tuple(points)
 
 
-def curve(points: Sequence[Point], interpolation: Interpolation, *, held: bool) -> PPoly:
+def curve(points: Sequence[Point], interpolation: Interpolation, *, held: bool) -> "PPoly":
     """A smooth curve through points: a natural cubic spline, or a monotone one (Fritsch, Butland 1984).
 
     Beyond its ends it is held or goes on as a straight line; `PPoly.antiderivative` integrates it exactly.
@@ -76,6 +78,8 @@ def curve(points: Sequence[Point], interpolation: Interpolation, *, held: bool) 
     Raises:
         ValueError: where numbers are too large or too close for that.
     """
+    from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly  # few mechanisms have such a curve
+
     x, y = np.array(points, float).T
     with np.errstate(all="ignore"), suppress(ValueError, np.linalg.LinAlgError):
         spline = interpolation == "spline" or len(x) == 2

@@ -48,6 +48,12 @@ def test_help_and_version_import_no_numbers(arguments, word):
     assert not packages & HEAVY
 
 
+def test_mechanisms_without_curves_import_no_splines():
+    program = "import sys, mbdae; mbdae.load('pendulum'); print('scipy.interpolate' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "False\n"
+
+
 @pytest.mark.parametrize(
     ("typed", "words"),
     [

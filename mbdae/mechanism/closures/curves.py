@@ -6,7 +6,6 @@ from typing import Annotated, Any, Literal, NamedTuple, Union
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
-from scipy.interpolate import make_interp_spline
 
 from ...system import Array
 from ..pieces import Pieces, Point, increasing
@@ -99,6 +98,8 @@ def spline(x: Array, y: Array, *, periodic: bool) -> Array:
     flat = y - np.outer(x - x[0], grown)
     flat[-1] = flat[0] if periodic else flat[-1]
     still = [(k, np.zeros(y.shape[1])) for k in (2, 3, 4)]
+    from scipy.interpolate import make_interp_spline  # few mechanisms have one
+
     curve = make_interp_spline(x, flat, k=DEGREE, bc_type="periodic" if periodic else (still, still))
     out = np.stack([curve(x[:-1], k) / factorial(k) for k in range(DEGREE, -1, -1)], axis=1)
     out[:, -2] += grown

@@ -1,16 +1,18 @@
 """Springs and dampers in joints of one coordinate."""
 
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field, field_validator, model_validator
-from scipy.interpolate import PPoly
 
 from ..pieces import Interpolation, Pieces, Point, curve, increasing
 from .force import Array, Force, ForceElement, Joints, Part, single
 from .linear import LinearElement, Spring
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 
 class JointSpring(Force):
@@ -52,7 +54,7 @@ class JointSpring(Force):
         return self
 
     @cached_property
-    def curve(self) -> PPoly:
+    def curve(self) -> "PPoly":
         """The table's restoring torque as a function of the deflection."""
         return curve(self.table or (), self.interpolation, held=False)
 
