@@ -48,8 +48,12 @@ class ForceElement:
 
         They are those with respect to (q, v, s), q in the tangent. Python functions of the user are differentiated by
         central differences, where they do not bring slopes of their own.
+
+        Raises:
+            InputError: of a law that has none.
         """
-        raise NotImplementedError
+        what = "implicit methods, equilibria and gradients take the method slopes(t, q, v, s) of its law"
+        raise InputError(f"force {self.name!r} has no slopes: {what} {type(self).__name__}")
 
     def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array | float:
         """Return the derivative of (tau, s', power of the other part) with respect to time, (nv + ns + 1,), or 0."""
