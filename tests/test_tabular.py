@@ -98,10 +98,10 @@ def test_arrays_have_units(results, name):
 @pytest.mark.parametrize("name", ["drift", "card", "order", "comparison", "sweep", "inverse", "modes"])
 def test_latex_has_whole_rows(results, name, tmp_path):
     text = results[name].to_latex()
-    for table in re.findall(r"\\begin\{tabular\}\{(l*r*)\}(.*?)\\end\{tabular\}", text, re.S):
-        rows = [line for line in table[1].splitlines() if line.endswith(r"\\")]
+    for found in re.findall(r"\\begin\{tabular\}\{(l*r*)\}(.*?)\\end\{tabular\}", text, re.S):
+        rows = [line for line in found[1].splitlines() if line.endswith(r"\\")]
         assert len(rows) > 1
-        assert {len(re.findall(r"(?<!\\)&", row)) for row in rows} == {len(table[0]) - 1}
+        assert {len(re.findall(r"(?<!\\)&", row)) for row in rows} == {len(found[0]) - 1}
     assert text.count("{") == text.count("}")
     assert text.count(r"\begin{tabular}") == (2 if name == "order" else 1)
     results[name].save(tmp_path / "a.tex")

@@ -17,7 +17,7 @@ from mbdae.studies.replay.replay import animate
 
 SEEN = ("slider_crank", "spring_four_bar", "andrews_squeezer", "jansen_walker", "stewart_platform", "bicycle",
         "cart_pole", "car_axis", "flyball_governor", "panda_handle", "bouncing_chain", "slider_crank_with_stop",
-        "geneva_drive", "ratchet", "stick_slip_slider", "pendulum_on_stop")  # fmt: skip
+        "geneva_drive", "ratchet", "stick_slip_slider", "pendulum_on_stop", "woodpecker")  # fmt: skip
 SIZES = (1280, 800), (390, 844)
 WITHOUT = """(() => {
   const root = nodeOf(mbdae.viewer, "mechanism"), pane = mbdae.viewer.renderer.domElement;
