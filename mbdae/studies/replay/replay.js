@@ -45,15 +45,16 @@ function player(viewer, scene) {
     },
   };
   function show() {
+    const chosen = scene.choices[page.choice];
     if (offset !== shown) {
-      const chosen = scene.choices[page.choice], count = chosen && chosen.frames || frames;
+      const count = chosen && chosen.frames || frames;
       place(duration > 0 ? offset / duration * (count - 1) : 0, page.choice);
       view.tick();
     }
     shown = offset;
     plots.draw(page.t);
     const pace = page.speed === 1 ? "" : ` (${+page.speed.toPrecision(3)} × real time)`;
-    const text = scene.sliders ? page.said || "" : `t = ${page.t.toFixed(digits)} s${pace}`;
+    const text = scene.sliders ? page.said || "" : `t = ${page.t.toFixed(digits)} s${pace}${chosen ? `, ${chosen.name}` : ""}`;
     if (byId("clock").textContent !== text) byId("clock").textContent = text;
     byId("time").value = duration > 0 ? offset / duration : 0;
     byId("play").classList.toggle("playing", playing);

@@ -149,6 +149,7 @@ CHOOSE = """
     select.value = k;
     select.onchange();
     mbdae.seek(1.0);
+    log.said = byId("clock").textContent;
     const out = [];
     moving.traverse(part => out.push(part.quaternion.x, part.quaternion.y, part.quaternion.z));
     return out;
@@ -161,6 +162,7 @@ def test_the_page_shows_the_mode_that_is_chosen(tmp_path):
     arm = mbdae.modes(mbdae.load("panda_handle"))
     log = Chromium().ask(arm.animate(tmp_path / "modes.html"), CHOOSE)
     assert log["names"] == [f"mode {i + 1}: {arm.describe(i)}" for i in range(4)]
+    assert log["said"].endswith(f" s, {log['names'][1]}")
     first, second = np.array(log["places"])
     assert np.abs(first - second).max() > 0.01
     assert 'id="choice"' in found.animate(tmp_path / "one.html").read_text()
