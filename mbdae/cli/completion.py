@@ -35,6 +35,6 @@ def completed(names: Callable[[], Iterable[str]], *, files: bool = True) -> Comp
     def complete(context: Context, parameter: Parameter, word: str) -> list[CompletionItem]:
         begun = word[: 1 + max(word.rfind(","), word.rfind(":"))]
         items = [CompletionItem(begun + name) for name in names() if name.startswith(word[len(begun) :])]
-        return items + [CompletionItem(word, type="file")] * files
+        return [CompletionItem(word, type="file")] * files + items  # bash forgets what stands before files
 
     return complete

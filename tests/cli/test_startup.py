@@ -2,8 +2,10 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.shell_completion import ShellComplete
@@ -101,3 +103,19 @@ def test_words_in_lists_and_behind_formulations_are_completed():
 def test_a_model_may_be_a_file():
     found = ShellComplete(cli, {}, "mbdae", "_MBDAE_COMPLETE").get_completions(["run"], "./mod")
     assert [(item.type, item.value) for item in found] == [("file", "./mod")]
+
+
+@pytest.mark.parametrize(("typed", "word"), [("run four_", "four_bar"), ("order pendulum -m arn", "arnold4")])
+def test_bash_itself_completes_names_where_files_may_stand(typed, word, tmp_path):
+    bash = shutil.which("bash") or pytest.skip("no bash found")
+    program = tmp_path / "mbdae"
+    program.write_text(f"#!{sys.executable}\nfrom mbdae.__main__ import main\nmain()\n")
+    program.chmod(0o755)
+    words = ["mbdae", *typed.split()]
+    script = f"""eval "$(_MBDAE_COMPLETE=bash_source mbdae)"
+        COMP_WORDS=({" ".join(words)}); COMP_CWORD={len(words) - 1}
+        _mbdae_completion mbdae {words[-1]} {words[-2]} 2>/dev/null
+        echo "${{COMPREPLY[@]}}" """
+    paths = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "PYTHONPATH": str(Path(mbdae.__file__).parents[1])}
+    out = subprocess.run([bash, "-c", script], capture_output=True, text=True, env={**os.environ, **paths}, check=True)
+    assert out.stdout.split() == [word]
