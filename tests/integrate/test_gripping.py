@@ -26,12 +26,12 @@ def ball(angle=0.0, **friction):
 START = np.array([0, 0, R, 0, 0, 0, 1.0])
 
 
-@pytest.mark.parametrize("heading", [0.0, 0.7])
-def test_a_ball_slides_until_it_rolls(heading):
+@pytest.mark.parametrize(("heading", "backend"), [(0.0, "native"), (0.7, "native"), (0.7, "python")])
+def test_a_ball_slides_until_it_rolls(heading, backend):
     """v = v_0 - mu g t and R w = 5/2 mu g t meet at 2 v_0/(7 mu g), where v = 5/7 v_0."""
     speed = 2.0
     v = speed * np.array([np.cos(heading), np.sin(heading), 0, 0, 0, 0])
-    sol = mbdae.solve(ball(exact=True), (0, 0.4), START, v, rtol=1e-10)
+    sol = mbdae.solve(ball(exact=True), (0, 0.4), START, v, rtol=1e-10, backend=backend)
     assert [m for _, m in sol.modes] == [(2,), (1,)]
     assert sol.t[sol.modes[1][0]] == pytest.approx(2 * speed / (7 * MU * GRAVITY), abs=1e-12)
     assert np.linalg.norm(sol.v[-1, 3:]) * R == pytest.approx(5 / 7 * speed, abs=1e-11)

@@ -129,13 +129,27 @@ def test_a_ball_climbs_and_falls_in_a_cylinder(tmp_path):
     np.testing.assert_allclose(sol.contact("world-ball").normal, (R - r) * W**2, rtol=1e-9)
 
 
-def test_a_ball_leaves_a_ball_where_the_run_doubts_it(tmp_path):
-    """At rest at theta_0 it lets go at cos theta = 10/17 cos theta_0."""
+def ball_on_a_ball(tmp_path, **more):
+    """At rest at theta_0 = 0.1: it lets go at cos theta = 10/17 cos theta_0."""
     r, R, start = 0.1, 0.5, 0.1
-    roll = Closure.rolling("world", "ball", r, surface="sphere", surface_radius=R, name="top")
+    roll = Closure.rolling("world", "ball", r, surface="sphere", surface_radius=R, name="top", **more)
     guess = {"ball": [(R + r) * sin(start), 0, (R + r) * cos(start), 0, 0, 0, 1]}
-    mech = load(tmp_path, [body("ball", inertia=0.4 * r * r)], [roll], start={"guess": guess})
-    sol = mbdae.solve(mech, (0, 1.0), rtol=1e-10)
+    return load(tmp_path, [body("ball", inertia=0.4 * r * r)], [roll], start={"guess": guess})
+
+
+def test_a_ball_that_may_lift_leaves_a_ball(tmp_path):
+    sol = mbdae.solve(ball_on_a_ball(tmp_path, unilateral=True), (0, 0.9), rtol=1e-10)
+    assert sol.success
+    assert [mode for _, mode in sol.modes] == [(1,), (0,)]
+    i = sol.modes[1][0]
+    assert sol.t[i] == pytest.approx(0.865443990528504, abs=1e-11)
+    assert np.arctan2(sol.q[i, 0], sol.q[i, 2]) == pytest.approx(0.945550554159228, abs=1e-11)
+    z = [sol(t).q[2] for t in (0.87, 0.88, 0.89)]
+    assert np.diff(z, 2) == pytest.approx(-G * 0.01**2, rel=1e-9)
+
+
+def test_a_ball_leaves_a_ball_where_the_run_doubts_it(tmp_path):
+    sol = mbdae.solve(ball_on_a_ball(tmp_path), (0, 1.0), rtol=1e-10)
     x, _, z = sol(0.865443990528504).q[:3]
     assert np.arctan2(x, z) == pytest.approx(0.945550554159228, abs=1e-9)
     assert sol.status == "doubtful"
