@@ -205,7 +205,7 @@ class Compiled(Index2System):
     def _leave_out(self) -> None:
         off = self.constraints.off
         if len(self.mechanism.switches):
-            self.core.leave_out([k in off for k in range(self.ng)])
+            self.core.leave_out([k in off for k in range(self.ng)], self.sticks)
 
     def hold(self, rows: tuple[int, ...]) -> None:
         """See `mbdae.system.System`."""

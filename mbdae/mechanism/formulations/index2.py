@@ -48,6 +48,7 @@ class Index2System(System):
         self.constraints = Constraints(self.model, self.data, mechanism.constraints)
         self.mode: Mode = (0,) * len(mechanism.switches)
         self.constraints.off = left_out(mechanism.switches, self.mode)
+        self.sticks = False  # joints stick in the mode: they stand still
         self.sliding = Sliding(mechanism.forces, mechanism.closures, self.constraints)
         self.rank: int | None = None
         self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
@@ -165,7 +166,7 @@ class Index2System(System):
         if mode == self.mode:
             return
         self.mode, switches = mode, self.mechanism.switches
-        self.constraints.off = left_out(switches, mode)
+        self.constraints.off, self.sticks = left_out(switches, mode), False
         for switch, state in zip(switches, mode, strict=True):
             switch.enter(self, state)
         self.rank, self.rows, self.held, self.reason = None, None, False, independent_rows.Reason(self.ng)
@@ -253,7 +254,7 @@ class Index2System(System):
             name = self.mechanism.row_names[int(self.rows[i] if self.rows is not None else 0)]
             raise StepError("singular", f"the closures' equations are singular at t = {t:.17g}: closure {name!r}")
         vdot = X[r] + lam.dot(X[:r]) if f.ndim == 1 else X[r:] + lam.T.dot(X[:r])
-        if self.mode and r == self.nv:  # what sticks stands still: what rounding has left is solved for once more
+        if self.sticks:  # what rounding has left is solved for once more
             left = -Ghat.dot(vdot.T)
             np.atleast_2d(left.T)[0] += rhs
             more = dgetrs(lu, piv, left)[0]

@@ -77,14 +77,14 @@ def approach(
     return path, g, G, move
 
 
-def felt(residual: Array, x: Array, least: float = 1.0) -> bool:
+def felt(residual: Array, x: Array) -> bool:
     """Say whether a residual is more than rounding."""
-    return bool(np.linalg.norm(residual) > ROUNDING * (least + np.abs(x).max()))
+    return bool(np.linalg.norm(residual) > ROUNDING * (1 + np.abs(x).max()))
 
 
 def speeds_felt(system: "Index2System", rate: Array, v: Array) -> bool:
-    """Say whether G v + g_t, (ng,), is more than rounding: of v itself in modes, where what sticks stands still."""
-    return felt(rate, v, 0.0 if system.mode else 1.0)
+    """Say whether G v + g_t, (ng,), is more than rounding; whatever it is where joints stick, which stand still."""
+    return system.sticks or felt(rate, v)
 
 
 def _smallest(U: Array, G: Array, r: Array) -> Array:

@@ -82,6 +82,7 @@ class Sticking(Switch):
         return AHEAD if (rates[0] if len(rates) else point.v[self.column]) > 0 else BACK
 
     def enter(self, system: "Index2System", state: int) -> None:  # noqa: D102
+        system.sticks |= state == STUCK
         for law, _ in system.laws.bound:
             if isinstance(law, DryElement) and law.name == self.spec.force:
                 law.sign[self.column] = {AHEAD: 1.0, BACK: -1.0}.get(state, 0.0)

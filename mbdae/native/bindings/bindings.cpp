@@ -120,10 +120,10 @@ void slide(PyCore& c, const nb::list& list, const Acts& acts, const Headings& he
   c.acts = acts, c.heading = heading;
 }
 
-void leave_out(PyCore& c, const std::vector<bool>& off) {
+void leave_out(PyCore& c, const std::vector<bool>& off, bool sticks) {
   const Turn turn(c);
   if (!off.empty() && static_cast<int>(off.size()) != c.core->system.ng) refuse("off has the wrong length");
-  c.core->system.leave_out(off);
+  c.core->system.leave_out(off, sticks);
 }
 
 void change_law(PyCore& c, int k, const Numbers& a) {
@@ -175,7 +175,8 @@ NB_MODULE(_native, m) {
       .def("use", use, nb::arg("rows"), nb::arg("rank"), nb::arg("floor"), nb::arg("held"),
            "Say which rows are in use, below which ratio of pivots the rank has fallen, and whether rows stay.")
       .def("change_law", change_law, nb::arg("k"), nb::arg("a"), "Give law k other numbers: in a mode they are constant.")
-      .def("leave_out", leave_out, nb::arg("off"), "Say which rows the mode does not have; none for an empty list.")
+      .def("leave_out", leave_out, nb::arg("off"), nb::arg("sticks"),
+           "Say which rows the mode does not have, none for an empty list, and whether joints stick in it.")
       .def("settle", settle, nb::arg("t"), nb::arg("y"), nb::arg("carry").none(),
            "Choose the rows of the next step: say whether others are taken, and return y and carry, or None.")
       .def("step", step, nb::arg("tableau"), nb::arg("t"), nb::arg("h"), nb::arg("y"), nb::arg("carry").none(),

@@ -124,6 +124,7 @@ class Constraints {
   std::vector<std::vector<int>> of_pair;  // rows of each pair
   std::vector<Driver> drivers;
   std::vector<bool> off;  // (ng,) rows that the mode leaves out: zero, with all that belongs to them; empty: none
+  bool sticks = false;    // joints stick in the mode: they stand still
 
   // Entries of G for some rows, into G + row * nv (zero outside row.columns), and g where asked for.
   void value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);

@@ -52,8 +52,8 @@ bool Index2System::change_law(int k, const Numbers& a) {
   return true;
 }
 
-void Index2System::leave_out(std::vector<bool> off) {
-  constraints.off = std::move(off);
+void Index2System::leave_out(std::vector<bool> off, bool sticks) {
+  constraints.off = std::move(off), constraints.sticks = sticks;
   point.forget();
   std::fill(point.G.begin(), point.G.end(), 0.0), std::fill(point.Z.begin(), point.Z.end(), 0.0);
 }

@@ -81,7 +81,8 @@ class Index2System {
   void probe();
   void use(const std::vector<int>& in_use, int rank, double floor, bool held);
   bool change_law(int k, const Numbers& a);  // other numbers for law k, as many as it has
-  void leave_out(std::vector<bool> off);  // rows that the mode does not have, (ng,); say then which are in use
+  // Rows that the mode does not have, (ng,), and whether joints stick; say then which rows are in use.
+  void leave_out(std::vector<bool> off, bool sticks);
 
   // f (nv,) and the rates (s', power in W), (ns + 1,), where the kinematics stand at q.
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates);

@@ -8,8 +8,7 @@
 namespace mbdae {
 
 bool felt(const Index2System& s, const double* rate, const double* v) {
-  const double least = s.constraints.off.empty() ? 1 : 0;  // in a mode: what sticks stands still
-  return norm(rate, s.ng) > s.mechanics.limits.rounding * (least + largest(v, s.nv));
+  return s.constraints.sticks || norm(rate, s.ng) > s.mechanics.limits.rounding * (1 + largest(v, s.nv));
 }
 
 void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {

@@ -6,7 +6,7 @@
 
 namespace mbdae {
 
-// Whether G v + g_t (ng,) is more than rounding.
+// Whether G v + g_t (ng,) is more than rounding; whatever it is where joints stick.
 bool felt(const Index2System& system, const double* rate, const double* v);
 
 // y becomes the nearest point with g = 0 and G v + g_t = 0; the configurations on the way, but for the last.

@@ -65,8 +65,7 @@ void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f) {
   point_.half(f);
   const std::vector<int>& position = rows_.position();
   right_.assign(rhs, rhs + position.size());
-  // in a mode without freedom, what sticks stands still: what rounding has left is solved for once more
-  const int corrections = !constraints_.off.empty() && static_cast<int>(rows_.in_use().size()) == nv_ ? 1 : 0;
+  const int corrections = constraints_.sticks ? 1 : 0;  // what rounding has left is solved for once more
   for (int i = 0; i <= corrections && !rows_.in_use().empty(); ++i) {
     for (int k : rows_.in_use()) {
       double s = right_[k];
