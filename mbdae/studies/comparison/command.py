@@ -96,4 +96,5 @@ def compare(
     emit({**result.to_dict(), "written": wrote}, "\n".join([str(result), *(f"wrote {p}" for p in wrote)]), as_json)
     if not result.complete:
         kept = f"; {output} keeps what is finished, the same command goes on from there" if output else ""
-        stopped(f"after {len(result.points)} of {result.asked} runs{kept}")
+        done, asked = len(result.points), result.asked
+        stopped((f"after {done} of {asked} runs" if done < asked else "before all times were taken") + kept)

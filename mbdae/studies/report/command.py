@@ -44,7 +44,11 @@ def report(
     with bar("report", 1.0) as tell:
         options["rtol"] = RTOL if options["rtol"] is None else options["rtol"]
         result = study(mech, span(mech, end)[1], methods=listed(names) or None, progress=tell, **options)
-    result.save(output)
+    try:
+        result.save(output)
+    except KeyboardInterrupt:
+        emit({**result.to_dict(), "written": []}, str(result), as_json)
+        stopped(f"before {output} was written")
     emit({**result.to_dict(), "written": written}, f"{result}\n\nwrote {output}", as_json)
     if result.missing:
         stopped(result.without)

@@ -107,3 +107,10 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path, workers):
     assert "stopped" in out
     assert not kept.complete
     assert 1 <= len(kept.points) < 4
+
+
+def test_ctrl_c_while_times_are_taken_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr("mbdae.studies.comparison.bench.timed", lambda *_: os.kill(os.getpid(), signal.SIGINT))
+    code, out, err = call("compare", "pendulum", "-m", "pherk5", "--rtol", "1e-3", "-t", "0.1", cwd=tmp_path)
+    assert (code, err) == (1, "mbdae: stopped by the user before all times were taken\n")
+    assert "stopped: 1 of 1 runs" in out

@@ -225,3 +225,13 @@ def test_ctrl_c_writes_what_is_finished(tmp_path, monkeypatch):
     text = outside((tmp_path / "r.html").read_text("utf-8"))
     assert "Stopped by the user without orders; the comparison." in text
     assert re.findall(r'<h2 id="(\w+)">', text) == ["Model", "Parts", "Run", "Drift", "Repeat", "Data"]
+
+
+def test_ctrl_c_while_the_page_is_written_leaves_what_it_would_say(tmp_path, monkeypatch):
+    monkeypatch.setattr("mbdae.studies.report.report.METHODS", ("ggl:herk2",))
+    monkeypatch.setattr("mbdae.studies.report.report.compare", lambda *_, **__: None)
+    monkeypatch.setattr("mbdae.studies.report.page.page", lambda report: os.kill(os.getpid(), signal.SIGINT))
+    code, out, err = call("report", "pendulum", "-t", "0.1", "-o", "r.html", cwd=tmp_path)
+    assert (code, err) == (1, "mbdae: stopped by the user before r.html was written\n")
+    assert "drift of Cartesian pendulum" in out
+    assert list(tmp_path.iterdir()) == []
