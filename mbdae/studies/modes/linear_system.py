@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import UnknownNameError, several
 from ...mechanism import Mechanism
+from ...mechanism.efforts import named_laws
 from ...mechanism.forces.linear import LinearElement
 from ...mechanism.formulations.balance import Statics
 from ...mechanism.formulations.linearization import LinearMotion
@@ -122,9 +123,10 @@ def linearize(
 
     An input is the name of a joint (a torque on it in N m or N; ``joint.2`` for one of several coordinates), of a
     force whose value is a function of time (the voltage of a dc_motor, the reference of a joint_pid, the torque of a
-    joint_torque), or ``frame.x``, a force in N on a frame's origin along an axis of the world. An output is ``q.joint``
-    or ``v.joint`` (in the tangent), ``s.state``, or ``frame.x``, where a frame's origin is, in m. Where a reference
-    acts by its rate, too (kd), the states are z less what its jump would do, which shows in D.
+    joint_torque; "(force)" stands behind a name that a joint, closure or driver has, too), or ``frame.x``, a force in N
+    on a frame's origin along an axis of the world. An output is ``q.joint`` or ``v.joint`` (in the tangent),
+    ``s.state``, or ``frame.x``, where a frame's origin is, in m. Where a reference acts by its rate, too (kd), the
+    states are z less what its jump would do, which shows in D.
 
     Args:
         mech: the mechanism.
@@ -174,15 +176,17 @@ def _pushes(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Push
     nv, ns = system.nv, system.ns
     none = np.zeros(ns)
     out: dict[str, Push] = {n: ((e, none), (np.zeros(nv), none)) for n, e in zip(joints, np.eye(nv), strict=True)}
-    for law, at in system.laws.bound:
+    states = {id(law): at for law, at in system.laws.bound}
+    for force, law in named_laws(statics.mech, system.laws).items():
         if not isinstance(law, LinearElement):
             continue
+        at = states[id(law)]
         for i in range(len(law.u)):
             parts = np.zeros((2, nv + ns))
             for row, r, column, c, value in law.terms:
                 if column in ("u", "du") and c == i:
                     parts[int(column == "du"), r if row == "tau" else nv + at.start + r] += value
-            name = law.name if len(law.u) == 1 else f"{law.name}.{i + 1}"
+            name = force if len(law.u) == 1 else f"{force}.{i + 1}"
             out[name] = ((parts[0, :nv], parts[0, nv:]), (parts[1, :nv], parts[1, nv:]))
     for name, slope in _places(statics, q).items():
         out.setdefault(name, ((slope, none), (np.zeros(nv), none)))

@@ -60,6 +60,16 @@ def test_a_run_answers_as_the_linear_system(kind):
     np.testing.assert_allclose(found, y, atol=2e-6 * np.abs(y).max())
 
 
+def test_a_joint_and_a_force_of_one_name_are_two_inputs():
+    """The force acts geared, the torque on the joint as it is."""
+    mech = mbdae.load("double_pendulum")
+    joint = mech.joint_names[1]
+    mech = Mechanism(mech.model, (), [JointTorque(joint=joint, torque=0.0, gear=40.0, name=joint)])
+    B = mbdae.linearize(mech, {n: 0.0 for n in mech.joint_names}, inputs=[joint, f"{joint} (force)"]).B
+    assert np.abs(B).max() > 0
+    np.testing.assert_allclose(B[:, 1], 40.0 * B[:, 0], rtol=1e-14)
+
+
 def test_names_that_do_not_exist_are_refused():
     mech = mbdae.load("snap_toggle")
     with pytest.raises(UnknownNameError, match=r"unknown input 'knee'.*valid: pin, pin\.x"):
