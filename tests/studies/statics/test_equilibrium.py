@@ -1,6 +1,7 @@
 """Equilibria: published and closed numbers, starts from anywhere, verdicts, what holds, and refusals by name."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -266,4 +267,7 @@ def test_it_is_a_table_by_the_names_of_signals(tmp_path):
     pandas.testing.assert_frame_equal(pandas.read_csv(tmp_path / "e.csv"), frame, rtol=1e-12)
     assert "force.pin & " in held.to_latex()
     assert ">holding.left</td>" in held._repr_html_()
+    assert re.search(r"left is held by \S+ N m$", str(held), re.M)
+    slid = mbdae.equilibrium(mbdae.load("slider_crank"), hold=["slider"])
+    assert re.search(r"slider is held by \S+ N$", str(slid), re.M)
     assert held.to_xarray()["force.pin"].attrs["units"] == "N"
