@@ -32,7 +32,8 @@ class Window(Switch):
 
     def __init__(self, name: str, spec: Within, rows: Sequence[int], columns: tuple[int, int]) -> None:
         super().__init__(name)
-        self.spec, self.all_rows, (self.q, self.v) = spec, tuple(rows), columns
+        self.spec, self.all_rows, self.row = spec, tuple(rows), rows[0]
+        self.q, self.v = columns
 
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
