@@ -149,7 +149,7 @@ def emit(data: Any, text: str, as_json: bool) -> None:
 
 
 def show(rows: list[dict[str, Any]], as_json: bool) -> None:
-    """Print rows as a table, or as JSON."""
+    """Print rows as a table, or as JSON; where the screen is narrow, words are wrapped, but for the first of a row."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -158,12 +158,15 @@ def show(rows: list[dict[str, Any]], as_json: bool) -> None:
         emit(rows, "", as_json)
         return
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for key, value in rows[0].items():
-        table.add_column(key, justify="left" if isinstance(value, str) else "right", no_wrap=True)
+    for key in rows[0]:
+        cells = [row[key] for row in rows]
+        words = all(v is None or isinstance(v, str) for v in cells)
+        least = max(len(str(v)) for v in [key, *cells]) if not words or not table.columns else None
+        table.add_column(key, justify="left" if words else "right", min_width=least, no_wrap=least is not None)
     for row in rows:
         table.add_row(*("-" if v is None else Text(printable(str(v))) for v in row.values()))
     screen = sys.stdout.isatty()
-    Console(width=None if screen else 200, highlight=False, force_terminal=screen).print(table)
+    Console(width=None if screen else 1000, highlight=False, force_terminal=screen).print(table)
 
 
 def listed(values: tuple[str, ...]) -> list[str]:

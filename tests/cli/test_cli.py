@@ -225,3 +225,13 @@ def test_a_damaged_tableau_is_refuted(monkeypatch):
     code, out, _ = call("order", "four_bar", "-m", "herk3")
     assert code == 1
     assert "misses" in out
+
+
+def test_tables_on_narrow_screens_wrap_words_and_cut_no_name(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "60")
+    console.show([{"name": "x" * 30, "n": 123, "words": None}, {"name": "y", "n": None, "words": "word " * 20}], False)
+    out = capsys.readouterr().out
+    assert "x" * 30 in out
+    assert "123" in out
+    assert out.count("word") == 21

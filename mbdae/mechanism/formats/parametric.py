@@ -10,7 +10,7 @@ import inspect
 import runpy
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, ValidationError, create_model
 from pydantic.fields import FieldInfo
@@ -124,6 +124,8 @@ def _definitions(fields: Mapping[str, FieldInfo]) -> dict[str, Any]:
 
 def _words(field: FieldInfo) -> str:
     kind = getattr(field.annotation, "__name__", str(field.annotation))
+    if get_origin(field.annotation) is Literal:
+        kind = " or ".join(repr(choice) for choice in get_args(field.annotation))
     limits = [f"{word} {getattr(m, key)}" for m in field.metadata for key, word in LIMITS.items() if hasattr(m, key)]
     default = "no default" if field.is_required() else f"default {field.default!r}"
     return ", ".join([" ".join([kind, " and ".join(limits)]).strip(), default])
