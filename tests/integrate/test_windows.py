@@ -29,6 +29,17 @@ def test_a_geneva_drive_turns_its_wheel_by_quarters(back_end):
     assert mbdae.drift(sol).energy_relative < 1e-10
 
 
+def test_windows_are_among_the_signals():
+    """The pin comes into the first slot an eighth of a turn before its middle. Several rows have no one impulse."""
+    sol = mbdae.solve(mbdae.load("geneva_drive"), (0, 0.1))
+    known = sol.signals()
+    at = int(np.argmax(known["mode.slot 1"]))
+    assert known["q.crank"][at] == pytest.approx(-np.pi / 4, abs=1e-12)
+    np.testing.assert_array_equal(known["mode.slot 1"], np.arange(len(sol.t)) >= at)
+    np.testing.assert_array_equal(known["mode.dwell"], np.arange(len(sol.t)) < at)
+    assert not any(name.startswith("impulse.") for name in known)
+
+
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9])
 def test_a_window_that_begins_takes_speeds_away_that_do_not_fit(rtol):
     """Without projection the wheel drifts, and is not quite at rest where its dwell begins: no step could mend that."""

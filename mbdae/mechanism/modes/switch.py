@@ -97,7 +97,7 @@ class Switch:
         states: words for its states.
         rest: a flight that is shorter ends in rest, in s.
         row: number of its first row.
-        struck: whether impulses pass through that row.
+        struck: whether impulses pass through that row, and it alone.
     """
 
     row: int

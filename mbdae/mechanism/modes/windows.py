@@ -28,6 +28,7 @@ class Window(Switch):
         columns: of the joint's coordinate in q, and of its velocity.
     """
 
+    struck = False
     states = ("out of its window", "at work")
 
     def __init__(self, name: str, spec: Within, rows: Sequence[int], columns: tuple[int, int]) -> None:
