@@ -83,7 +83,8 @@ def backwards(trace: Trace, arriving: Arriving, end: Ending | None, k: int) -> t
                 p += by_p + found[1]
                 continue
         if last:
-            bar[:ny] = last.held(bar[:ny, None], bar[ny:, None], k, late)[:, 0]
+            held, by_p = last.held(bar[:ny, None], bar[ny:, None], late)
+            bar[:ny], p = held[:, 0], p + by_p
         bar, by_p = _all_reversed(last.parts if last else list(trace.parts(i - 1)), bar, ny, k)
         i -= 1
         own, more, _ = arriving.at(i)

@@ -1,31 +1,35 @@
 """The end of a run in a terminal event, whose time moves: dt_e = -(e_y dy + e_p)/e'."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ...differences import slope, slopes
 from ...errors import InputError
+from ...integrate.signal_events import parse
 from ...integrate.trace import LinearPart, Part, Trace
 from ...system import Array
+from .signal_slopes import SignalSlopes
 
 WIDTH = 1e-3  # of differences of event functions, which are the user's
 
 
 @dataclass(frozen=True)
 class Ending:
-    """The last step, which ends in an event e(t, q, v) = 0, and how its size moves.
+    """The last step, which ends in an event e(t, y, p) = 0, and how its size moves.
 
     Attributes:
         parts: of the step.
         by_t: de/dt.
         by_y: de/dy, (ny,).
+        by_p: de/dp, (k,).
     """
 
     parts: list[Part]
     by_t: float
     by_y: Array
+    by_p: Array
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array) -> tuple[Array, Array]:
         """Return the variations behind the step, whose size moves by dh, (m,)."""
@@ -37,41 +41,53 @@ class Ending:
                 dy, carry = part.forward(dy, carry, dp, dh / len(steps))
         return dy, carry
 
-    def by_size(self, like: Array, carry: Array, k: int) -> Array:
+    def by_size(self, like: Array, carry: Array) -> Array:
         """Variation of y behind the step for dh = 1, (ny, 1)."""
-        zero = np.zeros((len(like), 1)), np.zeros((len(carry), 1)), np.zeros((k, 1))
+        zero = np.zeros((len(like), 1)), np.zeros((len(carry), 1)), np.zeros((len(self.by_p), 1))
         return self.forward(*zero, np.ones(1))[0]
 
     def move(self, dy: Array, carry: Array, dp: Array) -> Array:
         """Return dt_e, (m,)."""
-        rise = self.by_t + (self.by_y @ self.by_size(dy, carry, len(dp)))[0]
+        rise = self.by_t + (self.by_y @ self.by_size(dy, carry))[0]
         fixed = self.forward(dy, carry, dp, np.zeros(dy.shape[1]))[0]
-        return -(self.by_y @ fixed) / rise
+        return -(self.by_y @ fixed + self.by_p @ dp) / rise
 
-    def held(self, y: Array, carry: Array, k: int, late: float) -> Array:
-        """Return the cotangent of y behind the step with its size held, of that with dt_e, and of t_e itself."""
-        by_size = self.by_size(y, carry, k)[:, 0]
-        return y - self.by_y[:, None] * (float(y[:, 0] @ by_size) + late) / (self.by_t + self.by_y @ by_size)
+    def held(self, y: Array, carry: Array, late: float) -> tuple[Array, Array]:
+        """Return the cotangents of y behind the step with its size held, and of p, of those with dt_e and of t_e."""
+        by_size = self.by_size(y, carry)[:, 0]
+        by_e = -(float(y[:, 0] @ by_size) + late) / (self.by_t + self.by_y @ by_size)
+        return y + by_e * self.by_y[:, None], by_e * self.by_p
 
 
-def ending(trace: Trace, event: Callable[..., float] | None) -> Ending | None:
+def ending(trace: Trace, event: Any) -> Ending | None:
     """The last step of a run that ended in an event; None for others.
 
+    Args:
+        trace: the run.
+        event: `mbdae.Event`, or what it takes: a function, of which differences are taken, or a signal.
+
     Raises:
-        InputError: where the event's function is missing, or none belongs.
+        InputError: where the event is missing, or none belongs; for a signal without a gradient.
+        UnknownNameError: for a signal that does not exist.
     """
     if trace.sol.status != "event":
         if event is not None:
             raise InputError("the run did not end in an event: leave its function out")
         return None
     if event is None:
-        raise InputError("the run ended in a terminal event, whose time moves: give its function, event=")
-    function, s = getattr(event, "function", event), trace.system
-    t, y = float(trace.ts[-1]), trace.ys[-1]
+        raise InputError("the run ended in a terminal event, whose time moves: give its function or signal, event=")
+    given, s = getattr(event, "function", event), trace.system
+    last, t, y = len(trace.ts) - 1, float(trace.ts[-1]), trace.ys[-1]
+    parts = list(trace.parts(last - 1))
+    if isinstance(given, str):
+        row = SignalSlopes(trace, [parse(given).signal]).rows(last, t, y)[0]
+        return Ending(parts, float(row[-1]), row[: s.ny], row[s.ny : -1])
+    if not callable(given):
+        raise InputError(f"an event is a signal or a function of (t, q, v), got {given!r:.60}")
 
     def value(t: float, y: Array) -> float:
-        return float(function(t, *s.split(y)))
+        return float(given(t, *s.split(y)))
 
     by_t = slope(lambda x: value(t + x, y), WIDTH)
     by_y = slopes(lambda x: value(t, s.add(y, x)), s.ny, WIDTH)
-    return Ending(list(trace.parts(len(trace.ts) - 2)), by_t, by_y)
+    return Ending(parts, by_t, by_y, np.zeros(trace.slopes.k))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import require
+from ...integrate.events import Event
 from ...integrate.trace import Trace
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
@@ -55,7 +56,7 @@ def gradient(
     *,
     start: bool = False,
     model: Model = None,
-    event: Callable[..., float] | None = None,
+    event: Event | Callable[..., float] | str | None = None,
 ) -> Gradient:
     """Differentiate a cost of a run: one pass back through its steps, whatever the number of parameters.
 
@@ -69,7 +70,7 @@ def gradient(
         parameters: names, or name = value.
         start: differentiate with respect to the start, too.
         model: what makes the mechanism with other numbers.
-        event: the function of the terminal event in which the run ended.
+        event: the terminal event in which the run ended, its function or its signal.
 
     Raises:
         InputError: for a run of another kind, a parameter or a signal without a derivative, a cost that is not finite.

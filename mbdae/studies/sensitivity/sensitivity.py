@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import MbdaeError, require
+from ...integrate.events import Event
 from ...integrate.trace import Trace
 from ...mechanism.units import coordinate_units
 from ...solution.solution import Solution
@@ -125,7 +126,7 @@ def sensitivity(
     *,
     start: bool = False,
     model: Model = None,
-    event: Callable[..., float] | None = None,
+    event: Event | Callable[..., float] | str | None = None,
 ) -> Sensitivity:
     """Differentiate a run with respect to numbers of its mechanism and to its start: half-explicit methods, Radau IIA.
 
@@ -141,7 +142,7 @@ def sensitivity(
         start: differentiate with respect to (q, v, s) at the start, too, q in its tangent, all of them free.
         model: what makes the mechanism with other numbers, see `mbdae.sweep`: a file or a function; what the mechanism
             was read from when left out.
-        event: the function of the terminal event in which the run ended: its time moves, too.
+        event: the terminal event in which the run ended, its function or its signal: its time moves, too.
 
     Raises:
         InputError: for a run of another kind, or a parameter without a derivative.

@@ -146,6 +146,22 @@ def test_an_event_moves():
         mbdae.sensitivity(run(value), [name], model=template)
 
 
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [("q.crank = 1.0", "start.q.crank"), ("position.coupler_tip.z < 1.2", "frame.coupler_tip.xyz.0"),
+     ("potential < 33", "joint.rocker.mass"), ("force.pin > 10", "joint.coupler.mass")],
+)  # fmt: skip
+def test_an_event_on_a_signal_moves(text, name):
+    """Signals depend on parameters themselves; forwards and back."""
+    event = mbdae.Event(text, terminal=True)
+    template, value, run = runs_of("four_bar", name, 2.0, step=0.05, method="pherk6", events=event)
+    sol = run(value)
+    assert sol.status == "event"
+    found = mbdae.sensitivity(sol, [name], model=template, event=event)
+    assert best(found.dt[-1], lambda x: run(x).t[-1:], value) < 1e-10
+    compare(sol, [name], ("t", "v.crank"), model=template, event=text)
+
+
 def test_a_sampled_controller():
     """Its torques jump; q and v just before tell them."""
     hold = mbdae.Sampled(lambda t, q, v, x: (-5 * v[:1] - np.sin(q[0]) - x, x + 0.1 * q[:1]), rate=10,
