@@ -36,7 +36,7 @@ from ...errors import InputError
 @rtol_option
 @step_option
 @click.option("--starts", type=click.IntRange(min=1), default=1, help="Searches, from starts within the bounds.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the places of other starts.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the places of other starts.")
 @click.option("--html", type=click.Path(dir_okay=False), help="Write one page: signals, residuals, values.")
 @table_option
 @plot_option

@@ -64,6 +64,9 @@ def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
         raise InputError(f"{name}: expected a column t and signals of its length")
     if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
         raise InputError(f"{name}: times must rise")
+    for key, x in columns.items():
+        if np.isinf(x).any():
+            raise InputError(f"{name}: column {key!r} has a value that is infinite")
     if not any(np.isfinite(x).any() for x in columns.values()):
         raise InputError(f"{name}: no signal has a value")
     return Recording(name, t, columns)
@@ -83,6 +86,9 @@ def _read(path: Path) -> dict[str, Any]:
     if len(rows) < 2:
         raise InputError(f"{path}: expected a line of names and lines of numbers")
     head = [name.strip() for name in rows[0]]
+    twice = [name for i, name in enumerate(head) if name in head[:i]]
+    if twice:
+        raise InputError(f"{path}: two columns are named {twice[0]!r}")
     for i, row in enumerate(rows[1:], 2):
         if row and len(row) != len(head):
             raise InputError(f"{path}, line {i}: {len(row)} values under {len(head)} names")

@@ -15,14 +15,14 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import chi2 as chi2_distribution
 
-from ...errors import InputError, MbdaeError
+from ...errors import InputError, MbdaeError, require, several
 from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import number
 from ...mechanism.formats.template import Template
 from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
-from ..sensitivity.numbers import Makes, maker
+from ..sensitivity.numbers import Makes, maker, scaled
 from .data import records
 from .misfit import Misfit
 from .result import TIED, Attempt, Fit
@@ -93,23 +93,24 @@ def fit(
         InputError: for data outside the span, signals without a gradient, bounds that are none.
         UnknownNameError: for names that lead nowhere.
     """
-    found = records(data, signals)
+    if not isinstance(parameters, Mapping) or not parameters:
+        raise InputError("a fit needs parameters: name = (low, high) or (start, low, high)")
+    for name in ("t_eval", "events"):
+        if name in settings:
+            raise InputError(f"a fit takes no {name}: the times of the data are those of its runs")
+    found = records(data, several(signals, "signals are names of columns"))
     loaded = model if isinstance(model, Mechanism) else None
     make = maker(loaded, None if loaded else str(model) if isinstance(model, Path) else model)
-    tables = [dict(known)] * len(found) if isinstance(known, Mapping) else [dict(x) for x in known]
-    if tables and len(tables) != len(found):
-        raise InputError(f"known has {len(tables)} tables for {len(found)} runs")
+    tables = _known(known, len(found), parameters)
     unknown = {name: _unknown(make, name, given) for name, given in parameters.items()}
-    if not unknown:
-        raise InputError("a fit needs parameters: name = (low, high) or (start, low, high)")
-    problem = Misfit(make, list(unknown), found, tables or [{}] * len(found), sigma, t_span, settings)
+    problem = Misfit(make, list(unknown), found, tables, sigma, t_span, settings)
     low, high = (np.array([getattr(u, key) for u in unknown.values()]) for key in ("low", "high"))
-    scale = np.array([float((scales or {}).get(name, (u.high - u.low) / 10)) for name, u in unknown.items()])
-    if not (scale > 0).all():
-        raise InputError("scales of parameters must be positive")
+    scale = scaled(scales, {name: (u.high - u.low) / 10 for name, u in unknown.items()})
     first = np.clip([u.start for u in unknown.values()], low, high)
     if not (isinstance(starts, int) and starts >= 1):
         raise InputError(f"starts is a number of searches, at least 1, got {starts!r}")
+    if not (isinstance(seed, int) and seed >= 0):
+        raise InputError(f"seed is a whole number, at least 0, got {seed!r:.60}")
     found_all = []
     for i, x in enumerate(_places(first, low, high, starts, seed)):
         tell = (lambda text, i=i: progress(f"start {i + 1}, {text}" if starts > 1 else text)) if progress else None
@@ -120,6 +121,22 @@ def fit(
                 raise
             found_all.append(Attempt(dict(zip(unknown, x.tolist(), strict=True)), {}, np.inf, False, str(e)))
     return _result(problem, found_all, low, high, scale)
+
+
+def _known(given: Any, n: int, parameters: Parameters) -> list[dict[str, float]]:
+    """The numbers that are known of each of n runs.
+
+    Raises:
+        InputError: for another number of tables, and a number that is to be found.
+    """
+    tables = [given] * n if isinstance(given, Mapping) else given if isinstance(given, Sequence) else [given]
+    for table in tables:
+        require(table, Mapping, "what is known of runs are tables, name = value")
+        if both := [name for name in table if name in parameters]:
+            raise InputError(f"{both[0]!r} is known, and a parameter to be found")
+    if tables and len(tables) != n:
+        raise InputError(f"known has {len(tables)} tables for {n} runs")
+    return [dict(table) for table in tables] or [{}] * n
 
 
 def _places(first: Array, low: Array, high: Array, n: int, seed: int) -> Iterator[Array]:

@@ -1,6 +1,7 @@
 """Residuals of measurements against runs, and their exact derivatives."""
 
 from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from ...errors import InputError, MbdaeError
 from ...integrate.defaults import with_tolerance
 from ...integrate.solve import solve
+from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...solution.signals import signals as computed_signals
 from ...system import Array
@@ -36,8 +38,8 @@ class Misfit:
         self.make, self.names, self.found, self.known = make, names, found, known
         self.given, self.share, self.runs, self.gradients = sigma is not None, 1.0, 0, 0
         self.settings = settings
-        start = 0.0 if t_span is None else float(t_span[0])
-        end = max(r.t[-1] for r in found) if t_span is None else float(t_span[1])
+        latest = max(float(r.t[-1]) for r in found)
+        start, end = checked_span((0.0, latest) if t_span is None else t_span, pair=True)
         self.start = start
         for r in found:
             outside = r.t[(r.t < start) | (r.t > end)]
@@ -46,7 +48,8 @@ class Misfit:
         every = [name for r in found for name in r.columns]
         levels = sigma if isinstance(sigma, Mapping) else dict.fromkeys(every, 1.0 if sigma is None else sigma)
         for name in every:
-            if not (name in levels and 0 < levels[name] < np.inf):
+            level = levels.get(name)
+            if isinstance(level, bool) or not isinstance(level, Real) or not 0 < float(level) < np.inf:
                 raise InputError(f"the noise level of {name!r} must be given and positive: sigma={{{name!r}: ...}}")
         self.sigma = {name: float(levels[name]) for name in every}
         self._last: tuple[Any, list[Any]] = (None, [])
@@ -55,8 +58,8 @@ class Misfit:
     def shares(self, spans: Sequence[float], k: int) -> list[float]:
         """The shares of the samples, those with enough of them, and all at last."""
         n = min(sum(int(np.isfinite(x).sum()) for x in r.columns.values()) for r in self.found)
-        if not all(0 < s <= 1 for s in spans):
-            raise InputError(f"spans are shares of the samples between 0 and 1, got {list(spans)}")
+        if not isinstance(spans, Sequence) or not all(0 < s <= 1 for s in spans):
+            raise InputError(f"spans are shares of the samples between 0 and 1, got {spans!r:.60}")
         return [*(s for s in sorted(set(spans)) if s < 1 and s * n >= FEWEST * k), 1.0]
 
     def solved(self, x: Array) -> list[Any]:

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-from ...errors import InputError, MbdaeError, UnknownNameError
+from ...errors import InputError, MbdaeError, UnknownNameError, require
 from ...mechanism import Mechanism
 from ...system import Array
 from ..sensitivity.cost import Cost
-from ..sensitivity.numbers import Names, maker, named_values
+from ..sensitivity.numbers import Names, maker, named_values, scaled
 from .motion import Measured, Motion, Moves, curves, runs
 from .result import Optimum, Tried
 
@@ -78,6 +78,10 @@ def optimize(
         InputError: for a start that cannot be computed, bounds that are none, signals or parameters without a gradient.
         UnknownNameError: for names that lead nowhere.
     """
+    if not callable(cost):
+        raise InputError(f"a cost is a function of signals that returns (value, slopes), got {cost!r:.60}")
+    if not (isinstance(iterations, int) and iterations >= 1 and tolerance > 0):
+        raise InputError(f"iterations and tolerance are positive, got {iterations!r:.30} and {tolerance!r:.30}")
     if search not in SEARCHES:
         raise UnknownNameError("search", search, SEARCHES)
     if search == "L-BFGS-B" and constraints:
@@ -85,8 +89,8 @@ def optimize(
     loaded = model if isinstance(model, Mechanism) else None
     make = maker(loaded, None if loaded else str(model) if isinstance(model, Path) else model)
     start = _start(make, parameters)
-    box = _pairs("parameter", start, bounds or {})
-    limits = {name: _pair(f"constraint {name!r}", x[1:]) for name, x in (constraints or {}).items()}
+    box = _pairs("parameter", start, _table("bounds", bounds))
+    limits = {name: _limits(name, given) for name, given in _table("constraints", constraints).items()}
     for name, x in start.items():
         low, high = box[name]
         if not low <= x <= high:
@@ -98,7 +102,7 @@ def optimize(
     )
     functions = {name: x[0] for name, x in (constraints or {}).items()}
     problem = Problem(moves, cost, functions, start, limits, progress)
-    return problem.solve(box, _scales(start, box, scales or {}), search, tolerance, iterations)
+    return problem.solve(box, _scales(start, box, scales), search, tolerance, iterations)
 
 
 class Problem:
@@ -228,6 +232,17 @@ def _pairs(
     return {name: _pair(f"{what} {name!r}", given.get(name, (None, None))) for name in names}
 
 
+def _table(what: str, given: Any) -> Mapping[str, Any]:
+    require(given if given is not None else {}, Mapping, f"{what} are a table by name")
+    return given or {}
+
+
+def _limits(name: str, given: Any) -> tuple[float, float]:
+    if not (isinstance(given, Sequence) and len(given) == 3 and callable(given[0])):
+        raise InputError(f"constraint {name!r} takes (function, low, high), got {given!r:.60}")
+    return _pair(f"constraint {name!r}", given[1:])
+
+
 def _pair(what: str, given: Any) -> tuple[float, float]:
     """The lower and the upper end of a range.
 
@@ -244,13 +259,9 @@ def _pair(what: str, given: Any) -> tuple[float, float]:
     return ends
 
 
-def _scales(
-    start: Mapping[str, float], box: Mapping[str, tuple[float, float]], given: Mapping[str, float]
-) -> Array:
-    found = []
+def _scales(start: Mapping[str, float], box: Mapping[str, tuple[float, float]], given: Any) -> Array:
+    usual = {}
     for name, x in start.items():
         width = box[name][1] - box[name][0]
-        found.append(float(given.get(name, (width if np.isfinite(width) else abs(x) or 10.0) / 10 or 1.0)))
-    if not all(s > 0 for s in found):
-        raise InputError("scales of parameters must be positive")
-    return np.array(found)
+        usual[name] = (width if np.isfinite(width) else abs(x) or 10.0) / 10 or 1.0
+    return scaled(given, usual)

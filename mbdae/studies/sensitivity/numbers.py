@@ -9,12 +9,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ... import backend
-from ...errors import InputError
+from ...errors import InputError, UnknownNameError, require
 from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import Remembered, number
 from ...mechanism.formats.template import Template
 from ...mechanism.variations.parameters import Parameters
 from ...solution.solution import Solution
+from ...system import Array
 from ..sweep.run import Made
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()
@@ -92,6 +93,22 @@ def named_values(make: Makes, names: Names) -> dict[str, float]:
     if not isinstance(make, Template):
         raise InputError("the parameters of a function that makes a mechanism are given as name = value")
     return {name: number(make, name) for name in listed}
+
+
+def scaled(given: Any, usual: Mapping[str, float]) -> Array:
+    """By which sizes parameters typically change, (k,): those that are given, and else the usual ones.
+
+    Raises:
+        UnknownNameError: for a name that is no parameter.
+        InputError: for a size that is no positive number.
+    """
+    require(given if given is not None else {}, Mapping, "scales are a table, name = size")
+    for name, x in (given or {}).items():
+        if name not in usual:
+            raise UnknownNameError("parameter", name, usual)
+        if isinstance(x, bool) or not isinstance(x, Real) or not 0 < float(x) < np.inf:
+            raise InputError(f"the scale of parameter {name!r} is a positive number, got {x!r:.60}")
+    return np.array([float(x) for x in {**usual, **(given or {})}.values()])
 
 
 def _value(name: str, value: Any) -> float:

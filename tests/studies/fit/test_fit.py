@@ -201,7 +201,18 @@ WRONG = [
     ({}, {"joint.rocker.rpy.0": (-1, 1)}, InputError, "opens closures that depend on each other"),
     ({"known": [{}, {}]}, {}, InputError, "2 tables for 1 runs"),
     ({"spans": (2.0,)}, {}, InputError, "shares of the samples"),
+    ({"spans": 1.0}, {}, InputError, "shares of the samples"),
     ({"starts": 0}, {}, InputError, "starts is a number of searches"),
+    ({"seed": -1}, {}, InputError, "seed is a whole number, at least 0, got -1"),
+    ({"data": {**DATA, "q.crank": [1.2, np.inf, 1.0]}}, {}, InputError, "'q.crank' has a value that is infinite"),
+    ({"sigma": "x"}, {}, InputError, "noise level of 'q.crank'"),
+    ({"known": {"gravity.2": -9.0}}, {}, InputError, "'gravity.2' is known, and a parameter to be found"),
+    ({"known": 3}, {}, InputError, "tables, name = value, got 3"),
+    ({"scales": {"gravity.1": 1.0}}, {}, UnknownNameError, r"parameter 'gravity\.1'"),
+    ({"scales": {"gravity.2": "x"}}, {}, InputError, r"scale of parameter 'gravity\.2' is a positive number, got 'x'"),
+    ({"t_span": 3}, {}, InputError, "t_span is a pair of times, got 3"),
+    ({"events": "q.crank"}, {}, InputError, "a fit takes no events"),
+    ({}, ["gravity.2"], InputError, "a fit needs parameters"),
 ]
 
 
