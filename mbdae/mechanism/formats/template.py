@@ -85,6 +85,9 @@ class Template:
             if root == "start":
                 check_start(mech, name)
             elif root == "joint":
+                own = rest.partition(".")[0]
+                if any(b.name == own for b in recipe.file.body) and own not in joints:
+                    raise InputError(f"{name!r}: {own} is a body of the file, name body.{rest}")
                 split_joint(rest, joints)
             else:
                 _check(recipe.file, name)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ...errors import InputError, UnknownNameError
+from ...integrate.steppers.scipy_ivp import SCIPY
 from ...tabular import Columns, Tabular
 from .point import Point, number, read_point
 from .ranking import Place, rank, sentence, targets
@@ -86,7 +87,9 @@ class Comparison(Tabular):
         """Which back end and which processor the times are of, in words."""
         because = f" ({self.meta['because']})" if self.meta.get("because") else ""
         where = f", {self.meta['machine']}" if self.meta.get("machine") else ""
-        return f"{self.meta.get('backend', 'unknown')} back end{because}{where}"
+        stepped = [name for name in self.methods if name.rpartition(":")[2] in SCIPY]
+        scipy = f", steps of {', '.join(stepped)} in Python" if stepped else ""
+        return f"{self.meta.get('backend', 'unknown')} back end{because}{scipy}{where}"
 
     def of(self, method: str) -> list[Point]:
         """The runs of a method that came to their end."""

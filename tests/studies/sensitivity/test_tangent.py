@@ -227,6 +227,8 @@ def test_what_has_no_derivative_is_refused_by_name():
         mbdae.sensitivity(sol, ["joint.rocker.rpy.0"])
     with pytest.raises(UnknownNameError, match="no_joint"):
         mbdae.sensitivity(sol, ["joint.no_joint.mass"])
+    with pytest.raises(InputError, match=r"top is a body of the file, name body\.top\.mass"):
+        Template("heavy_top").check({"joint.top.mass": 1.0})
     with pytest.raises(InputError, match="'Gv' has no gradient"):
         mbdae.sensitivity(sol, ["joint.crank.mass"]).signal("Gv")
     with pytest.raises(UnknownNameError, match="signal"):
