@@ -287,7 +287,7 @@ def test_times_are_taken_in_turn(four_bar, monkeypatch):
 
 @pytest.mark.native
 def test_one_back_end_for_all_runs(four_bar):
-    """Times compare: a method that the core does not have takes the others to Python; scipy's steps are there always."""
+    """Times compare: a method that the core does not have takes the others to Python, where scipy steps always."""
     options = {"t_span": (0, 0.2), "rtol": [1e-4], "repeats": 1, "outputs": 2}
     methods = ["pherk5", "project:herk5", "ggl:pherk5", "ggl:radau3", "index1:dop853", "index1:RK45"]
     study = mbdae.compare(four_bar, methods=methods, **options)
