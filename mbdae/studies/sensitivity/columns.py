@@ -22,6 +22,8 @@ from ...mechanism.signal_slopes import (
 from ...solution.columns import CONTACT, frame_units, load_units, moving_frames
 from ...system import Array
 
+ROUNDING = 1e-11  # of the largest vector of a kind: smaller ones are what rounding leaves of zero
+
 
 class SlopeFamily(NamedTuple):
     """Columns whose slopes are found together.
@@ -68,9 +70,13 @@ def _with_size(x: Array, slopes: Array) -> Array:
 
 
 def along(x: Array, slopes: Array) -> Array:
-    """Slopes of the magnitudes of vectors x (..., 3), from those of their parts (..., 3, m); 0 where they vanish."""
+    """Slopes of the magnitudes of n vectors x (n, ..., 3), from those of their parts (n, ..., 3, m).
+
+    They are 0 where a vector vanishes beside the largest of the n: what is left of it has no direction but rounding's.
+    """
     size = np.linalg.norm(x, axis=-1, keepdims=True)
-    return np.einsum("...i,...im->...m", x / np.where(size > 0, size, 1.0), slopes)
+    there = size > ROUNDING * size.max(axis=0, initial=0.0)
+    return np.einsum("...i,...im->...m", np.divide(x, size, out=np.zeros_like(x), where=there), slopes)
 
 
 def _of_frames(mech: Mechanism, rated: bool) -> list[str]:

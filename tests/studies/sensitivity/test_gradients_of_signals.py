@@ -97,3 +97,13 @@ def test_a_force_that_nothing_tells_is_named():
     assert lost
     with pytest.raises(InputError, match="it is not a number there"):
         mbdae.sensitivity(mbdae.solve(mech, (0.0, 0.01)), start=True).signal(lost[0])
+
+
+def test_a_force_that_vanishes_has_no_direction():
+    """Symmetry leaves nothing to the slider of the governor: its magnitude has no slope, and not that of rounding."""
+    sol = mbdae.solve(mbdae.load("flyball_governor"), (0.0, 0.005), rtol=1e-4)
+    assert np.abs(sol.signals()["force.slider"]).max() < 1e-9
+    found = mbdae.sensitivity(sol, ["body.rod_2.mass"], start=True)
+    assert not found.signal("force.slider").any()
+    assert np.abs(found.signal("force.slider.y")).max() > 1
+    compare(sol, ["body.rod_2.mass"], ["force.slider", "force.shaft"], start=True)
