@@ -111,6 +111,8 @@ def test_two_opposed_clutches_lock_both_ways(swapped):
 def test_wrong_clutches_are_refused():
     with pytest.raises(InputError, match="a clutch needs one of joint and joints"):
         Clutch()
+    with pytest.raises(InputError, match="a clutch joins 'a' with itself"):
+        Clutch(joints=("a", "a"))
     with pytest.raises(InputError, match="tooth belongs to a ratchet"):
         Clutch(joint="wheel", tooth=0.1)
     with pytest.raises(UnknownNameError, match="unknown joint 'whel'"):

@@ -1,5 +1,7 @@
 """What stands between joints of one coordinate, or a joint and the ground."""
 
+from pydantic import model_validator
+
 from ..tables import Table
 
 
@@ -13,6 +15,12 @@ class BetweenJoints(Table):
 
     joint: str | None = None
     joints: tuple[str, str] | None = None
+
+    @model_validator(mode="after")
+    def _two(self) -> "BetweenJoints":
+        if self.joints and self.joints[0] == self.joints[1]:
+            raise ValueError(f"a {type(self).__name__.lower()} joins {self.joints[0]!r} with itself")
+        return self
 
     @property
     def frames(self) -> None:

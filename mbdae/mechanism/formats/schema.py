@@ -3,18 +3,21 @@
 import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from ...errors import InputError, printable
 from ..closures.closure import Closure
 from ..closures.clutch import Clutch
+from ..closures.curves import LawTable
 from ..closures.driver import Driver
 from ..closures.one_sided import Stop
+from ..closures.profiles import AnyProfile
 from ..closures.user_rows import UserRows
+from ..closures.within import Within
 from ..forces import FORCES, AnyForce
-from ..signals import SIGNALS, Signal
+from ..signals import SIGNALS, Signal, Steps
 from ..start import OrderSettings, SolveSettings, Start, Value
 from ..tables import HUGE, Table, one_line
 
@@ -206,7 +209,10 @@ def _known_keys(path: Sequence[Any]) -> list[str]:
         "start": Start,
         "order": OrderSettings,
         "solve": SolveSettings,
+        "within": Within,
+        "engaged": Steps,
     }
-    kinds = {f.model_fields["kind"].default: f for f in (*FORCES, *SIGNALS)}
-    found = next((kinds[p] for p in reversed(path) if p in kinds), None) or (tables.get(path[0]) if path else None)
+    laws = (LawTable,) if "curve" in path else ()
+    kinds = {f.model_fields["kind"].default: f for f in (*FORCES, *SIGNALS, *get_args(AnyProfile), *laws)}
+    found = next(((kinds | tables)[p] for p in reversed(path) if p in kinds or p in tables), None)
     return sorted((found or MechanismFile).model_fields)

@@ -252,7 +252,7 @@ function stage(viewer, scene, extent) {
   for (const data of scene.traces) put(trace(data, 0.0027 * extent));
   for (const data of scene.arrows.forces) put(arrow(data, perNewton, 0.004 * extent));
   const timeOf = at => scene.start + (scene.end - scene.start) * at / Math.max(1, scene.frames - 1);
-  const radius = Math.max(3 * scene.width, 0.02 * extent), flash = 0.25 * scene.speed;
+  const radius = 3 * scene.width, flash = 0.25 * scene.speed;
   for (const data of scene.switched.each) {
     for (const points of data.places) put(switched(points, data, scene.switched, radius, timeOf, flash));
   }
