@@ -123,6 +123,7 @@ class Tabular:
         """How a notebook shows it."""
         first, _, rest = str(self).partition("\n")
         cells = self.cells()
+        cells[:1] = [["" if cell == first else cell for cell in row] for row in cells[:1]]  # the title stands above
         body = table(cells) if cells else f"<pre>{escape(rest)}</pre>" if rest else ""
         below = "".join(f"<div>{escape(line)}</div>" for line in self.remarks()) if cells else ""
         return f"<div><strong>{escape(first)}</strong>{body}{below}</div>"

@@ -66,7 +66,9 @@ def test_words_stand_to_the_left_and_numbers_to_the_right():
 
 
 def test_a_mechanism_shows_its_card(mech):
-    assert "degrees of freedom: 1" in mech._repr_html_()
+    page = mech._repr_html_()
+    assert "degrees of freedom: 1" in page
+    assert page.count(mech.title) == 1
     assert repr(mech) == f"<Mechanism {mech.title}: nq {mech.nq}, nv {mech.nv}, {mech.ng} closure rows>"
 
 

@@ -45,8 +45,9 @@ def spread(sweep: Sweep, output: str | None = None) -> "Figure":
         ax.plot(sweep[parameter][known], y[known], ".", color=COLOURS[0], markersize=3, alpha=0.7)
         ax.set_xlabel(plain(parameter))
         ax.locator_params(axis="x", nbins=3)
+    unit = sweep.meta.get("units", {}).get(name)
     for row in axes:
-        row[0].set_ylabel(plain(name))
+        row[0].set_ylabel(plain(f"{name} ({unit})" if unit else name))
     last = panels[len(parameters)]
     last.hist(y[known], bins="sqrt", color=COLOURS[0], orientation="horizontal")
     last.axhline(y[known].mean(), color=COLOURS[1], linewidth=1.2)

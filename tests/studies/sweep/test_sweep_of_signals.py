@@ -29,5 +29,6 @@ resistance = {R}
 """)
     name = f"force.motor.voltage{suffix}"
     result = mbdae.sweep(tmp_path / "motor.toml", {name: [6.0, 24.0]}, 3.0, outputs=["final v.rotor"], rtol=1e-9)
+    assert result.plot().axes[0].get_ylabel() == "final v.rotor (rad/s)"
     speed = np.array([6.0, 24.0]) / k * (1 - np.exp(-k * k * 3.0 / (J * R)))
     np.testing.assert_allclose(result["final v.rotor"], speed, rtol=1e-7)
