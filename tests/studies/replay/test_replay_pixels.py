@@ -101,3 +101,13 @@ def test_a_stretched_spring_stays_whole(tmp_path):
                 assert (np.diff(columns) == 1).all(), (look, t)
                 scale = tab.evaluate("mbdae.view.camera.right - mbdae.view.camera.left")
                 assert np.ptp(columns) / 900 * scale >= 0.99 * (0.1 + t)
+
+
+def test_an_impact_does_not_hide_what_strikes(tmp_path):
+    """Also where the camera follows a body, so that the scene is much smaller than the whole way."""
+    sol = mbdae.solve(mbdae.load("woodpecker"), (0, 0.5), rtol=1e-5)
+    page = animate(sol, tmp_path / "run.html", fps=50, speed=0.2)
+    hardest = max(sol.impacts, key=lambda x: max(x.impulse, default=0.0))
+    picture = Chromium().shot(page, hardest.t + 0.03, plots=0)
+    orange = (picture[..., 0] - picture[..., 2] > 60).mean()
+    assert 0 < orange < 0.012, orange
