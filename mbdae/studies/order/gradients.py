@@ -72,7 +72,7 @@ class GradientStudy(OrderStudy):
         return {**super().to_dict(), "of": self.of, **more}
 
     def __str__(self) -> str:
-        where = f"{self.title}, T = {self.T:g} s, {self.backend} back end"
+        where = f"{self.title}, T = {self.T:g} s"
         out = [f"derivatives with respect to {self.of}: tangent beside quotients, observed (claimed) order, {where}"]
         for name, row in self.slopes.items():
             difference, unsure = self.differences[name], self.uncertainties[name]
@@ -80,7 +80,7 @@ class GradientStudy(OrderStudy):
             seen = [f"{x.quantity} {'-' if x.observed is None else f'{x.observed:.2f}'} ({x.claimed})" for x in row]
             bad = [f"{x.quantity}: {x.verdict}" for x in row if x.verdict != "holds"]
             out.append("  ".join([f"{name:8s} {difference:7.0e}{more}", *seen, *(["; ".join(bad)] if bad else [])]))
-        return "\n".join(out + self.left())
+        return "\n".join([*out, self.computed_by(), *self.left()])
 
 
 def check_gradients(

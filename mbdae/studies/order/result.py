@@ -1,11 +1,12 @@
 """What an order study found: a slope for each quantity of each method."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...backend import machine
 from ...errors import UnknownNameError
 from ...tabular import Columns, Tabular, aligned, latex
 
@@ -64,6 +65,7 @@ class OrderStudy(Tabular):
         backend: of all runs.
         because: what keeps them from the compiled core, in words; "" where nothing does.
         missing: the methods that were left when the user stopped the study.
+        machine: on which they were computed; rounding is that of its arithmetic.
     """
 
     title: str
@@ -72,6 +74,7 @@ class OrderStudy(Tabular):
     backend: str = "python"
     because: str = ""
     missing: tuple[str, ...] = ()
+    machine: str = field(default_factory=machine, kw_only=True)
 
     @property
     def holds(self) -> bool:
@@ -91,6 +94,7 @@ class OrderStudy(Tabular):
             "T": self.T,
             "backend": self.backend,
             "because": self.because,
+            "machine": self.machine,
             "holds": self.holds,
             "refuted": self.refuted,
             "missing": list(self.missing),
@@ -114,6 +118,11 @@ class OrderStudy(Tabular):
     def left(self) -> list[str]:
         """One line on what is missing, where the user stopped the study."""
         return [f"stopped: {', '.join(self.missing)} are left"] if self.missing else []
+
+    def computed_by(self) -> str:
+        """Which back end has computed all runs, and where."""
+        because = f" ({self.because})" if self.because else ""
+        return f"all runs: {self.backend} back end{because}, {self.machine}"
 
     def convergence(self, method: str) -> list[list[str]]:
         """Step sizes of a method, and for each quantity the errors there and the rates between them.
@@ -158,8 +167,7 @@ class OrderStudy(Tabular):
         return figures.given(convergence(self), path)
 
     def __str__(self) -> str:
-        because = f" ({self.because})" if self.because else ""
-        lines = [f"observed (claimed) order, {self.title}, T = {self.T:g} s, {self.backend} back end{because}"]
+        lines = [f"observed (claimed) order, {self.title}, T = {self.T:g} s"]
         for name, row in self.slopes.items():
             cells = [
                 f"{s.quantity} {s.observed:.2f} ({s.claimed})" if s.judged else f"{s.quantity} - ({s.claimed})"
@@ -169,4 +177,4 @@ class OrderStudy(Tabular):
             lines.append(f"{name:8s} " + "  ".join(cells) + ("  " + "; ".join(bad) if bad else ""))
         for name in self.slopes if len(self.slopes) <= FEW else ():
             lines += ["", *aligned(self.convergence(name))]
-        return "\n".join(lines + self.left())
+        return "\n".join([*lines, *([""] if len(self.slopes) <= FEW else []), self.computed_by(), *self.left()])

@@ -35,7 +35,7 @@ def test_models(model, options, brief):
     assert max(study.differences.values()) < 1e-10
     assert [s.claimed for s in study.slopes["herk2"]] == [2, 2]
     assert study.of in str(study)
-    assert str(study).count("\n") == 1
+    assert str(study).count("\n") == 2
 
 
 @pytest.mark.parametrize(("method", "order"), [("herk2", 2), ("pherk3", 3)])

@@ -215,7 +215,7 @@ def test_ctrl_c_keeps_what_is_finished(at, missing, orders, points):
 
 def test_ctrl_c_writes_what_is_finished(tmp_path, monkeypatch):
     for figure in ("motion", "drifts", "image"):
-        monkeypatch.setattr(f"mbdae.studies.report.page.{figure}", lambda *_: "")
+        monkeypatch.setattr(f"mbdae.studies.report.page.{figure}", lambda *_, **__: "")
     monkeypatch.setattr("mbdae.studies.report.report.METHODS", ("pherk6", "herk2"))
     press = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)  # noqa: E731
     monkeypatch.setattr("mbdae.studies.report.report.check_order", press)
