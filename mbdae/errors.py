@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from math import isfinite
+from numbers import Real
 from types import UnionType
-from typing import Any
+from typing import Any, TypeGuard
 from unicodedata import category
 
 MANY = 60  # names that a message lists
@@ -61,6 +63,11 @@ def require(value: object, kind: type | UnionType, what: str) -> None:
     """
     if not isinstance(value, kind):
         raise InputError(f"{what}, got {value!r:.60}")
+
+
+def is_number(x: object) -> TypeGuard[float]:
+    """Say whether an argument is a finite number."""
+    return isinstance(x, Real) and not isinstance(x, bool) and isfinite(float(x))
 
 
 def several(values: Any, what: str) -> list[Any]:

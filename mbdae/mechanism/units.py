@@ -1,5 +1,6 @@
 """Names and units of the coordinates of joints."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from .frames import find_joint
@@ -15,6 +16,11 @@ PARTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # joint: names of
     "Universal": (("1", "2"), ("1", "2")),
 }
 PURE = ("qx", "qy", "qz", "qw", "cos", "sin")
+
+
+def effort_unit(units: Mapping[str, str], joint: str) -> str:
+    """The unit of what acts on a joint of one coordinate, by the units of coordinates."""
+    return "N" if units.get(f"v.{joint}") == "m/s" else "N m"
 
 
 def parts(mech: "Mechanism", name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:

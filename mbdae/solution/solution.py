@@ -266,3 +266,14 @@ class Solution(DenseOutput, Tabular):
 
 
 Problem = Mechanism | Hessenberg
+
+
+def uninterrupted(sol: Solution) -> Solution:
+    """Return a run of a study.
+
+    Raises:
+        KeyboardInterrupt: for one that the user stopped: it is the study that is to stop.
+    """
+    if sol.status == "interrupted":
+        raise KeyboardInterrupt
+    return sol

@@ -64,11 +64,11 @@ void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
 void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f) {
   point_.half(f);
   const std::vector<int>& position = rows_.position();
-  right_.assign(rhs, rhs + position.size());
-  const int corrections = constraints_.sticks ? 1 : 0;  // what rounding has left is solved for once more
-  for (int i = 0; i <= corrections && !rows_.in_use().empty(); ++i) {
+  const bool again = constraints_.sticks;  // what rounding has left is solved for once more
+  if (again) right_.assign(rhs, rhs + position.size());
+  for (int i = 0; i <= again && !rows_.in_use().empty(); ++i) {
     for (int k : rows_.in_use()) {
-      double s = right_[k];
+      double s = i ? right_[k] : rhs[k];
       for (int c : constraints_.rows[k].columns) s -= Zhat[static_cast<size_t>(k) * nv_ + c] * f[c];
       x_[position[k]] = s;
     }

@@ -47,7 +47,7 @@ class SaddleSystem {
   long symmetric_ = -1;  // the stamp of the point whose Z Z^T is factorized
   long version_ = -1;                  // of the rows for which it has its size
   Numbers x_;                          // (max(nv, r),) right-hand side, and solution
-  Numbers right_;                      // (ng,) by row, as it was given
+  Numbers right_;                      // (ng,) by row, as it was given where joints stick
   std::vector<Entry> cross_;           // of Z_others Z_in_use^T, (ng - r, r)
   Numbers u_, n_, residual_, p_, Ap_;  // conjugate gradients: (r,), and (ng - r,) four times
 };

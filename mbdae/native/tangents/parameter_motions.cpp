@@ -208,7 +208,6 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above, co
   }
   for (size_t i = 0; nu && i < met_.size(); ++i) {
     for (const auto& [pair, rows] : met_[i].rows) {
-      if (ends_.at(pair).empty()) continue;
       Turning sum;
       bool asked = false;
       for (const auto& [at, t] : rows) {

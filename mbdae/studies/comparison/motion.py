@@ -13,7 +13,7 @@ from ...integrate.binding import bind
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.formulations.index1 import Index1System
-from ...solution.solution import Problem, Solution
+from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
 from ..drift.drift import drift
 from ..variant import Variant
@@ -80,10 +80,7 @@ class Motion:
         control = free if trial.n is None else {"step": abs(t1 - t0) / trial.n}
         options = {**trial.variant.arguments(), **control, "backend": self.backend}
         tell = check if stop else None
-        sol = solve(self.problem, self.t_span, *self.start, progress=tell, **options)  # type: ignore[arg-type]
-        if sol.status == "interrupted":
-            raise KeyboardInterrupt
-        return sol
+        return uninterrupted(solve(self.problem, self.t_span, *self.start, progress=tell, **options))  # type: ignore[arg-type]
 
     def sample(self, sol: Solution) -> Samples:
         """The state and the hidden-constraint multipliers at the common times.

@@ -1,12 +1,11 @@
 """Residuals of measurements against runs, and their exact derivatives."""
 
 from collections.abc import Mapping, Sequence
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, MbdaeError
+from ...errors import InputError, MbdaeError, is_number
 from ...integrate.defaults import with_tolerance
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
@@ -49,7 +48,7 @@ class Misfit:
         levels = sigma if isinstance(sigma, Mapping) else dict.fromkeys(every, 1.0 if sigma is None else sigma)
         for name in every:
             level = levels.get(name)
-            if isinstance(level, bool) or not isinstance(level, Real) or not 0 < float(level) < np.inf:
+            if not (is_number(level) and level > 0):
                 raise InputError(f"the noise level of {name!r} must be given and positive: sigma={{{name!r}: ...}}")
         self.sigma = {name: float(levels[name]) for name in every}
         self._last: tuple[Any, list[Any]] = (None, [])

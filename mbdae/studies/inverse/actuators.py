@@ -11,7 +11,7 @@ from ...mechanism.forces.dc_motor import DCMotor
 from ...mechanism.forces.joint_pid import JointPID
 from ...mechanism.forces.joint_torque import JointTorque
 from ...mechanism.frames import find_joint
-from ...mechanism.units import coordinate_units
+from ...mechanism.units import coordinate_units, effort_unit
 from ...system import Array
 
 ACTING = (JointPID, JointTorque, DCMotor)  # forces in whose place actuators are
@@ -66,7 +66,7 @@ def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str 
     for name in chosen:
         driver = drivers.get(name) or next((d for d in mech.drivers if d.joint == name), None)
         if driver is not None and not driver.joint:
-            kind = "N" if driver.frames else _unit(mech, driver.between[0])
+            kind = "N" if driver.frames else effort_unit(coordinate_units(mech), driver.between[0])
             found.append((name, kind, np.zeros(mech.nv), mech.rows_of(driver.name)[0]))
             continue
         joint = (driver.joint if driver else None) or forces.get(name) or motors.get(name) or name
@@ -94,10 +94,6 @@ def _of_joint(mech: Mechanism, joint: str, name: str) -> list[tuple[str, str, Ar
         unit = "N" if len(columns) == j.nv and coordinate_units(mech)[columns[i]] == "m/s" else "N m"
         out.append((name + part, unit, row, -1))
     return out
-
-
-def _unit(mech: Mechanism, joint: str) -> str:
-    return "N" if coordinate_units(mech).get(f"v.{joint}") == "m/s" else "N m"
 
 
 def weights_of(names: Sequence[str], weights: Mapping[str, float] | None) -> Array:

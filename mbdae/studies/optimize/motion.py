@@ -14,7 +14,7 @@ from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
 from ...mechanism.variations.parameters import Parameters
-from ...solution.solution import Solution
+from ...solution.solution import Solution, uninterrupted
 from ...system import Array
 from ..fit.misfit import RTOL
 from ..kinematics.driven import driven
@@ -131,9 +131,8 @@ def runs(make: Makes, t_span: tuple[float, float] | None, settings: Mapping[str,
 
     def run(values: dict[str, float]) -> RunMotion:
         mech = make.make(values)
-        sol = solve(mech, (0.0, mech.duration) if t_span is None else t_span, **with_tolerance(mech, settings, RTOL))
-        if sol.status == "interrupted":
-            raise KeyboardInterrupt
+        span = (0.0, mech.duration) if t_span is None else t_span
+        sol = uninterrupted(solve(mech, span, **with_tolerance(mech, settings, RTOL)))
         if not sol.ended:
             raise InputError(f"the run ends at t = {sol.nodes[0][-1]:.6g}: {sol.message}")
         return RunMotion(sol, make, values)

@@ -45,7 +45,7 @@ def convergence(study: OrderStudy) -> "Figure":
         ax.set_xlabel("step $h$ (s)")
         ax.set_ylabel(f"error of {AXES.get(quantities[k], quantities[k])}")
         beside(ax, title="observed (claimed)", title_fontsize=7.5, alignment="left", handlelength=1.0)
-    title = f"{study.title}, T = {study.T:g} s; lines: fitted slopes, dotted: claimed\n{study.computed_by()}"
+    title = f"{study.title}, T = {study.T:g} s; lines: fitted slopes, dotted: claimed\n{study.computed_by}"
     figure.suptitle(plain(title), fontsize=9)
     return figure
 

@@ -80,7 +80,7 @@ class GradientStudy(OrderStudy):
             seen = [f"{x.quantity} {'-' if x.observed is None else f'{x.observed:.2f}'} ({x.claimed})" for x in row]
             bad = [f"{x.quantity}: {x.verdict}" for x in row if x.verdict != "holds"]
             out.append("  ".join([f"{name:8s} {difference:7.0e}{more}", *seen, *(["; ".join(bad)] if bad else [])]))
-        return "\n".join([*out, self.computed_by(), *self.left()])
+        return "\n".join([*out, self.computed_by, *self.left()])
 
 
 def check_gradients(
@@ -118,10 +118,10 @@ def check_gradients(
         raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
     backend, because = common(mech, [(m, "index2", None) for m in chosen.values()], "auto")
     measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)
-    found = finished(chosen, lambda m: (measure.judge(m), measure.beside(m)))
+    found, missing = finished(chosen, lambda m: (measure.judge(m), measure.beside(m)))
     slopes, beside = {name: x for name, (x, _) in found.items()}, {name: x for name, (_, x) in found.items()}
     differences, uncertainties = ({name: x[i] for name, x in beside.items()} for i in (0, 1))
-    of, missing = parameter or "a velocity of the start", tuple(name for name in chosen if name not in found)
+    of = parameter or "a velocity of the start"
     return GradientStudy(mech.title, T, slopes, backend, because, missing, of, differences, uncertainties)
 
 

@@ -19,7 +19,7 @@ from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...methods import method as find_method
 from ...methods.radau import Method
-from ...solution.solution import Problem, Solution
+from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
 from .result import Slope
 
@@ -225,11 +225,13 @@ class Measurement:
         return Slope(quantity, claimed, slope, verdict, *record, (window.start, end))
 
 
-def finished(methods: Mapping[str, Method], study: Callable[[Method], Found]) -> dict[str, Found]:
-    """What a study found of each method; where the user stops it, of those that are finished.
+def finished(
+    methods: Mapping[str, Method], study: Callable[[Method], Found]
+) -> tuple[dict[str, Found], tuple[str, ...]]:
+    """What a study found of each method, and the methods that are left where the user stops it.
 
     Raises:
-        KeyboardInterrupt: where none is.
+        KeyboardInterrupt: where none is finished.
     """
     out: dict[str, Found] = {}
     try:
@@ -238,7 +240,7 @@ def finished(methods: Mapping[str, Method], study: Callable[[Method], Found]) ->
     except KeyboardInterrupt:
         if not out:
             raise
-    return out
+    return out, tuple(name for name in methods if name not in out)
 
 
 def ended(sol: Solution) -> Solution | None:
@@ -247,9 +249,7 @@ def ended(sol: Solution) -> Solution | None:
     Raises:
         KeyboardInterrupt: for one that the user stopped.
     """
-    if sol.status == "interrupted":
-        raise KeyboardInterrupt
-    return sol if sol.ended else None
+    return sol if uninterrupted(sol).ended else None
 
 
 def above(errors: Sequence[float], floors: Sequence[float]) -> int:

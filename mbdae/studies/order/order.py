@@ -55,5 +55,5 @@ def check_order(
     backend, because = common(problem, [(m, "index2", None) for m in chosen.values()], "auto")
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
     measure.lower = lower
-    slopes = finished(chosen, measure.judge)
-    return OrderStudy(problem.title, T, slopes, backend, because, tuple(name for name in chosen if name not in slopes))
+    slopes, missing = finished(chosen, measure.judge)
+    return OrderStudy(problem.title, T, slopes, backend, because, missing)

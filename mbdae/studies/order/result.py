@@ -119,6 +119,7 @@ class OrderStudy(Tabular):
         """One line on what is missing, where the user stopped the study."""
         return [f"stopped: {', '.join(self.missing)} are left"] if self.missing else []
 
+    @property
     def computed_by(self) -> str:
         """Which back end has computed all runs, and where."""
         because = f" ({self.because})" if self.because else ""
@@ -177,4 +178,4 @@ class OrderStudy(Tabular):
             lines.append(f"{name:8s} " + "  ".join(cells) + ("  " + "; ".join(bad) if bad else ""))
         for name in self.slopes if len(self.slopes) <= FEW else ():
             lines += ["", *aligned(self.convergence(name))]
-        return "\n".join([*lines, *([""] if len(self.slopes) <= FEW else []), self.computed_by(), *self.left()])
+        return "\n".join([*lines, *([""] if len(self.slopes) <= FEW else []), self.computed_by, *self.left()])

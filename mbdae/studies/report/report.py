@@ -18,7 +18,7 @@ from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism, describe
 from ...solution.archive import versions
-from ...solution.solution import Solution
+from ...solution.solution import Solution, uninterrupted
 from ..card.card import Card, card
 from ..comparison.compare import compare
 from ..comparison.comparison import Comparison
@@ -132,7 +132,7 @@ def report(
     try:
         for i, v in enumerate(chosen):
             tell(SHARES["runs"] * i / len(chosen), f"run, {v}")
-            sols.append(_finished(solve(mech, span, rtol=rtol, **v.arguments())))
+            sols.append(_finished(uninterrupted(solve(mech, span, rtol=rtol, **v.arguments()))))
         if plain:
             orders = check_order(mech, plain, progress=lambda name: tell(SHARES["runs"], f"order, {name}"))
         if orders is None or not orders.missing:
@@ -185,8 +185,6 @@ def _missing(runs: list[str], orders: OrderStudy | None, judged: bool, compariso
 
 
 def _finished(sol: Solution) -> Solution:
-    if sol.status == "interrupted":
-        raise KeyboardInterrupt
     if not len(sol.t) or not np.isfinite(sol.y).all():
         raise InputError(f"{sol.mechanism.title!r} cannot be run: {sol.status}, {sol.message}")
     return sol

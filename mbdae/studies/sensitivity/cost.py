@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, is_number
 from ...mechanism.callbacks import function_name
 from ...solution.signals import signals, units
 from ...solution.solution import Solution
@@ -54,7 +53,7 @@ class Squares:
             raise InputError(f"Squares takes data, {{signal: its values (n,)}}, got {self.data!r:.60}")
         for name, known in self.data.items():
             level = self._sigma(name)
-            if isinstance(level, bool) or not isinstance(level, Real) or not 0 < float(level) < np.inf:
+            if not (is_number(level) and level > 0):
                 raise InputError(f"the noise level of {name!r} must be a positive number, got {level!r:.60}")
             if not np.isfinite(_numbers(name, known)).any():
                 raise InputError(f"data of {name!r} hold no number")

@@ -1,7 +1,6 @@
 """The numbers of a mechanism by which a run is differentiated, by dotted names, and what makes mechanisms."""
 
 from collections.abc import Collection, Mapping, Sequence
-from numbers import Real
 from threading import get_ident
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
@@ -9,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ... import backend
-from ...errors import InputError, UnknownNameError, require
+from ...errors import InputError, UnknownNameError, is_number, require
 from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import Remembered, number
 from ...mechanism.formats.template import Template
@@ -106,13 +105,13 @@ def scaled(given: Any, usual: Mapping[str, float]) -> Array:
     for name, x in (given or {}).items():
         if name not in usual:
             raise UnknownNameError("parameter", name, usual)
-        if isinstance(x, bool) or not isinstance(x, Real) or not 0 < float(x) < np.inf:
+        if not (is_number(x) and x > 0):
             raise InputError(f"the scale of parameter {name!r} is a positive number, got {x!r:.60}")
     return np.array([float(x) for x in {**usual, **(given or {})}.values()])
 
 
 def _value(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, Real) or not np.isfinite(float(value)):
+    if not is_number(value):
         raise InputError(f"the value of parameter {name!r} is a finite number, got {value!r:.60}")
     return float(value)
 

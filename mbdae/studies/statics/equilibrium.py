@@ -13,7 +13,7 @@ from ...mechanism.formulations.balance import Balance, Statics
 from ...mechanism.formulations.linearization import refuse_unsteady
 from ...mechanism.frames import find_joint
 from ...mechanism.reactions import Reaction, reaction
-from ...mechanism.units import coordinate_units
+from ...mechanism.units import coordinate_units, effort_unit
 from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array
@@ -90,7 +90,7 @@ class Equilibrium(Tabular):
         values |= {f"s.{name}": float(x) for name, x in zip(self.mechanism.states, self.s, strict=True)}
         for name, x in self.holding.items():
             values[f"holding.{name}"] = x
-            known[f"holding.{name}"] = _effort(units, name)
+            known[f"holding.{name}"] = effort_unit(units, name)
         for c in self.mechanism.constraints:
             r = self.reaction(c.name) if c.frames else None
             for kind, vector, unit in (("force", r.force_world, "N"), ("torque", r.torque_world, "N m")) if r else ():
@@ -134,18 +134,13 @@ class Equilibrium(Tabular):
         ]
         lines += [f"  {name} = {_shown(x):.10g} {named.get(name, '')}".rstrip() for name, x in self.coordinates.items()]
         lines += [f"  s.{name} = {x:.8g}" for name, x in zip(self.mechanism.states, self.s, strict=True)]
-        lines += [f"  {name} is held by {_shown(x):.8g} {_effort(named, name)}" for name, x in self.holding.items()]
+        lines += [f"  {name} is held by {_shown(x):.8g} {effort_unit(named, name)}" for name, x in self.holding.items()]
         for c in self.mechanism.constraints:
             if c.frames:
                 r = self.reaction(c.name)
                 force, torque = (float(np.linalg.norm(x)) for x in (r.force, r.torque))
                 lines.append(f"  {c.name} carries {force:.6g} N" + (f", {torque:.6g} N m" if torque > 1e-12 else ""))
         return "\n".join(lines)
-
-
-def _effort(units: Mapping[str, str], name: str) -> str:
-    """The unit of what holds a joint."""
-    return "N" if units.get(f"v.{name}") == "m/s" else "N m"
 
 
 def _shown(x: float) -> float:

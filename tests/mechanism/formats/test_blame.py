@@ -35,6 +35,15 @@ def test_files(text, words, tmp_path, monkeypatch):
     assert str(pickle.loads(pickle.dumps(told.value))) == str(told.value)
 
 
+def faults(text, tmp_path, monkeypatch):
+    """The names that a file's UnknownNameError tells, and those that exist."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "m.toml").write_text(text)
+    with pytest.raises(UnknownNameError) as told:
+        mbdae.load("m.toml")
+    return str(told.value).split("; ")
+
+
 FAULTY = """
 [[body]]
 name = "a"
@@ -73,11 +82,7 @@ v = { h = 1 }
 
 
 def test_all_names_that_do_not_exist_are_said_at_once(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "m.toml").write_text(FAULTY)
-    with pytest.raises(UnknownNameError) as told:
-        mbdae.load("m.toml")
-    assert str(told.value).split("; ") == [
+    assert faults(FAULTY, tmp_path, monkeypatch) == [
         "m.toml: frame.tip.parent: unknown frame 'c'",
         "body.a.parent: unknown frame 'wrld' (did you mean 'world'?)",
         "closure.pin.frames.1: unknown frame 'z'",
@@ -94,17 +99,14 @@ def test_all_names_that_do_not_exist_are_said_at_once(tmp_path, monkeypatch):
 
 
 def test_names_of_sources_are_known(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "arm.urdf").write_text(
         '<robot name="arm"><link name="base"/><link name="link"/><joint name="turn" type="continuous">'
         '<parent link="base"/><child link="link"/><axis xyz="0 0 1"/></joint></robot>'
     )
     text = '[[source]]\nfile = "arm.urdf"\nprefix = "l_"\n' + BODY.replace("world", "l_link")
     lost = '[[force]]\nkind = "joint_spring"\njoint = ["l_turn", "x"]\nstiffness = 1.0\n'
-    (tmp_path / "m.toml").write_text(f"lock = {{ y = 0.0 }}\n[motor]\nu = 1.0\nw = 2.0\n{text}{lost}")
-    with pytest.raises(UnknownNameError) as told:
-        mbdae.load("m.toml")
-    assert str(told.value).split("; ") == [
+    text = f"lock = {{ y = 0.0 }}\n[motor]\nu = 1.0\nw = 2.0\n{text}{lost}"
+    assert faults(text, tmp_path, monkeypatch) == [
         "m.toml: lock.y: unknown joint 'y'",
         "force.0.joint.1: unknown joint 'x'",
         "valid: l_turn, a",
