@@ -10,7 +10,6 @@
 #include <pinocchio/algorithm/jacobian.hpp>
 #include <pinocchio/algorithm/joint-configuration.hpp>
 #include <pinocchio/algorithm/kinematics.hpp>
-#include <pinocchio/algorithm/rnea-derivatives.hpp>
 #include <pinocchio/algorithm/rnea.hpp>
 
 namespace mbdae {
@@ -48,8 +47,13 @@ struct Mechanics::Workspace {
   const pinocchio::Model& model;
   pinocchio::Data data;
   VectorXd q, v, a, rate, end;  // a stays 0
-  const pinocchio::Model* tree = nullptr;  // expanded
-  std::unique_ptr<pinocchio::Data> derived;
+  struct Begun {  // slopes, at (q, v): all that is known there
+    VectorXd q, v, nle;
+    pinocchio::Data::Matrix6x J;
+    Eigen::MatrixXd M;
+    decltype(pinocchio::Data::oMi) oMi;
+  } begun;
+  std::unique_ptr<TreeSlopes> slopes;
 };
 
 Mechanics::Mechanics(const void* model, const Limits& limits_)
@@ -99,6 +103,10 @@ void Mechanics::motions(const double* q, const double* v, const double* a) {
 }
 
 void Mechanics::bias(const double* q, const double* v, double* out) {
+  if (stands(q, v)) {
+    Out(out, nv) = w->begun.nle;
+    return;
+  }
   w->q = In(q, nq), w->v = In(v, nv);
   Out(out, nv) = pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
 }
@@ -111,23 +119,38 @@ void Mechanics::inverse(const double* q, const double* v, const double* a, doubl
 }
 
 void Mechanics::expand(const void* model) {
-  w->tree = static_cast<const pinocchio::Model*>(model);
-  w->derived.reset(new pinocchio::Data(*w->tree));
+  const auto& tree = *static_cast<const pinocchio::Model*>(model);
+  std::vector<int> before;
+  std::vector<std::vector<int>> own(tree.njoints - 1);
   parts.resize(nv);
-  for (int j = 1; j < w->tree->njoints; ++j)
-    for (int i = 0; i < w->tree->nvs[j]; ++i) parts[w->tree->idx_vs[j] + i] = j;
+  for (int j = 1; j < tree.njoints; ++j) {
+    before.push_back(static_cast<int>(tree.parents[j]) - 1);
+    for (int i = 0; i < tree.nvs[j]; ++i) own[j - 1].push_back(tree.idx_vs[j] + i), parts[own[j - 1].back()] = j;
+  }
+  w->slopes.reset(new TreeSlopes(std::move(before), std::move(own)));
 }
 
-void Mechanics::slopes(const double* q, const double* v, const double* a, double* M, double* by_q, double* by_v) {
-  using Rows = Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
-  pinocchio::Data& data = *w->derived;
-  w->q = In(q, nq), w->v = In(v, nv);
-  w->rate = In(a, nv);
-  pinocchio::computeRNEADerivatives(*w->tree, data, Vector(w->q), Vector(w->v), Vector(w->rate));
-  Rows(by_q, nv, nv) = data.dtau_dq, Rows(by_v, nv, nv) = data.dtau_dv;
-  Rows(M, nv, nv) = data.M.selfadjointView<Eigen::Upper>();
-  w->data.J = data.J;
-  for (int j = 1; j < joints; ++j) w->data.oMi[j] = data.oMi[parts[w->model.idx_vs[j] + w->model.nvs[j] - 1]];
+bool Mechanics::stands(const double* q, const double* v) const {
+  const auto& begun = w->begun;
+  return begun.q.size() == nq && std::equal(q, q + nq, begun.q.data()) && std::equal(v, v + nv, begun.v.data());
+}
+
+void Mechanics::inertia(const double* q, const double* v) {
+  auto& begun = w->begun;
+  poses(q);
+  for (int j = 1; j < joints; ++j) w->slopes->set(parts[w->model.idx_vs[j] + w->model.nvs[j] - 1] - 1, body(j));
+  begun.q = In(q, nq), begun.v = In(v, nv), begun.nle.resize(nv), begun.M.resize(nv, nv);
+  w->slopes->stand(J(), w->model.gravity.linear().data(), v, begun.M.data(), begun.nle.data());
+  begun.M.diagonal() += w->model.armature;
+  begun.J = w->data.J, begun.oMi = w->data.oMi, w->data.M = begun.M;
+}
+
+void Mechanics::slopes(const double* q, const double* v, const double* a, double* by_q, double* by_v) {
+  if (stands(q, v))
+    w->data.M = w->begun.M, w->data.J = w->begun.J, w->data.oMi = w->begun.oMi;
+  else
+    inertia(q, v);
+  w->slopes->find(a, by_q, by_v);
 }
 
 void Mechanics::integrate(const double* q, const double* x, double* out) {

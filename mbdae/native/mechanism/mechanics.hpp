@@ -4,14 +4,10 @@
 #include <memory>
 #include <vector>
 
+#include "mechanism/tree_slopes.hpp"
 #include "numbers/limits.hpp"
 
 namespace mbdae {
-
-// A body in the world: its mass, centre, and inertia about that by rows.
-struct Body {
-  double mass, centre[3], I[9];
-};
 
 class Mechanics {
  public:
@@ -29,17 +25,18 @@ class Mechanics {
   std::vector<std::vector<int>> supports() const;  // of each joint: the degrees of freedom that move it
 
   void inertia(const double* q);                                  // M; J and poses in the world
+  void inertia(const double* q, const double* v);                 // alike, with all that `slopes` there begins with
   void poses(const double* q);                                    // J and poses alone
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
   void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
   void bias(const double* q, const double* v, double* out);       // nle(q, v)
   void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 
-  // model points to the expanded tree (mechanism/expanded.py), which outlives this object; its workspace grows as nv^3.
+  // model points to the expanded tree (mechanism/expanded.py).
   void expand(const void* model);
   bool expanded() const { return !parts.empty(); }
-  // M, and the slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; J and poses stand then.
-  void slopes(const double* q, const double* v, const double* a, double* M, double* by_q, double* by_v);
+  // Slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; M, J and poses stand then.
+  void slopes(const double* q, const double* v, const double* a, double* by_q, double* by_v);
 
   void integrate(const double* q, const double* x, double* out);  // q (+) x
   void difference(const double* q0, const double* q1, double* out);
@@ -52,7 +49,7 @@ class Mechanics {
   double bare(const double* q, const double* v, int r, const double* G, int repetitions);
 
   double potential() const;                 // of gravity in J, where poses stand
-  const double* M() const;                  // upper triangle by columns, (nv, nv)
+  const double* M() const;                  // upper triangle by columns, (nv, nv); behind `slopes` all of it
   const double* J() const;                  // at the world's origin by columns, (6, nv)
   const double* rotation(int joint) const;  // by columns
   const double* position(int joint) const;
@@ -64,6 +61,8 @@ class Mechanics {
 
  private:
   struct Workspace;
+  bool stands(const double* q, const double* v) const;  // are slopes begun there?
+
   std::unique_ptr<Workspace> w;
 };
 

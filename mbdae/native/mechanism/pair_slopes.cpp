@@ -17,7 +17,17 @@ double dot6(const double* a, const double* b) { return dot(a, b) + dot(a + 3, b 
 Turning::Turning() {
   using Eigen::Map, Eigen::Vector;
   Map<Vector<double, 6>>(F).setZero();
-  for (double* D : {Da, Db, C}) Map<Vector<double, 36>>(D).setZero();
+  for (double* D : {Da, Db}) Map<Vector<double, 36>>(D).setZero();
+}
+
+void Turning::add(double factor, const Turning& other) {
+  for (int i = 0; i < 6; ++i) F[i] += factor * other.F[i];
+  for (int i = 0; i < 36; ++i) Da[i] += factor * other.Da[i], Db[i] += factor * other.Db[i];
+}
+
+void Turning::damp() {
+  Eigen::Map<Eigen::Vector<double, 36>>(C).setZero();
+  damped = true;
 }
 
 void motion_cross(const double* a, const double* b, double* out) {
@@ -84,6 +94,7 @@ PairSlopes::PairSlopes(const Mechanics& m, const Pair& pair_, const double* v) :
     const int at = pair.columns[k];
     if (pair.sign[k] != 0) columns_.push_back({at, m.parts[at], pair.sign[k], m.J() + 6 * at, {}});
   }
+  if (!v) return;
   double W[2][6] = {};  // of frames a and b, against what is before the joint
   for (size_t first, end = columns_.size(); end > 0; end = first) {
     const Column& last = columns_[end - 1];

@@ -11,6 +11,8 @@ namespace mbdae {
 // A wrench F (6,) on frame b and -F on a: dF = Da d_a + Db d_b + C d(V_b - V_a) for motions d of the frames.
 struct Turning {
   Turning();  // zero
+  void add(double factor, const Turning& other);  // not damped
+  void damp();                                    // C is 0 from here on, and counts
 
   double F[6], Da[36], Db[36], C[36];
   bool damped = false;  // C is not 0
@@ -19,7 +21,8 @@ struct Turning {
 // What the columns of J that move one frame of a pair alone do at a point. Matrices to add to have rows of `width`.
 class PairSlopes {
  public:
-  PairSlopes(const Mechanics& m, const Pair& pair, const double* v);  // J and poses stand, the pair is located
+  // J and poses stand, the pair is located; without v for torques that are not damped alone.
+  PairSlopes(const Mechanics& m, const Pair& pair, const double* v);
 
   const Pair& pair;
   const int nv;

@@ -215,7 +215,8 @@ void Row::coordinate_slopes(const double* q, const double* v, double lam, double
   const int j = iv[1], k = kind == ratio ? iv[2] : j;
   if (k < 0) return;
   const double curve = curvature(q);
-  K[j * width + k] -= lam * curve, B[k] -= curve * v[j];
+  if (K) K[j * width + k] -= lam * curve;
+  if (B) B[k] -= curve * v[j];
 }
 
 }  // namespace mbdae

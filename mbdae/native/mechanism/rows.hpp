@@ -77,7 +77,7 @@ struct Row {
   bool between_joints() const { return kind >= coordinate && kind <= ratio; }
   double coordinate_value(const double* q, double* slope) const;   // g, and what v_j is multiplied by
   double coordinate_bias(const double* q, const double* v) const;  // Gdot v
-  // Adds lam d(G^T)/dq to K (nv, nv) and d(G v)/dq to B (nv,).
+  // Adds lam d(G^T)/dq to K (nv, nv) and d(G v)/dq to B (nv,), where they are there.
   void coordinate_slopes(const double* q, const double* v, double lam, double* K, double* B, size_t width) const;
 
  private:

@@ -40,7 +40,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   s_.manifold.integrate(q0_.data(), x_.data(), q_.data());
   for (int i = 0; i < nv_; ++i) v_[i] = v0_[i] + x_[nv_ + i];
   for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
-  point.inertia(q_.data());
+  point.inertia(q_.data(), sloped_ ? v_.data() : nullptr);
   s_.counts.M += 1, s_.counts.factorizations += 1;
   const bool slides = static_cast<bool>(s_.sliding);
   const std::vector<int>& which = (last || slides) && !s_.rows.others().empty() ? constraints.all : rows;

@@ -49,6 +49,7 @@ class HalfExplicitStep {
   Numbers f_;                         // (nv,)
   Numbers lam_, gt_, gt_met_, work_;  // (ng,)
   Numbers Ghat_, Zhat_;               // (ng, nv) by rows, where the stage meets the constraint
+  bool sloped_ = false;               // slopes of stages are found next
 };
 
 }  // namespace mbdae

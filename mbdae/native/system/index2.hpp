@@ -88,14 +88,16 @@ class Index2System {
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates);
   // tau (nv,) of all laws, and the rates, where the kinematics stand at q.
   void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
-  // Slopes at a point with v' (nv,) and lam (ng,) by row; the tree is expanded. Where asked for, the wrenches of laws
-  // between frames, too, and then those of closures, whose rows are summed up.
-  void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out,
-              std::vector<ActingWrench>* wrenches = nullptr);
-  // Slopes of G v by q, (r, nv) by rows, and added to K (nv, nv) those of G^T lam where there is lam (ng,); poses stand
-  // at q, and the pairs of the rows in use are located.
-  void closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers& B,
-                      std::vector<ActingWrench>* wrenches = nullptr) const;
+  // Slopes at a point with v' (nv,) and lam (ng,) by row; the tree is expanded, J and poses stand then.
+  void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out);
+  // K, D and g_t alone, and B (r, nv) where asked for; the wrenches of laws between frames, too, and then those of
+  // closures, whose rows are summed up.
+  void force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out,
+                    Numbers* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
+  // Added to K (nv, nv), slopes of G^T lam by q with lam (ng,), and slopes of G v by q, (r, nv) by rows: each where asked
+  // for. J and poses stand at q.
+  void closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
+                      std::vector<ActingWrench>* wrenches = nullptr);
   // Where G and, where anything slides, its slips stand: rhs (ng,) by row becomes lam, f (nv,) v'; the power of what slides
   // is added.
   void solve(const Numbers& Zhat, double* rhs, double* f, double* power);
@@ -141,6 +143,7 @@ class Index2System {
   const double alpha_, beta_;         // 1/s
   Numbers conservative_, other_, f_, f_bias_;  // (nv,)
   Numbers lam_, gt_, gap_, rate_;     // (ng,)
+  Numbers all_G_;                     // (ng, nv)
   Numbers law_slopes_, by_q_, by_v_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
 };
 

@@ -18,8 +18,8 @@ Point::Point(Mechanics& m, Constraints& constraints, Counts& counts)
       U_(static_cast<size_t>(m.nv) * m.nv),
       root_(m.nv) {}
 
-void Point::inertia(const double* q) {
-  m_.inertia(q);
+void Point::inertia(const double* q, const double* v) {
+  v ? m_.inertia(q, v) : m_.inertia(q);
   forget();
   const int nv = m_.nv;
   const double* M = m_.M();

@@ -15,7 +15,7 @@ class Point {
  public:
   Point(Mechanics& m, Constraints& constraints, Counts& counts);
 
-  void inertia(const double* q);                                // M and its factors; G and Z do not stand then
+  void inertia(const double* q, const double* v = nullptr);     // M and its factors; with v, slopes begin; G, Z fall
   void evaluate(const double* q, bool counted);                 // all of it, over all rows
   void scale(int row) { scale(row, G, Z); }                     // Z of a row, from G
   void scale(int row, const Numbers& G, Numbers& Z) const;      // the same of other rows (ng, nv)

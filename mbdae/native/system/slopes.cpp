@@ -8,16 +8,35 @@
 namespace mbdae {
 
 void Index2System::slopes(double t, const double* q, const double* u, const double* vdot, const double* lam,
-                          Slopes& out, std::vector<ActingWrench>* wrenches) {
-  const size_t n = nv + ns + 1, m = nv, width = 2 * m + ns, r = rows.in_use().size();
-  const double *v = u, *s = u + nv;
+                          Slopes& out) {
+  const size_t m = nv, r = rows.in_use().size();
+  const std::vector<int>& position = rows.position();
+  force_slopes(t, q, u, vdot, lam, out, &out.B);
+  out.M.assign(mechanics.M(), mechanics.M() + m * m);
   counts.M += 1, counts.G += ng > 0;
-  out.M.resize(m * m), by_q_.resize(m * m), by_v_.resize(m * m);
-  mechanics.slopes(q, v, vdot, out.M.data(), by_q_.data(), by_v_.data());
+  out.G.assign(r * m, 0.0);
+  all_G_.resize(ng * m);
+  double* G = all_G_.data();
+  constraints.value(mechanics, q, rows.in_use(), G);
+  out.friction.clear();
+  if (sliding) {  // its slopes by q and v are left out: Newton's iterations find what they miss
+    constraints.value(mechanics, q, rows.others(), G);
+    sliding.slips(u), sliding.slopes(G, lam, out.friction);
+  }
+  for (int k : rows.in_use())
+    for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = G[k * m + c];
+}
 
-  law_slopes_.resize((2 * m + ns) * width + ns + 1 + ng * m);
+void Index2System::force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam,
+                                Slopes& out, Numbers* B, std::vector<ActingWrench>* wrenches) {
+  const size_t n = nv + ns + 1, m = nv, width = 2 * m + ns;
+  const double *v = u, *s = u + nv;
+  by_q_.resize(m * m), by_v_.resize(m * m);
+  mechanics.slopes(q, v, vdot, by_q_.data(), by_v_.data());
+
+  law_slopes_.resize((2 * m + ns) * width + ns + 1);
   double *conservative = law_slopes_.data(), *other = conservative + m * width, *rates = other + m * width;
-  double *now = rates + ns * width, *G = now + ns + 1;
+  double* now = rates + ns * width;
   torque(t, q, v, s, f_.data(), now);
   out.K.resize(n * m), out.D.assign(n * n, 0.0);
   double *powers = &out.K[(n - 1) * m], *powers_by_u = &out.D[(n - 1) * n];
@@ -45,50 +64,38 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
     std::copy(rate, rate + m, &out.K[(m + i) * m]), std::copy(rate + m, rate + width, &out.D[(m + i) * n]);
   }
 
-  const std::vector<int>& position = rows.position();
-  out.G.assign(r * m, 0.0), out.g_t.assign(r, 0.0);
+  out.g_t.assign(rows.in_use().size(), 0.0);
   std::fill(gt_.begin(), gt_.end(), 0.0);
-  constraints.value(mechanics, q, rows.in_use(), G);
   constraints.speed(t, gt_.data());
-  closure_slopes(q, v, lam, out.K.data(), out.B, wrenches);
-  out.friction.clear();
-  if (sliding) {  // its slopes by q and v are left out: Newton's iterations find what they miss
-    constraints.value(mechanics, q, rows.others(), G);
-    sliding.slips(v), sliding.slopes(G, lam, out.friction);
-  }
-  for (int k : rows.in_use()) {
-    for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = G[k * m + c];
-    out.g_t[position[k]] = gt_[k];
-  }
+  for (int k : rows.in_use()) out.g_t[rows.position()[k]] = gt_[k];
+  closure_slopes(q, v, lam, out.K.data(), B, wrenches);
 }
 
-void Index2System::closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers& B,
-                                  std::vector<ActingWrench>* wrenches) const {
-  const size_t m = nv, r = rows.in_use().size();
+void Index2System::closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
+                                  std::vector<ActingWrench>* wrenches) {
+  const size_t m = nv;
   const std::vector<int>& position = rows.position();
-  B.assign(r * m, 0.0);
+  if (B) B->assign(rows.in_use().size() * m, 0.0);
   for (size_t p = 0; p < constraints.pairs.size(); ++p) {
     const std::vector<int>& own = constraints.of_pair[p];
     if (std::none_of(own.begin(), own.end(), [&](int k) { return position[k] >= 0; })) continue;
-    const PairSlopes here(mechanics, constraints.pairs[p], v);
+    constraints.pairs[p].locate(mechanics);
+    const PairSlopes here(mechanics, constraints.pairs[p], B ? v : nullptr);
     Turning sum;
     for (int k : own) {
       if (position[k] < 0) continue;
       Turning one;
       constraints.rows[k].slopes(here.pair, one);
-      here.power(one.F, one, &B[position[k] * m]);
-      if (!lam) continue;
-      for (int i = 0; i < 6; ++i) sum.F[i] += lam[k] * one.F[i];
-      for (int i = 0; i < 36; ++i) sum.Da[i] += lam[k] * one.Da[i], sum.Db[i] += lam[k] * one.Db[i];
+      if (B) here.power(one.F, one, B->data() + position[k] * m);
+      if (K) sum.add(lam[k], one);
     }
-    if (!lam) continue;
+    if (!K) continue;
     here.torque(sum, K, m);
     if (wrenches) wrenches->push_back({&here.pair, sum, true});
   }
-  Numbers none(lam ? 0 : m * m);
   for (int k : rows.in_use())
     if (constraints.rows[k].between_joints())
-      constraints.rows[k].coordinate_slopes(q, v, lam ? lam[k] : 0, lam ? K : none.data(), &B[position[k] * m], m);
+      constraints.rows[k].coordinate_slopes(q, v, K ? lam[k] : 0, K, B ? B->data() + position[k] * m : nullptr, m);
 }
 
 }  // namespace mbdae

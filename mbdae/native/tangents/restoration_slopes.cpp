@@ -64,7 +64,7 @@ void RestorationSlopes::correct(Correction& c, double t, const double* q, const 
   p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.met.resize(1);
   p.met[0] = {t, p.q, c.of_v ? Numbers(v, v + nv) : Numbers(), c.of_v ? VariedPoint::Met::rate : VariedPoint::Met::gap, 1};
   c.moved = largest(x.data(), nv) > s_.mechanics.limits.unmoved;
-  if (c.of_v) s_.closure_slopes(q, v, nullptr, nullptr, c.Bv);
+  if (c.of_v) s_.closure_slopes(q, v, nullptr, nullptr, &c.Bv);
   if (!c.of_v) {
     Numbers back(x);
     for (double& e : back) e = -e;
@@ -76,15 +76,15 @@ void RestorationSlopes::correct(Correction& c, double t, const double* q, const 
   p.met.push_back({t, p.q, x, VariedPoint::Met::bare, -1});
   const size_t m = nv;
   c.K.assign(m * m, 0.0);
-  s_.closure_slopes(q, x.data(), p.lam.data(), c.K.data(), c.B, parameters_.moving() ? &p.wrenches : nullptr);
+  s_.closure_slopes(q, x.data(), p.lam.data(), c.K.data(), &c.B, parameters_.moving() ? &p.wrenches : nullptr);
   const Numbers still(nv, 0.0);
-  Numbers M(m * m), by_v(m * m);
+  Numbers by_v(m * m);
   c.T.resize(m * m);
   if (weight_.empty()) {
     weight_.resize(m * m);
-    s_.mechanics.slopes(q0_.data(), still.data(), still.data(), M.data(), weight_.data(), by_v.data());
+    s_.mechanics.slopes(q0_.data(), still.data(), still.data(), weight_.data(), by_v.data());
   }
-  s_.mechanics.slopes(q0_.data(), still.data(), x.data(), M.data(), c.T.data(), by_v.data());
+  s_.mechanics.slopes(q0_.data(), still.data(), x.data(), c.T.data(), by_v.data());
   for (size_t i = 0; i < m * m; ++i) c.T[i] -= weight_[i];
 }
 

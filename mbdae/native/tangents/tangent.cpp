@@ -10,7 +10,7 @@ StepSlopes::StepSlopes(Index2System& s, ParameterSlopes* parameters) : HalfExpli
 void StepSlopes::repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes) {
   const int n = a.n, stride = stride_;
   const double* y = in.y.data();
-  a_ = &a, h_ = h;
+  a_ = &a, h_ = h, sloped_ = slopes;
   std::copy(y, y + nq_, q0_.begin()), std::copy(y + nq_, y + nq_ + nv_, v0_.begin());
   std::copy(y + nq_ + nv_, y + nq_ + nv_ + ns_, s0_.begin());
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
@@ -46,12 +46,12 @@ void StepSlopes::keep(StageSlopes& k, double t, double that, double factor, cons
     for (int i = 0; i < nv_; ++i) met.v[i] = v0_[i] + xhat_[nv_ + i] + factor * k.vdot[i];
     k.Ghat = Ghat_, k.Zhat = Zhat_, k.lu = s_.saddle.factors();
     s_.manifold.turned(dx_.data(), met.v.data(), k.hat);
-    s_.closure_slopes(q_met_.data(), met.v.data(), nullptr, nullptr, k.Bhat);
+    s_.closure_slopes(q_met_.data(), met.v.data(), nullptr, nullptr, &k.Bhat);
   }
   k.point.exchange(s_.point);
   k.wrenches.clear();
   const bool asked = parameters_ && parameters_->moving();
-  s_.slopes(t, k.q.data(), k.u.data(), k.vdot.data(), k.lam.data(), k.at, asked ? &k.wrenches : nullptr);
+  s_.force_slopes(t, k.q.data(), k.u.data(), k.vdot.data(), k.lam.data(), k.at, nullptr, asked ? &k.wrenches : nullptr);
 }
 
 void StepSlopes::forward(int directions, double* moved, const double* dp) {

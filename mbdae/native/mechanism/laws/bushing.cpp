@@ -136,7 +136,7 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
   for (int i = 0; i < 3; ++i) damper.F[3 + i] -= dot(spin + 3 * i, w, 3);
   skew(w, W), product(A, W, AW);
   carried(pair.pb, damper.F, damper.Db), at_point(damper.Db, AW, P, -1);
-  at_point(damper.C, A, P, -1), block(damper.C, 3, 3, spin, -1), damper.damped = true;
+  damper.damp(), at_point(damper.C, A, P, -1), block(damper.C, 3, 3, spin, -1);
   matrix_of_wrench(damper.F, damper.Da);
   for (int j = 0; j < 6; ++j) {
     double e[6] = {0, 0, 0, 0, 0, 0}, column[6];

@@ -33,20 +33,27 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
   const double d = unit_gap(pair, w), pull = k * (d - law.a[2]);
   cross(pair.pb, w, w + 3);
   const double push = law.signals[0].at(p.t) - c * dot(w, here.V, 6);
-  Turning spring, damper, line;
-  line_slopes(pair, -pull, spring), line_slopes(pair, push, damper), line_slopes(pair, 1, line);
+  Turning spring;
+  line_slopes(pair, -pull, spring);
+  for (int i = 0; i < 6; ++i) {
+    spring.F[i] = -pull * w[i];
+    for (int j = 0; j < 6; ++j) spring.Da[6 * i + j] += k * w[i] * w[j], spring.Db[6 * i + j] -= k * w[i] * w[j];
+  }
+  out.add(here, spring, true);
+  if (push == 0 && c == 0) return;
+  Turning damper, line;
+  line_slopes(pair, push, damper), line_slopes(pair, 1, line);
+  damper.damp();
   for (int i = 0; i < 6; ++i)
     for (int j = 0; j < 6; ++j) VDa[j] += here.V[i] * line.Da[6 * i + j], VDb[j] += here.V[i] * line.Db[6 * i + j];
   for (int i = 0; i < 6; ++i) {
-    spring.F[i] = -pull * w[i], damper.F[i] = push * w[i];
+    damper.F[i] = push * w[i];
     for (int j = 0; j < 6; ++j) {
       const int at = 6 * i + j;
-      spring.Da[at] += k * w[i] * w[j], spring.Db[at] -= k * w[i] * w[j];
       damper.Da[at] -= c * w[i] * VDa[j], damper.Db[at] -= c * w[i] * VDb[j], damper.C[at] = -c * w[i] * w[j];
     }
   }
-  damper.damped = true;
-  out.add(here, spring, true), out.add(here, damper, false);
+  out.add(here, damper, false);
 }
 
 static double potential(const Law& law, const ForcePoint& p) {
