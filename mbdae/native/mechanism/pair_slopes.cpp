@@ -7,12 +7,6 @@
 
 namespace mbdae {
 
-namespace {
-
-double dot6(const double* a, const double* b) { return dot(a, b) + dot(a + 3, b + 3); }
-
-}  // namespace
-
 // Not by string instructions, which compilers choose for constant sizes: what is added next waits for their end.
 Turning::Turning() {
   using Eigen::Map, Eigen::Vector;

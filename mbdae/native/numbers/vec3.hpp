@@ -26,6 +26,8 @@ inline double dot(const double* x, const double* y, int n) {
 
 inline double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
+inline double dot6(const double* a, const double* b) { return dot(a, b) + dot(a + 3, b + 3); }
+
 inline bool finite(const double* x, int n) {
   for (int i = 0; i < n; ++i)
     if (!std::isfinite(x[i])) return false;

@@ -21,20 +21,34 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
       directions_(std::move(directions)),
       changed_(std::move(changed)),
       own_(changed_.size()),
-      here_(stuff_.size()),
-      pull_(stuff_.size(), Six{}) {
+      here_(stuff_.size()) {
   const Mechanics& m = s.mechanics;
   const auto supports = m.supports();
-  columns_.resize(m.joints), above_.assign(m.joints, std::vector<bool>(m.joints, false));
+  columns_.resize(m.joints), behind_.resize(m.joints), joint_of_.resize(s.nv);
+  above_.assign(m.joints, std::vector<bool>(m.joints, false));
   for (int j = 1; j < m.joints; ++j) {
     columns_[j].assign(supports[j].begin() + supports[m.parents[j]].size(), supports[j].end());
-    for (int i = j; i; i = m.parents[i]) above_[j][i] = true;
+    for (int c : columns_[j]) joint_of_[c] = j;
+    for (int i = j; i; i = m.parents[i]) above_[j][i] = true, behind_[i].push_back(j);
+    behind_[0].push_back(j);
   }
+  along_.resize(stuff_.size());
+  for (size_t d = 0; d < directions_.size(); ++d) along_[directions_[d].stuff].push_back(&directions_[d]);
+  std::vector<bool> used(m.joints, false), heavy(m.joints, false);
+  const auto use = [&](int j) {
+    for (; j; j = m.parents[j]) used[j] = true;
+  };
   for (const Stuff& x : stuff_) {
     sums_.emplace_back(size_of(x.of, s.nv), 0.0);
     kinematic_ = kinematic_ || x.of != Stuff::armature;
     placing_ = placing_ || x.of == Stuff::place;
     moving_ = moving_ || placing_ || x.of == Stuff::frame;
+    if (x.of == Stuff::inertia) use(x.at);
+    if (x.of != Stuff::place && x.of != Stuff::gravity) continue;
+    for (int j : behind_[x.of == Stuff::place ? x.at : 0]) {
+      heavy[j] = true;
+      if (x.of == Stuff::place) use(j);
+    }
   }
   const auto find = [&](const std::vector<Pair>& pairs, bool of_laws) {
     for (size_t p = 0; p < pairs.size(); ++p) {
@@ -45,63 +59,40 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
         if (x.of == Stuff::frame && x.of_law == of_laws && x.at == static_cast<int>(p)) found.push_back({i, x.b});
         if (x.of == Stuff::place && above_[a][x.at] != above_[b][x.at]) found.push_back({i, above_[b][x.at]});
       }
+      if (found.empty()) continue;
+      use(a), use(b);
+      rows_move_ = rows_move_ || !of_laws;
     }
   };
   find(s.constraints.pairs, false), find(s.law_pairs(), true);
   for (const Changed& c : changed_) meeting_ = meeting_ || !c.rows.empty();
-  for (auto* x : {&V_, &A_, &U_, &X_, &F_, &H_, &C_, &h_}) x->assign(m.joints, Six{});
+  for (int j = 1; j < m.joints; ++j) {
+    if (used[j]) used_.push_back(j);
+    if (heavy[j]) heavy_.push_back(j);
+  }
+  for (auto* x : {&V_, &A_, &U_, &X_, &F_, &H_, &C_, &h_, &W_}) x->assign(m.joints, Six{});
   body_.resize(m.joints);
 }
 
 void ParameterSlopes::stand(const VariedPoint& point) {
   Mechanics& m = s_.mechanics;
-  if (kinematic_ || !changed_.empty()) {
-    m.motions(point.q.data(), point.u.data(), point.vdot.data());
-    m.poses(point.q.data());
-  }
+  if (kinematic_ || !changed_.empty()) m.poses(point.q.data());
   if (kinematic_) {
     double g[3] = {0, 0, 0};
     if (point.loaded) m.gravity(g);
-    J_.assign(m.J(), m.J() + 6 * s_.nv);
     for (int i = 0; i < 3; ++i) A_[0][i] = -g[i];
-    for (int j = 1; j < m.joints; ++j) {
-      m.velocity(j, V_[j].data()), m.acceleration(j, A_[j].data());
-      for (int i = 0; i < 3; ++i) A_[j][i] -= g[i];
-      body_[j] = m.body(j);
-    }
+    motions(point.u.data(), point.vdot.data());
+    for (int j : heavy_) body_[j] = m.body(j);
     if (placing_) momenta();
-    locate(here_);
+    locate();
   }
-  change(point);
-  met_.resize(moving_ ? point.met.size() : 0);
-  const std::vector<int>& position = s_.rows.position();
-  for (size_t i = 0; i < met_.size(); ++i) {
-    const VariedPoint::Met& at = point.met[i];
-    Met& met = met_[i];
-    m.poses(at.q.data());
-    met.kind = at.kind, met.weight = at.weight, met.V.assign(m.joints, Six{}), met.placed.resize(stuff_.size());
-    if (at.kind != VariedPoint::Met::gap) twists(m.J(), at.v.data(), met.V);
-    locate(met.placed);
-    met.rows.clear();
-    for (size_t p = 0; p < s_.constraints.pairs.size(); ++p) {
-      Pair& pair = s_.constraints.pairs[p];
-      if (ends_.at(&pair).empty()) continue;
-      std::vector<std::pair<int, Turning>> found;
-      for (int k : s_.constraints.of_pair[p]) {
-        if (position[k] < 0) continue;
-        if (found.empty()) pair.locate(m);
-        found.emplace_back(position[k], Turning());
-        s_.constraints.rows[k].slopes(pair, found.back().second);
-      }
-      if (!found.empty()) met.rows.emplace_back(&pair, std::move(found));
-    }
-  }
+  if (!changed_.empty()) change(point);
 }
 
 void ParameterSlopes::change(const VariedPoint& point) {
   Mechanics& m = s_.mechanics;
-  const size_t nv = s_.nv, n = n_, ng = s_.ng;
-  own_P_.assign(changed_.size() * n, 0.0), own_Q_.assign(changed_.size() * ng, 0.0);
+  const size_t nv = s_.nv, n = n_;
+  own_P_.assign(changed_.size() * n, 0.0), own_Q_.assign(changed_.size() * s_.ng, 0.0);
   const double *v = point.u.data(), *s = v + nv;
   Numbers conservative(nv), other(nv), here, rates, G, speed;
   for (size_t i = 0; i < changed_.size(); ++i) {
@@ -129,38 +120,29 @@ void ParameterSlopes::change(const VariedPoint& point) {
       }
     }
   }
-  if (!meeting_) return;
-  Numbers g;
-  for (const VariedPoint::Met& met : point.met) {
-    m.poses(met.q.data());
-    for (size_t i = 0; i < changed_.size(); ++i)
-      for (const NearRows& near : changed_[i].rows) {
-        const std::vector<int>& at = changed_[i].at;
-        G.assign(at.size() * nv, 0.0), g.assign(at.size(), 0.0);
-        near.rows->value(m, met.q.data(), near.rows->all, G.data(), g.data());
-        if (met.kind == VariedPoint::Met::gap) {
-          near.rows->gaps(met.t, g.data());
-        } else {
-          std::fill(g.begin(), g.end(), 0.0);
-          if (met.kind == VariedPoint::Met::rate) near.rows->speed(met.t, g.data());
-          for (size_t l = 0; l < at.size(); ++l) g[l] += dot(&G[l * nv], met.v.data(), static_cast<int>(nv));
-        }
-        for (size_t l = 0; l < at.size(); ++l) own_Q_[i * ng + at[l]] += met.weight * near.weight * g[l];
+}
+
+void ParameterSlopes::meet_changed(const VariedPoint::Met& met) {
+  const size_t nv = s_.nv;
+  Numbers G, g;
+  for (size_t i = 0; i < changed_.size(); ++i)
+    for (const NearRows& near : changed_[i].rows) {
+      const std::vector<int>& at = changed_[i].at;
+      G.assign(at.size() * nv, 0.0), g.assign(at.size(), 0.0);
+      near.rows->value(s_.mechanics, met.q.data(), near.rows->all, G.data(), g.data());
+      if (met.kind == VariedPoint::Met::gap) {
+        near.rows->gaps(met.t, g.data());
+      } else {
+        std::fill(g.begin(), g.end(), 0.0);
+        if (met.kind == VariedPoint::Met::rate) near.rows->speed(met.t, g.data());
+        for (size_t l = 0; l < at.size(); ++l) g[l] += dot(&G[l * nv], met.v.data(), static_cast<int>(nv));
       }
-  }
-}
-
-void ParameterSlopes::clear() {
-  for (Numbers& x : sums_) std::fill(x.begin(), x.end(), 0.0);
-}
-
-void ParameterSlopes::collect(double* p) const {
-  for (const Direction& d : directions_)
-    p[d.parameter] += dot(d.x.data(), sums_[d.stuff].data(), static_cast<int>(d.x.size()));
+      for (size_t l = 0; l < at.size(); ++l) own_Q_[i * s_.ng + at[l]] += met.weight * near.weight * g[l];
+    }
 }
 
 void ParameterSlopes::begin() {
-  clear();
+  for (Numbers& x : sums_) std::fill(x.begin(), x.end(), 0.0);
   std::fill(own_.begin(), own_.end(), 0.0);
 }
 
@@ -168,7 +150,19 @@ void ParameterSlopes::add(const VariedPoint& point, const double* above, const d
   if (!count_) return;
   const std::vector<int>& position = s_.rows.position();
   stand(point);
-  contract(point, above, nu);
+  contract(point, above);
+  meet(point, [&](const VariedPoint::Met& met, const Pair& pair, const Asked& asked) {
+    Turning sum;
+    for (const auto& [at, t] : asked) {
+      const double w = met.weight * nu[at];
+      for (int k = 0; k < 6; ++k) sum.F[k] += w * t.F[k];
+      for (int k = 0; k < 36; ++k) sum.Da[k] += w * t.Da[k], sum.Db[k] += w * t.Db[k];
+    }
+    if (met.kind == VariedPoint::Met::gap)
+      shifted(pair, sum.F);
+    else
+      moved(pair, sum, V_);
+  });
   for (size_t i = 0; i < changed_.size(); ++i) {
     own_[i] += dot(&own_P_[i * n_], above, n_);
     for (int k : s_.rows.in_use()) own_[i] += own_Q_[i * s_.ng + k] * nu[position[k]];
@@ -176,30 +170,9 @@ void ParameterSlopes::add(const VariedPoint& point, const double* above, const d
 }
 
 void ParameterSlopes::end(double* p) {
-  collect(p);
+  for (const Direction& d : directions_)
+    p[d.parameter] += dot(d.x.data(), sums_[d.stuff].data(), static_cast<int>(d.x.size()));
   for (size_t i = 0; i < changed_.size(); ++i) p[changed_[i].parameter] += own_[i];
-}
-
-void ParameterSlopes::columns(const VariedPoint& point, Numbers& P, Numbers& Q) {
-  const std::vector<int>& position = s_.rows.position();
-  const size_t r = s_.rows.in_use().size(), n = n_;
-  P.assign(count_ * n, 0.0), Q.assign(count_ * r, 0.0);
-  stand(point);
-  Numbers unit(std::max(n, r), 0.0), p(count_);
-  for (size_t e = 0; e < n + r; ++e) {
-    if (e < n ? e >= static_cast<size_t>(s_.nv) && e < n - 1 : met_.empty()) continue;  // rates of states are laws' own
-    const size_t at = e < n ? e : e - n;
-    unit[at] = 1, clear(), std::fill(p.begin(), p.end(), 0.0);
-    contract(point, e < n ? unit.data() : nullptr, e < n ? nullptr : unit.data());
-    collect(p.data());
-    for (size_t k = 0; k < count_; ++k) (e < n ? P[k * n + at] : Q[k * r + at]) = p[k];
-    unit[at] = 0;
-  }
-  for (size_t i = 0; i < changed_.size(); ++i) {
-    const size_t k = changed_[i].parameter;
-    for (size_t e = 0; e < n; ++e) P[k * n + e] += own_P_[i * n + e];
-    for (int row : s_.rows.in_use()) Q[k * r + position[row]] += own_Q_[i * s_.ng + row];
-  }
 }
 
 }  // namespace mbdae

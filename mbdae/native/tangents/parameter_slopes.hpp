@@ -2,11 +2,11 @@
 // the mechanism is made of, or a change of laws and rows.
 #pragma once
 
-#include <array>
 #include <map>
 #include <memory>
 
 #include "system/index2.hpp"
+#include "tangents/spatial.hpp"
 #include "tangents/stage_slopes.hpp"
 
 namespace mbdae {
@@ -62,29 +62,39 @@ class ParameterSlopes {
   void columns(const VariedPoint& point, Numbers& P, Numbers& Q);  // (k, n) and (k, r)
 
  private:
-  using Six = std::array<double, 6>;
-  struct Placed {  // a body, a joint's place, or a frame, in the world; R by rows
-    double R[9], p[3];
-  };
-
   struct Moving {  // stuff that moves one frame of a pair alone
     int stuff;
     bool b;  // the second one
   };
+  using Asked = std::vector<std::pair<int, Turning>>;  // rows of a pair, by their positions
 
-  void stand(const VariedPoint& point);
-  void change(const VariedPoint& point);                                  // own_P_ and own_Q_
-  void contract(const VariedPoint& point, const double* above, const double* nu);  // into sums_
-  void momenta();                                                         // of V_ and A_
-  void bodies();                                                          // of U_
-  // What motions of places and frames do to F . (X_b - X_a), in the world; velocities V for a damped wrench.
+  void stand(const VariedPoint& point);            // all that its stuff asks for, and own_P_
+  void change(const VariedPoint& point);           // own_P_
+  void meet_changed(const VariedPoint::Met& met);  // adds to own_Q_
+  void motions(const double* v, const double* a);  // V_, and A_ where there is a
+  void momenta();                                  // of V_ and A_
+  void locate();                                   // here_
+  // Where rows meet, one point after another: each(met, pair, its rows) of those that places and frames move.
+  template <class F>
+  void meet(const VariedPoint& point, const F& each);
+
+  void contract(const VariedPoint& point, const double* above);  // into sums_
+  void twists(const double* v);                                  // U_
+  void bodies();                                                 // of U_
+  // What motions of places and frames do to F . (X_b - X_a); velocities V_ for a damped wrench.
   void moved(const Pair& pair, const Turning& t, const std::vector<Six>& X);
-  void shifted(const Pair& pair, const double* F);    // to F . d_b - F . d_a
-  void pulled(const std::vector<Placed>& placed);     // the same in their own axes, into sums_
-  void collect(double* p) const;  // adds sums_ along the directions
-  void clear();
-  void twists(const double* J, const double* v, std::vector<Six>& out) const;
-  void locate(std::vector<Placed>& out) const;
+  void shifted(const Pair& pair, const double* F);  // to F . d_b - F . d_a
+
+  void inertia_columns(int stuff, Numbers& P) const;
+  void place_columns(int stuff, Numbers& P);
+  void gravity_columns(int stuff, Numbers& P);
+  void pair_columns(const ActingWrench& w, Numbers& P) const;
+  void row_columns(const VariedPoint::Met& met, const Pair& pair, const Asked& asked, size_t r, Numbers& Q) const;
+  // How a wrench changes where xi moves a frame, or a place and all behind it: dF for what is before the place, `within`
+  // for what is behind it. The slope of F . (V_b - V_a).
+  double moving(const Pair& pair, const Turning& t, const Moving& by, const double* xi, double* dF, double* within) const;
+  void load(int joint, const double* W, double* P) const;  // P -= J^T W with the columns that move a joint
+  void load_behind(int joint, double* P);                  // the same of W_ on bodies behind it, by columns there
 
   Index2System& s_;
   const size_t count_;
@@ -94,25 +104,46 @@ class ParameterSlopes {
   std::vector<Changed> changed_;
   std::map<const Pair*, std::vector<Moving>> ends_;  // of all pairs
   bool moving_ = false, placing_ = false, kinematic_ = false, meeting_ = false;
+  bool rows_move_ = false;                 // rows of pairs do with places and frames
   std::vector<std::vector<int>> columns_;  // of J, of each joint
+  std::vector<int> joint_of_;              // (nv,) of each column
   std::vector<std::vector<bool>> above_;   // (joints, joints) is the second one the first, or before it?
+  std::vector<std::vector<int>> behind_;   // of joints: themselves, and all behind them; of the world: all joints
+  std::vector<std::vector<const Direction*>> along_;  // in each stuff
+  std::vector<int> used_, heavy_;          // joints whose motions, and whose bodies are asked for
   std::vector<Numbers> sums_;              // the cotangent of all stuff
   Numbers own_P_, own_Q_, own_;            // of changed laws and rows: (changed, n), (changed, ng); (changed,)
-  struct Met {
-    VariedPoint::Met::Kind kind;
-    double weight;
-    std::vector<Six> V;                                                              // by joint
-    std::vector<Placed> placed;                                                      // of all stuff
-    std::vector<std::pair<const Pair*, std::vector<std::pair<int, Turning>>>> rows;  // with their positions
-  };
-
-  std::vector<Six> V_, A_, U_, X_;  // by joint; A less gravity
-  std::vector<Six> F_, H_, C_, h_;  // by joint, of all that is behind it; of the body alone
+  std::vector<Six> V_, A_, U_, X_;      // by joint; A less gravity
+  std::vector<Six> F_, H_, C_, h_, W_;  // by joint: of all that is behind it, but h_ of the body alone
   std::vector<Body> body_;
-  std::vector<Placed> here_;        // of all stuff
-  std::vector<Six> pull_;           // alike: by a motion in the world
-  std::vector<Met> met_;
-  Numbers J_;
+  std::vector<Placed> here_;  // of all stuff
+  Asked asked_;
 };
+
+template <class F>
+void ParameterSlopes::meet(const VariedPoint& point, const F& each) {
+  if (!rows_move_ && !meeting_) return;
+  Mechanics& m = s_.mechanics;
+  const std::vector<int>& position = s_.rows.position();
+  for (const VariedPoint::Met& met : point.met) {
+    m.poses(met.q.data());
+    if (meeting_) meet_changed(met);
+    if (!rows_move_) continue;
+    if (met.kind != VariedPoint::Met::gap) motions(met.v.data(), nullptr);
+    locate();
+    for (size_t p = 0; p < s_.constraints.pairs.size(); ++p) {
+      Pair& pair = s_.constraints.pairs[p];
+      if (ends_.at(&pair).empty()) continue;
+      asked_.clear();
+      for (int k : s_.constraints.of_pair[p]) {
+        if (position[k] < 0) continue;
+        if (asked_.empty()) pair.locate(m);
+        asked_.emplace_back(position[k], Turning());
+        s_.constraints.rows[k].slopes(pair, asked_.back().second);
+      }
+      if (!asked_.empty()) each(met, pair, asked_);
+    }
+  }
+}
 
 }  // namespace mbdae
