@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "numbers/matrices.hpp"
-#include "numbers/vec3.hpp"
 
 namespace mbdae {
 
@@ -22,33 +21,6 @@ void Turning::add(double factor, const Turning& other) {
 void Turning::damp() {
   Eigen::Map<Eigen::Vector<double, 36>>(C).setZero();
   damped = true;
-}
-
-void motion_cross(const double* a, const double* b, double* out) {
-  double other[3];
-  cross(a + 3, b, out), cross(a, b + 3, other), cross(a + 3, b + 3, out + 3);
-  for (int i = 0; i < 3; ++i) out[i] += other[i];
-}
-
-void skew(const double* w, double* out) {
-  out[0] = out[4] = out[8] = 0;
-  out[1] = -w[2], out[2] = w[1], out[3] = w[2], out[5] = -w[0], out[6] = -w[1], out[7] = w[0];
-}
-
-void product(const double* a, const double* b, double* out) {
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
-}
-
-void of_skews(const double* a, const double* b, double* out) {
-  const double along = dot(a, b);
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) out[3 * i + j] = b[i] * a[j] - (i == j) * along;
-}
-
-void block(double* D, int i, int j, const double* m, double factor) {
-  for (int k = 0; k < 3; ++k)
-    for (int l = 0; l < 3; ++l) D[6 * (i + k) + j + l] += factor * m[3 * k + l];
 }
 
 void times6(const double* D, const double* x, double* out) {

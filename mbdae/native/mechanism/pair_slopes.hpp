@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "mechanism/rows.hpp"
+#include "numbers/spatial.hpp"
 
 namespace mbdae {
 
@@ -42,12 +43,7 @@ class PairSlopes {
   std::vector<Column> columns_;
 };
 
-void motion_cross(const double* a, const double* b, double* out);  // a x b of motions
-void matrix_of_wrench(const double* F, double* out);               // d -> d x* F
-void skew(const double* w, double* out);                           // (3, 3) by rows: the matrix of w x .
-void product(const double* a, const double* b, double* out);       // of matrices (3, 3)
-void of_skews(const double* a, const double* b, double* out);      // [a] [b] = b a^T - (a . b) 1
-void block(double* D, int i, int j, const double* m, double factor);  // D[i:i+3, j:j+3] += factor m
+void matrix_of_wrench(const double* F, double* out);  // d -> d x* F
 void times6(const double* D, const double* x, double* out);
 void carried(const double* p, const double* n, double* D);  // D += slopes of (n, p x n), n held, when p moves
 void line_slopes(const Pair& pair, double factor, Turning& t);  // of factor times the unit wrench along a distance

@@ -2,27 +2,9 @@
 
 #include <algorithm>
 
-#include "numbers/vec3.hpp"
-
 namespace mbdae {
 
 namespace {
-
-inline double dot6(const double* x, const double* y) {
-  return x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + x[3] * y[3] + x[4] * y[4] + x[5] * y[5];
-}
-
-inline void add_cross(const double* a, const double* b, double* out) {
-  out[0] += a[1] * b[2] - a[2] * b[1], out[1] += a[2] * b[0] - a[0] * b[2], out[2] += a[0] * b[1] - a[1] * b[0];
-}
-
-inline void motion_by(const double* V, const double* X, double* out) {  // V x X
-  cross(V + 3, X, out), add_cross(V, X + 3, out), cross(V + 3, X + 3, out + 3);
-}
-
-inline void wrench_by(const double* V, const double* F, double* out) {  // V x* F
-  cross(V + 3, F, out), cross(V + 3, F + 3, out + 3), add_cross(V, F, out + 3);
-}
 
 inline void symmetric(const double* S, const double* x, double* out) {  // S x; xx, xy, yy, xz, yz, zz
   out[0] = S[0] * x[0] + S[1] * x[1] + S[3] * x[2];
@@ -74,7 +56,7 @@ inline void TreeSlopes::Carried::D_transposed(const double* x, double* out) cons
 void TreeSlopes::Carried::weigh(const double* V, const double* A) {
   const double* w = V + 3;
   double turned[6];
-  momentum(V, h.data()), momentum(A, f.data()), wrench_by(V, h.data(), turned);
+  momentum(V, h.data()), momentum(A, f.data()), wrench_cross(V, h.data(), turned);
   for (int i = 0; i < 6; ++i) f[i] += turned[i];
   // 2 (moment . V) 1 - V moment^T - moment V^T + w x I + (w x I)^T
   const double rows[3][3] = {{I[0], I[1], I[3]}, {I[1], I[2], I[4]}, {I[3], I[4], I[5]}};
@@ -96,13 +78,13 @@ void TreeSlopes::move(int part, const double* J, const double* v) {
   for (int k : own_[part]) {
     Column& c = columns_[k];
     std::copy_n(J + 6 * k, 6, c.J.begin());
-    motion_by(before.data(), c.J.data(), c.once.data());
+    motion_cross(before.data(), c.J.data(), c.once.data());
     for (int i = 0; i < 6; ++i) V[i] += c.J[i] * v[k];
   }
   for (int k : own_[part]) {
     Column& c = columns_[k];
     double turned[6];
-    motion_by(V.data(), c.J.data(), turned);
+    motion_cross(V.data(), c.J.data(), turned);
     for (int i = 0; i < 6; ++i) c.both[i] = c.once[i] + turned[i], A[i] += turned[i] * v[k];
   }
 }
@@ -145,7 +127,7 @@ void TreeSlopes::find(const double* a, double* by_q, double* by_v) {
     for (int k : own_[p]) {
       Column& c = columns_[k];
       double turned[6];
-      motion_by(before.data(), c.J.data(), c.twice.data()), motion_by(V.data(), c.once.data(), turned);
+      motion_cross(before.data(), c.J.data(), c.twice.data()), motion_cross(V.data(), c.once.data(), turned);
       for (int i = 0; i < 6; ++i) c.twice[i] += turned[i], more[i] += c.J[i] * a[k];
     }
     more_[p] = more, f_[p] = still;
@@ -167,7 +149,7 @@ void TreeSlopes::find(const double* a, double* by_q, double* by_v) {
       if (before_[p].empty()) continue;
       double by_x[6], by_rate[6], turned[6];  // of F
       c.momentum(x.twice.data(), by_x), c.add_D(x.once.data() + 3, by_x);
-      wrench_by(x.J.data(), F, turned);
+      wrench_cross(x.J.data(), F, turned);
       for (int i = 0; i < 6; ++i) by_x[i] += turned[i];
       c.momentum(x.both.data(), by_rate), c.add_D(x.J.data() + 3, by_rate);
       for (int j : before_[p]) {

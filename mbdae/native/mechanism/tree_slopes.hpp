@@ -3,8 +3,9 @@
 // the world's frame, where the axes of each part stand still in the frame of that part.
 #pragma once
 
-#include <array>
 #include <vector>
+
+#include "numbers/spatial.hpp"
 
 namespace mbdae {
 
@@ -26,8 +27,6 @@ class TreeSlopes {
   void find(const double* a, double* by_q, double* by_v);
 
  private:
-  using Six = std::array<double, 6>;
-
   // Of a body, or of all that is behind a part: inertia (mass, moment, and about the origin: xx, xy, yy, xz, yz, zz),
   // momentum h, wrench f, and S: its wrench for a motion x of what is before it is D x = (2 x h, S x - h x x).
   struct Carried {

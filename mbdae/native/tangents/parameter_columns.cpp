@@ -18,9 +18,12 @@ void inertial(const double* x, const double* V, double* out) {  // dI V of ten i
 }  // namespace
 
 void ParameterSlopes::columns(const VariedPoint& point, Numbers& P, Numbers& Q) {
-  const std::vector<int>& position = s_.rows.position();
-  const size_t r = s_.rows.in_use().size(), n = n_;
-  P.assign(count_ * n, 0.0), Q.assign(count_ * r, 0.0);
+  pose(point), forces(point, P), rows(point, Q, point.q);
+}
+
+void ParameterSlopes::forces(const VariedPoint& point, Numbers& P) {
+  const size_t n = n_;
+  P.assign(count_ * n, 0.0);
   stand(point);
   for (int i = 0; i < static_cast<int>(stuff_.size()); ++i) {
     const Stuff::Of of = stuff_[i].of;
@@ -32,14 +35,17 @@ void ParameterSlopes::columns(const VariedPoint& point, Numbers& P, Numbers& Q) 
       for (int k = 0; k < s_.nv; ++k) P[d->parameter * n + k] -= d->x[k] * point.vdot[k];
   }
   for (const ActingWrench& w : point.wrenches) pair_columns(w, P);
-  meet(point, [&](const VariedPoint::Met& met, const Pair& pair, const Asked& asked) {
-    row_columns(met, pair, asked, r, Q);
-  });
-  for (size_t i = 0; i < changed_.size(); ++i) {
-    const size_t k = changed_[i].parameter;
-    for (size_t e = 0; e < n; ++e) P[k * n + e] += own_P_[i * n + e];
-    for (int row : s_.rows.in_use()) Q[k * r + position[row]] += own_Q_[i * s_.ng + row];
-  }
+  for (size_t i = 0; i < changed_.size(); ++i)
+    for (size_t e = 0; e < n; ++e) P[changed_[i].parameter * n + e] += own_P_[i * n + e];
+}
+
+void ParameterSlopes::rows(const VariedPoint& point, Numbers& Q, const Numbers& q) {
+  const std::vector<int>& position = s_.rows.position();
+  const size_t r = s_.rows.in_use().size();
+  Q.assign(count_ * r, 0.0);
+  meet(point, q, [&](const VariedPoint::Met& met, const Pair& pair) { row_columns(met, pair, r, Q); });
+  for (size_t i = 0; i < changed_.size(); ++i)
+    for (int row : s_.rows.in_use()) Q[changed_[i].parameter * r + position[row]] += own_Q_[i * s_.ng + row];
 }
 
 void ParameterSlopes::load(int joint, const double* W, double* P) const {
@@ -159,13 +165,12 @@ void ParameterSlopes::pair_columns(const ActingWrench& w, Numbers& P) const {
   }
 }
 
-void ParameterSlopes::row_columns(const VariedPoint::Met& met, const Pair& pair, const Asked& asked, size_t r,
-                                  Numbers& Q) const {
+void ParameterSlopes::row_columns(const VariedPoint::Met& met, const Pair& pair, size_t r, Numbers& Q) const {
   for (const Moving& by : ends_.at(&pair))
     for (const Direction* d : along_[by.stuff]) {
       double xi[6], dF[6], within[6];
       here_[by.stuff].raise(d->x.data(), xi);
-      for (const auto& [at, t] : asked)
+      for (const auto& [at, t] : asked_)
         Q[d->parameter * r + at] += met.weight * (met.kind == VariedPoint::Met::gap
                                                       ? (by.b ? 1 : -1) * dot6(t.F, xi)
                                                       : moving(pair, t, by, xi, dF, within));

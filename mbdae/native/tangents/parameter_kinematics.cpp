@@ -4,24 +4,32 @@
 namespace mbdae {
 
 // The axes of parts stand still in what is behind them: J' v of a part is its V before the part x J v.
+template <bool accelerated>
 void ParameterSlopes::motions(const double* v, const double* a) {
   const Mechanics& m = s_.mechanics;
   const double* J = m.J();
   for (int j : used_) {
     const std::vector<int>& own = columns_[j];
-    V_[j] = V_[m.parents[j]], A_[j] = A_[m.parents[j]];
+    V_[j] = V_[m.parents[j]];
+    if (accelerated) A_[j] = A_[m.parents[j]];
     for (size_t first = 0, end; first < own.size(); first = end) {
       double W[6] = {}, turned[6];
       for (end = first; end < own.size() && m.parts[own[end]] == m.parts[own[first]]; ++end) {
         const int c = own[end];
         for (int i = 0; i < 6; ++i) W[i] += J[6 * c + i] * v[c];
-        for (int i = 0; a && i < 6; ++i) A_[j][i] += J[6 * c + i] * a[c];
+        for (int i = 0; accelerated && i < 6; ++i) A_[j][i] += J[6 * c + i] * a[c];
       }
-      motion_cross(V_[j].data(), W, turned);
-      for (int i = 0; i < 6; ++i) V_[j][i] += W[i], A_[j][i] += turned[i];
+      if (accelerated) {
+        motion_cross(V_[j].data(), W, turned);
+        for (int i = 0; i < 6; ++i) A_[j][i] += turned[i];
+      }
+      for (int i = 0; i < 6; ++i) V_[j][i] += W[i];
     }
   }
 }
+
+template void ParameterSlopes::motions<true>(const double*, const double*);
+template void ParameterSlopes::motions<false>(const double*, const double*);
 
 void ParameterSlopes::momenta() {
   const std::vector<int>& parents = s_.mechanics.parents;

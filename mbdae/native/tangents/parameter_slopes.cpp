@@ -74,14 +74,17 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
   body_.resize(m.joints);
 }
 
+void ParameterSlopes::pose(const VariedPoint& point) {
+  if (kinematic_ || !changed_.empty()) s_.mechanics.poses(point.q.data());
+}
+
 void ParameterSlopes::stand(const VariedPoint& point) {
-  Mechanics& m = s_.mechanics;
-  if (kinematic_ || !changed_.empty()) m.poses(point.q.data());
+  const Mechanics& m = s_.mechanics;
   if (kinematic_) {
     double g[3] = {0, 0, 0};
     if (point.loaded) m.gravity(g);
     for (int i = 0; i < 3; ++i) A_[0][i] = -g[i];
-    motions(point.u.data(), point.vdot.data());
+    motions<true>(point.u.data(), point.vdot.data());
     for (int j : heavy_) body_[j] = m.body(j);
     if (placing_) momenta();
     locate();
@@ -92,7 +95,7 @@ void ParameterSlopes::stand(const VariedPoint& point) {
 void ParameterSlopes::change(const VariedPoint& point) {
   Mechanics& m = s_.mechanics;
   const size_t nv = s_.nv, n = n_;
-  own_P_.assign(changed_.size() * n, 0.0), own_Q_.assign(changed_.size() * s_.ng, 0.0);
+  own_P_.assign(changed_.size() * n, 0.0);
   const double *v = point.u.data(), *s = v + nv;
   Numbers conservative(nv), other(nv), here, rates, G, speed;
   for (size_t i = 0; i < changed_.size(); ++i) {
@@ -149,11 +152,11 @@ void ParameterSlopes::begin() {
 void ParameterSlopes::add(const VariedPoint& point, const double* above, const double* nu) {
   if (!count_) return;
   const std::vector<int>& position = s_.rows.position();
-  stand(point);
+  pose(point), stand(point);
   contract(point, above);
-  meet(point, [&](const VariedPoint::Met& met, const Pair& pair, const Asked& asked) {
+  meet(point, point.q, [&](const VariedPoint::Met& met, const Pair& pair) {
     Turning sum;
-    for (const auto& [at, t] : asked) {
+    for (const auto& [at, t] : asked_) {
       const double w = met.weight * nu[at];
       for (int k = 0; k < 6; ++k) sum.F[k] += w * t.F[k];
       for (int k = 0; k < 36; ++k) sum.Da[k] += w * t.Da[k], sum.Db[k] += w * t.Db[k];

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "system/index2.hpp"
-#include "tangents/spatial.hpp"
+#include "tangents/placed.hpp"
 #include "tangents/stage_slopes.hpp"
 
 namespace mbdae {
@@ -56,27 +56,36 @@ class ParameterSlopes {
   size_t count() const { return count_; }
   bool moving() const { return moving_; }  // places or frames do
 
-  void begin();                      // of a sum of cotangents
+  void begin();                                                               // of a sum of cotangents
   void add(const VariedPoint& point, const double* above, const double* nu);  // P^T above + Q^T nu, (n,) and (r,)
-  void end(double* p);               // adds the sum to p (k,)
-  void columns(const VariedPoint& point, Numbers& P, Numbers& Q);  // (k, n) and (k, r)
+  void end(double* p);                                                        // adds the sum to p (k,)
+  void columns(const VariedPoint& point, Numbers& P, Numbers& Q);             // (k, n) and (k, r)
+  void forces(const VariedPoint& point, Numbers& P);                          // where J and poses stand there
+  void rows(const VariedPoint& point, Numbers& Q, const Numbers& q);          // where they stand at q
 
  private:
   struct Moving {  // stuff that moves one frame of a pair alone
     int stuff;
     bool b;  // the second one
   };
-  using Asked = std::vector<std::pair<int, Turning>>;  // rows of a pair, by their positions
+  struct Asked {  // a row of a pair
+    explicit Asked(int position) : at(position) {}
+    int at;
+    Turning turning;
+  };
 
-  void stand(const VariedPoint& point);            // all that its stuff asks for, and own_P_
+  void pose(const VariedPoint& point);             // J and poses, where they are asked for
+  void stand(const VariedPoint& point);            // all else that stuff asks for, and own_P_, where poses stand
   void change(const VariedPoint& point);           // own_P_
   void meet_changed(const VariedPoint::Met& met);  // adds to own_Q_
-  void motions(const double* v, const double* a);  // V_, and A_ where there is a
+  template <bool accelerated>
+  void motions(const double* v, const double* a);  // V_, and A_
   void momenta();                                  // of V_ and A_
   void locate();                                   // here_
-  // Where rows meet, one point after another: each(met, pair, its rows) of those that places and frames move.
+  // Where rows meet, one point after another, own_Q_, and each(met, pair) with asked_ of those that places and frames
+  // move; poses stand at q.
   template <class F>
-  void meet(const VariedPoint& point, const F& each);
+  void meet(const VariedPoint& point, const Numbers& q, const F& each);
 
   void contract(const VariedPoint& point, const double* above);  // into sums_
   void twists(const double* v);                                  // U_
@@ -89,10 +98,11 @@ class ParameterSlopes {
   void place_columns(int stuff, Numbers& P);
   void gravity_columns(int stuff, Numbers& P);
   void pair_columns(const ActingWrench& w, Numbers& P) const;
-  void row_columns(const VariedPoint::Met& met, const Pair& pair, const Asked& asked, size_t r, Numbers& Q) const;
-  // How a wrench changes where xi moves a frame, or a place and all behind it: dF for what is before the place, `within`
-  // for what is behind it. The slope of F . (V_b - V_a).
-  double moving(const Pair& pair, const Turning& t, const Moving& by, const double* xi, double* dF, double* within) const;
+  void row_columns(const VariedPoint::Met& met, const Pair& pair, size_t r, Numbers& Q) const;
+  // How a wrench changes where xi moves a frame, or a place and all behind it: dF for what is before the place,
+  // `within` for what is behind it. The slope of F . (V_b - V_a).
+  double moving(const Pair& pair, const Turning& t, const Moving& by, const double* xi, double* dF,
+                double* within) const;
   void load(int joint, const double* W, double* P) const;  // P -= J^T W with the columns that move a joint
   void load_behind(int joint, double* P);                  // the same of W_ on bodies behind it, by columns there
 
@@ -104,32 +114,36 @@ class ParameterSlopes {
   std::vector<Changed> changed_;
   std::map<const Pair*, std::vector<Moving>> ends_;  // of all pairs
   bool moving_ = false, placing_ = false, kinematic_ = false, meeting_ = false;
-  bool rows_move_ = false;                 // rows of pairs do with places and frames
-  std::vector<std::vector<int>> columns_;  // of J, of each joint
-  std::vector<int> joint_of_;              // (nv,) of each column
-  std::vector<std::vector<bool>> above_;   // (joints, joints) is the second one the first, or before it?
-  std::vector<std::vector<int>> behind_;   // of joints: themselves, and all behind them; of the world: all joints
+  bool rows_move_ = false;                            // with places and frames
+  std::vector<std::vector<int>> columns_;             // of J, of each joint
+  std::vector<int> joint_of_;                         // (nv,) of each column
+  std::vector<std::vector<bool>> above_;              // (joints, joints) is the second one the first, or before it?
+  std::vector<std::vector<int>> behind_;              // a joint and all behind it; of the world: all joints
   std::vector<std::vector<const Direction*>> along_;  // in each stuff
-  std::vector<int> used_, heavy_;          // joints whose motions, and whose bodies are asked for
-  std::vector<Numbers> sums_;              // the cotangent of all stuff
-  Numbers own_P_, own_Q_, own_;            // of changed laws and rows: (changed, n), (changed, ng); (changed,)
+  std::vector<int> used_, heavy_;                     // joints whose motions, and whose bodies are asked for
+  std::vector<Numbers> sums_;                         // the cotangent of all stuff
+  Numbers own_P_, own_Q_, own_;  // of changed laws and rows: (changed, n), (changed, ng); (changed,)
+
   std::vector<Six> V_, A_, U_, X_;      // by joint; A less gravity
   std::vector<Six> F_, H_, C_, h_, W_;  // by joint: of all that is behind it, but h_ of the body alone
   std::vector<Body> body_;
   std::vector<Placed> here_;  // of all stuff
-  Asked asked_;
+  std::vector<Asked> asked_;
 };
 
 template <class F>
-void ParameterSlopes::meet(const VariedPoint& point, const F& each) {
+void ParameterSlopes::meet(const VariedPoint& point, const Numbers& q, const F& each) {
+  own_Q_.assign(changed_.size() * s_.ng, 0.0);
   if (!rows_move_ && !meeting_) return;
   Mechanics& m = s_.mechanics;
   const std::vector<int>& position = s_.rows.position();
+  const Numbers* stands = &q;
   for (const VariedPoint::Met& met : point.met) {
-    m.poses(met.q.data());
+    if (met.q != *stands) m.poses(met.q.data());
+    stands = &met.q;
     if (meeting_) meet_changed(met);
     if (!rows_move_) continue;
-    if (met.kind != VariedPoint::Met::gap) motions(met.v.data(), nullptr);
+    if (met.kind != VariedPoint::Met::gap) motions<false>(met.v.data(), nullptr);
     locate();
     for (size_t p = 0; p < s_.constraints.pairs.size(); ++p) {
       Pair& pair = s_.constraints.pairs[p];
@@ -138,10 +152,10 @@ void ParameterSlopes::meet(const VariedPoint& point, const F& each) {
       for (int k : s_.constraints.of_pair[p]) {
         if (position[k] < 0) continue;
         if (asked_.empty()) pair.locate(m);
-        asked_.emplace_back(position[k], Turning());
-        s_.constraints.rows[k].slopes(pair, asked_.back().second);
+        asked_.emplace_back(position[k]);
+        s_.constraints.rows[k].slopes(pair, asked_.back().turning);
       }
-      if (!asked_.empty()) each(met, pair, asked_);
+      if (!asked_.empty()) each(met, pair);
     }
   }
 }

@@ -19,8 +19,8 @@ void stand(const Index2System& s, const Segment& g, const double* carries, size_
 // A node's interval: one step or two, and the projection of its end.
 class Interval {
  public:
-  Interval(Index2System& s, ParameterSlopes& parameters, const Segment& g)
-      : s_(s), g_(g), first_(s, &parameters), second_(s, &parameters), end_(s, parameters) {}
+  Interval(Index2System& s, ParameterSlopes& parameters, const Segment& g, bool forward)
+      : s_(s), g_(g), first_(s, &parameters, forward), second_(s, &parameters, forward), end_(s, parameters) {}
 
   void take(const double* carries, size_t i) {
     const double h = g_.t[i + 1] - g_.t[i];
@@ -104,7 +104,7 @@ void walk(Index2System& s, const Segment& g, const Likeness& like, Walk& out) {
 
 void adjoint(Index2System& s, ParameterSlopes& parameters, const Segment& g, const double* carries,
              const double* extra, double* bar, double* p) {
-  Interval interval(s, parameters, g);
+  Interval interval(s, parameters, g, false);
   const size_t width = s.ny + (g.tableau.first ? s.ny - s.nv : 0);
   parameters.begin();
   for (size_t i = g.steps; i-- > 0;) {
@@ -118,7 +118,7 @@ void adjoint(Index2System& s, ParameterSlopes& parameters, const Segment& g, con
 
 void tangent(Index2System& s, ParameterSlopes& parameters, const Segment& g, const double* carries, int d,
              const double* dp, const double* first, double* along) {
-  Interval interval(s, parameters, g);
+  Interval interval(s, parameters, g, true);
   const size_t width = s.ny + (g.tableau.first ? s.ny - s.nv : 0), size = d * width;
   std::copy_n(first, size, along);
   for (size_t i = 0; i < g.steps; ++i) {

@@ -5,7 +5,8 @@
 
 namespace mbdae {
 
-StepSlopes::StepSlopes(Index2System& s, ParameterSlopes* parameters) : HalfExplicitStep(s), parameters_(parameters) {}
+StepSlopes::StepSlopes(Index2System& s, ParameterSlopes* parameters, bool forward)
+    : HalfExplicitStep(s), parameters_(parameters), forward_(forward && parameters && parameters->count()) {}
 
 void StepSlopes::repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes) {
   const int n = a.n, stride = stride_;
@@ -16,12 +17,13 @@ void StepSlopes::repeat(const Tableau& a, double t, double h, const State& in, S
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
   if (a.first) begin(in.carry, F_.data());
   while (slopes && static_cast<int>(stages_.size()) < n) stages_.emplace_back(new StageSlopes(s_));
+  if (forward_) P_.resize(n), Q_.resize(n);
   for (int i = a.first; i < n; ++i) {
     const double at = t + a.c[i] * h, that = t + a.chat[i] * h, factor = h * a.Ahat[i * n + i];
     double* F = F_.data() + static_cast<size_t>(i) * stride;
     combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
     stage(at, that, factor, F, false);
-    if (slopes) keep(*stages_[i], at, that, factor, F);
+    if (slopes) keep(i, at, that, factor, F);
   }
   combine(a.b.data(), n, h, x_);
   s_.manifold.within(x_.data());
@@ -31,7 +33,8 @@ void StepSlopes::repeat(const Tableau& a, double t, double h, const State& in, S
   if (slopes) s_.manifold.turned(x_.data(), x_.data(), end_);
 }
 
-void StepSlopes::keep(StageSlopes& k, double t, double that, double factor, const double* F) {
+void StepSlopes::keep(int i, double t, double that, double factor, const double* F) {
+  StageSlopes& k = *stages_[i];
   k.t = t, k.factor = factor;
   k.q = q_, k.vdot.assign(F + nv_, F + 2 * nv_);
   k.u.assign(nv_ + ns_ + 1, 0.0);
@@ -48,15 +51,18 @@ void StepSlopes::keep(StageSlopes& k, double t, double that, double factor, cons
     s_.manifold.turned(dx_.data(), met.v.data(), k.hat);
     s_.closure_slopes(q_met_.data(), met.v.data(), nullptr, nullptr, &k.Bhat);
   }
+  if (forward_) parameters_->rows(k, Q_[i], q_met_);
   k.point.exchange(s_.point);
   k.wrenches.clear();
   const bool asked = parameters_ && parameters_->moving();
-  s_.force_slopes(t, k.q.data(), k.u.data(), k.vdot.data(), k.lam.data(), k.at, nullptr, asked ? &k.wrenches : nullptr);
+  s_.force_slopes(t, k.q.data(), k.u.data(), k.vdot.data(), k.lam.data(), k.at, nullptr,
+                  asked ? &k.wrenches : nullptr);
+  if (forward_) parameters_->forces(k, P_[i]);
 }
 
 void StepSlopes::forward(int directions, double* moved, const double* dp) {
   const int n = a_->n, ny = ny_, nc = ny_ - nv_, below = static_cast<int>(s_.rows.in_use().size());
-  const size_t k = parameters_ ? parameters_->count() : 0, size = static_cast<size_t>(directions) * ny;
+  const size_t k = forward_ ? parameters_->count() : 0, size = static_cast<size_t>(directions) * ny;
   const size_t width = ny + (a_->first ? nc : 0);
   const bool moves = k > 0;
   dF_.assign(n * size, 0.0), x_bar_.resize(ny), xhat_bar_.resize(ny), p_.resize(nc), dx_end_.resize(below);
@@ -67,7 +73,6 @@ void StepSlopes::forward(int directions, double* moved, const double* dp) {
     }
   for (int i = a_->first; i < n; ++i) {
     StageSlopes& stage = *stages_[i];
-    if (moves) parameters_->columns(stage, P_, Q_);
     for (int d = 0; d < directions; ++d) {
       for (auto [to, weights] : {std::pair<Numbers&, const Numbers&>(x_bar_, a_->A), {xhat_bar_, a_->Ahat}}) {
         std::fill(to.begin(), to.end(), 0.0);
@@ -83,8 +88,8 @@ void StepSlopes::forward(int directions, double* moved, const double* dp) {
         for (size_t l = 0; l < k; ++l) {
           const double w = dp[d * k + l];
           if (w == 0) continue;
-          for (int c = 0; c < nc; ++c) p_[c] += w * P_[l * nc + c];
-          for (int c = 0; c < below; ++c) dx_end_[c] += w * Q_[l * below + c];
+          for (int c = 0; c < nc; ++c) p_[c] += w * P_[i][l * nc + c];
+          for (int c = 0; c < below; ++c) dx_end_[c] += w * Q_[i][l * below + c];
         }
       }
       stage.forward(x_bar_.data(), xhat_bar_.data(), moved + d * width, moves ? p_.data() : nullptr,

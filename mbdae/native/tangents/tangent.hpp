@@ -11,7 +11,7 @@ namespace mbdae {
 
 class StepSlopes : public HalfExplicitStep {
  public:
-  StepSlopes(Index2System& system, ParameterSlopes* parameters);
+  StepSlopes(Index2System& system, ParameterSlopes* parameters, bool forward = false);  // or reverse
 
   // The step from (t, y), which carries (nc,), to t + h; its slopes are kept where they are asked for.
   void repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes);
@@ -21,14 +21,16 @@ class StepSlopes : public HalfExplicitStep {
   void reverse(double* bar);
 
  private:
-  void keep(StageSlopes& stage, double t, double that, double factor, const double* F);
+  void keep(int stage, double t, double that, double factor, const double* F);
 
   ParameterSlopes* parameters_;
+  const bool forward_;
   const Tableau* a_ = nullptr;
   double h_ = 0;
   std::vector<std::unique_ptr<StageSlopes>> stages_;
   std::vector<TurnedBlock> end_;
-  Numbers dF_, dx_end_, x_bar_, xhat_bar_, P_, Q_, p_;
+  Numbers dF_, dx_end_, x_bar_, xhat_bar_, p_;
+  std::vector<Numbers> P_, Q_;  // of stages, where variations go forward
 };
 
 }  // namespace mbdae

@@ -1,25 +1,10 @@
-// Motions and wrenches at the world's origin, linear part first; and what bodies do with them.
+// Bodies and places in the world.
 #pragma once
 
-#include <array>
-
-#include "mechanism/mechanics.hpp"
-#include "mechanism/pair_slopes.hpp"
-#include "numbers/vec3.hpp"
+#include "mechanism/tree_slopes.hpp"
+#include "numbers/spatial.hpp"
 
 namespace mbdae {
-
-using Six = std::array<double, 6>;
-
-inline bool still(const Six& x) {
-  return !(x[0] != 0 || x[1] != 0 || x[2] != 0 || x[3] != 0 || x[4] != 0 || x[5] != 0);
-}
-
-inline void wrench_cross(const double* d, const double* F, double* out) {  // d x* F
-  double other[3];
-  cross(d + 3, F, out), cross(d + 3, F + 3, out + 3), cross(d, F, other);
-  for (int i = 0; i < 3; ++i) out[3 + i] += other[i];
-}
 
 inline void momentum(const Body& b, const double* V, double* out) {  // I V
   double arm[3];
