@@ -84,7 +84,7 @@ void Constraints::gaps(double t, double* g) const {
 }
 
 void Constraints::bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which,
-                       double* out) {
+                       double* out, bool falling) {
   int located = -1;
   for (int r : which) {
     const Row& row = rows[r];
@@ -97,7 +97,7 @@ void Constraints::bias(const Mechanics& m, const double* q, const double* v, con
       continue;
     }
     Pair& pair = pairs[row.pair];
-    if (row.pair != located) pair.locate(m), pair.twist(m), located = row.pair;
+    if (row.pair != located) pair.locate(m), pair.twist(m, falling), located = row.pair;
     out[r] = row.rate(pair);
   }
 }

@@ -92,26 +92,31 @@ void Mechanics::poses(const double* q) {
   pinocchio::computeJointJacobians(w->model, w->data, Vector(w->q));
 }
 
+void Mechanics::places(const double* q) {
+  w->q = In(q, nq);
+  pinocchio::forwardKinematics(w->model, w->data, Vector(w->q));
+}
+
 void Mechanics::motions(const double* q, const double* v) {
+  ++motion_;
   w->q = In(q, nq), w->v = In(v, nv);
   pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->a));
 }
 
 void Mechanics::motions(const double* q, const double* v, const double* a) {
+  ++motion_;
   w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
   pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
 }
 
 void Mechanics::bias(const double* q, const double* v, double* out) {
-  if (stands(q, v)) {
-    Out(out, nv) = w->begun.nle;
-    return;
-  }
+  ++motion_;
   w->q = In(q, nq), w->v = In(v, nv);
   Out(out, nv) = pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
 }
 
 void Mechanics::inverse(const double* q, const double* v, const double* a, double* out) {
+  ++motion_;
   w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
   Out(out, nv) = pinocchio::rnea(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
   pinocchio::updateGlobalPlacements(w->model, w->data);
@@ -144,6 +149,8 @@ void Mechanics::inertia(const double* q, const double* v) {
   begun.M.diagonal() += w->model.armature;
   begun.J = w->data.J, begun.oMi = w->data.oMi, w->data.M = begun.M;
 }
+
+const double* Mechanics::bias() const { return w->begun.nle.data(); }
 
 void Mechanics::slopes(const double* q, const double* v, const double* a, double* by_q, double* by_v) {
   if (stands(q, v))
@@ -230,6 +237,10 @@ void Mechanics::acceleration(int j, double* out) const {
     o = w->data.oMi[j].act(w->data.a[j]).toVector();
   else
     o.setZero();
+}
+
+void Mechanics::falling(int j, double* out) const {
+  Eigen::Map<Eigen::Matrix<double, 6, 1>>(out, 6) = w->data.oMi[j].act(w->data.a_gf[j]).toVector();
 }
 
 void Mechanics::gravity(double* out) const {

@@ -27,9 +27,10 @@ class Mechanics {
   void inertia(const double* q);                                  // M; J and poses in the world
   void inertia(const double* q, const double* v);                 // alike, with all that `slopes` there begins with
   void poses(const double* q);                                    // J and poses alone
+  void places(const double* q);                                   // poses alone
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
   void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
-  void bias(const double* q, const double* v, double* out);       // nle(q, v)
+  void bias(const double* q, const double* v, double* out);       // nle(q, v); velocities, and what `falling` gives
   void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 
   // model points to the expanded tree (mechanism/expanded.py).
@@ -55,6 +56,8 @@ class Mechanics {
   const double* position(int joint) const;
   void velocity(int joint, double* out) const;  // spatial, at the world's origin, linear part first
   void acceleration(int joint, double* out) const;
+  long motion() const { return motion_; }  // another one where velocities or accelerations may be others
+  void falling(int joint, double* out) const;  // acceleration less gravity for v' = 0, where `bias` was called last
   void gravity(double* out) const;                              // (3,)
   void place(int joint, double* R, double* p) const;            // of the joint's own place on the body before it, by rows
   Body body(int joint) const;                                   // behind a joint
@@ -64,6 +67,7 @@ class Mechanics {
   bool stands(const double* q, const double* v) const;  // are slopes begun there?
 
   std::unique_ptr<Workspace> w;
+  long motion_ = 0;
 };
 
 }  // namespace mbdae

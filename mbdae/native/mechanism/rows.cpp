@@ -50,10 +50,11 @@ void Pair::locate(const Mechanics& m) {
   known_ = nothing;
 }
 
-void Pair::twist(const Mechanics& m) {
+void Pair::twist(const Mechanics& m, bool falling) {
   double other[6];
   m.velocity(a.joint, Va), m.velocity(b.joint, Vb);
-  m.acceleration(a.joint, other), m.acceleration(b.joint, A);
+  const auto of = falling ? &Mechanics::falling : &Mechanics::acceleration;
+  (m.*of)(a.joint, other), (m.*of)(b.joint, A);
   for (int i = 0; i < 6; ++i) A[i] -= other[i];
   known_ = nothing;
 }

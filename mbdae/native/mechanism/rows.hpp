@@ -28,7 +28,8 @@ struct Pair {
   Pair(const Anchor& a, const Anchor& b, const std::vector<std::vector<int>>& supports);
 
   void locate(const Mechanics& m);  // Ra, pa, Rb, pb in the world
-  void twist(const Mechanics& m);   // Va, Vb, and A, the relative acceleration for v' = 0
+  // Va, Vb, and A, the relative acceleration for v' = 0; falling: of `Mechanics::falling`, in which gravity cancels.
+  void twist(const Mechanics& m, bool falling);
   void relative(const Mechanics& m, const double* v, double* out) const;                    // V_b - V_a, (6,)
   void torque(const Mechanics& m, const double* wrench, double factor, double* tau) const;  // tau += factor J^T w
 
@@ -129,7 +130,9 @@ class Constraints {
   // Entries of G for some rows, into G + row * nv (zero outside row.columns), and g where asked for.
   void value(const Mechanics& m, const double* q, const std::vector<int>& which, double* G, double* g = nullptr);
   void gaps(double t, double* g) const;  // g -= u, periods taken off
-  void bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out);
+  // Gdot v of some rows, where the motions stand; falling: as `Mechanics::bias` leaves them.
+  void bias(const Mechanics& m, const double* q, const double* v, const std::vector<int>& which, double* out,
+            bool falling = false);
   void speed(double t, double* g_t) const;          // -u', (ng,)
   void acceleration(double t, double* g_tt) const;  // -u'', (ng,)
 

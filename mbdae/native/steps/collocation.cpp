@@ -151,7 +151,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
   IndependentRows& rows = s_.rows;
   if (s_.ng && !rows.held) {
     if (!s_.point.near(y)) s_.point.evaluate(y, true);
-    rows.choose_with_reason(s_.point.Z.data());
+    rows.choose_with_reason(s_.point.Z.data(), s_.point.stamp());
   }
   open(y);
   auto m = std::make_shared<StageMemory>();

@@ -51,7 +51,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates);
   if (last) {
     Index2System::Known& known = s_.known;
-    known.t = t, known.q = q_, known.v = v_, known.s = s_in_, known.f = f_;
+    known.t = t, known.q = q_, known.v = v_, known.s = s_in_, known.f = f_, known.motion = m.motion();
     known.rates.assign(rates, rates + ns_ + 1);
   }
   for (int k : which) point.scale(k);
@@ -135,7 +135,7 @@ void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& i
   IndependentRows& rows = s_.rows;
   if (s_.ng && !rows.held) {
     if (!s_.point.near(y)) s_.point.evaluate(y, true);
-    rows.choose_with_reason(s_.point.Z.data());
+    rows.choose_with_reason(s_.point.Z.data(), s_.point.stamp());
   }
   open(y);
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);

@@ -51,10 +51,39 @@ void IndependentRows::set(std::vector<int> rows) {
     if (position_[k] < 0 && !left_out_[k]) others_.push_back(static_cast<int>(k));
 }
 
-bool IndependentRows::choose(const double* Z) {
+void IndependentRows::look(const double* Z, long stamp) {
+  if (seen_ == stamp) return;
+  pivots(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, factors_);
+  seen_ = stamp;
+}
+
+bool IndependentRows::factorize(const double* Z, long stamp) {
+  if (many() || rows_.empty() || rows_.size() < position_.size()) return false;
+  look(Z, stamp);
+  return pivots_.back() * pivots_.back() > limits_.smallest_pivot * pivots_[0] * pivots_[0];
+}
+
+void IndependentRows::solve(double* x) const {
+  const int n = static_cast<int>(order_.size());
+  x_.resize(n);
+  for (int j = 0; j < n; ++j) {
+    const double* R = &factors_[static_cast<size_t>(j) * nv_];
+    double s = x[position_[order_[j]]];
+    for (int i = 0; i < j; ++i) s -= R[i] * x_[i];
+    x_[j] = s / R[j];
+  }
+  for (int j = n - 1; j >= 0; --j) {
+    const double* R = &factors_[static_cast<size_t>(j) * nv_];
+    const double s = x_[j] / R[j];
+    for (int i = 0; i < j; ++i) x_[i] -= R[i] * s;
+    x[position_[order_[j]]] = s;
+  }
+}
+
+bool IndependentRows::choose(const double* Z, long stamp) {
   if (rank < 0) throw std::logic_error("say which rows are in use first");
   const int ng = static_cast<int>(position_.size());
-  pivots(nv_, ng, Z, order_, pivots_, work_);
+  look(Z, stamp);
   if (rank && !(pivots_[rank - 1] > floor * pivots_[0])) throw Trouble();
   if (static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.grown * pivots_[0]) throw Trouble();
   if (rank) {
@@ -76,16 +105,17 @@ bool IndependentRows::choose(const double* Z) {
   return true;
 }
 
-bool IndependentRows::choose_with_reason(const double* Z) {
+bool IndependentRows::choose_with_reason(const double* Z, long stamp) {
   const double now = now_;
   now_ = NAN;
   best_ = std::max(best_, now);
   if (many() && !estranged && now >= limits_.reason * best_) return false;
   estranged = false, best_ = 0;
-  return choose(Z);
+  return choose(Z, stamp);
 }
 
 double IndependentRows::ratio(const double* Z, int rank) {
+  seen_ = -1;
   pivots(nv_, static_cast<int>(position_.size()), Z, order_, pivots_, work_);
   return pivots_[rank - 1] / pivots_[0];
 }

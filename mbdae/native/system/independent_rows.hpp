@@ -34,15 +34,20 @@ class IndependentRows {
 
   void use(const std::vector<int>& rows, int rank, double floor, bool held);
   void met(double ratio);  // of the pivots of a saddle system
-  // From Z (ng, nv), the rows of G M^-1/2: choose anew; are other rows in use now?
-  bool choose(const double* Z);
-  bool choose_with_reason(const double* Z);  // where a step begins: few rows always, many where there is reason to
+  // From Z (ng, nv), the rows of G M^-1/2: choose anew; are other rows in use now? stamp: another one for another Z.
+  bool choose(const double* Z, long stamp);
+  // Where a step begins: few rows always, many where there is reason to.
+  bool choose_with_reason(const double* Z, long stamp);
+  // Is the factor R of Z^T P = Q R, by which rows are chosen, one of Z Z^T of the rows in use? It stands then.
+  bool factorize(const double* Z, long stamp);
+  void solve(double* x) const;  // with it, (r,) by position: x := (Z Z^T)^-1 x
   double ratio(const double* Z, int rank);   // smallest pivot of so many rows to the largest
 
   class Aside;  // while one stands, the rows in use stay, and what is solved is no part of the run
 
  private:
   void set(std::vector<int> rows);
+  void look(const double* Z, long stamp);  // at the pivots of all rows
 
   const Limits& limits_;
   const int nv_;
@@ -56,6 +61,9 @@ class IndependentRows {
   double best_ = 0, now_ = NAN;  // ratios of pivots: best since the last look, and last; nan: nothing was solved since
   std::vector<int> order_, order_in_use_;      // (ng,), (r,) of pivots
   Numbers pivots_, pivots_in_use_, B_, work_;  // (min(nv, ng),), (min(nv, r),), (r, nv), scratch
+  Numbers factors_;                            // (ng, nv) and more: R by columns, as `pivots` leaves it
+  mutable Numbers x_;                          // (r,) in the order of pivots
+  long seen_ = -1;                             // the stamp of the Z whose pivots and factors stand
 };
 
 class IndependentRows::Aside {

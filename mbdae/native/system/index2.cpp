@@ -87,11 +87,11 @@ void Index2System::solve(const Numbers& Zhat, double* rhs, double* f, double* po
 }
 
 void Index2System::accelerate(double t, const double* q, const double* v, const double* s, double* vdot,
-                              double* rates, bool forces_known) {
+                              double* rates) {
   if (sliding) sliding.slips(v);
-  if (!forces_known) forces(t, q, v, s, vdot, rates);
+  forces(t, q, v, s, vdot, rates);
   if (ng) {
-    if (!rows.held) rows.choose_with_reason(point.Z.data());
+    if (!rows.held) rows.choose_with_reason(point.Z.data(), point.stamp());
     mechanics.motions(q, v);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.acceleration(t, gt_.data());
@@ -99,7 +99,7 @@ void Index2System::accelerate(double t, const double* q, const double* v, const 
     for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.speed(t, gt_.data());
-    if (stabilised && (alpha_ != 0 || beta_ != 0)) {
+    if (alpha_ != 0 || beta_ != 0) {
       gap_ = point.g;
       constraints.gaps(t, gap_.data()), residual_rate(t, v, rate_.data());
       for (int k : rows.in_use()) lam_[k] -= 2 * alpha_ * rate_[k] + beta_ * beta_ * gap_[k];
@@ -117,21 +117,48 @@ bool Index2System::is_known(double t, const double* q, const double* v, const do
       if (!(std::fabs(x[i] - y[i]) <= least)) return false;
     return true;
   };
+  if (known.motion != mechanics.motion()) return false;
   return near(&t, &known.t, 1) && near(q, known.q.data(), nq) && near(v, known.v.data(), nv) && near(s, known.s.data(), ns);
 }
 
-void Index2System::derivative(double t, const double* y, double* F, double* z, bool there) {
+void Index2System::derivative(double t, const double* y, double* F, double* z) {
   const double *q = y, *v = y + nq, *s = v + nv;
-  const bool stands = there && is_known(t, q, v, s);
-  if (there || point.exactly(q)) {
-    if (!stands || sliding) mechanics.poses(q);
+  if (point.exactly(q)) {
+    mechanics.poses(q);
     counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;
   } else {
     point.evaluate(q, true);
   }
   std::copy(v, v + nv, F);
-  if (stands) std::copy(known.f.begin(), known.f.end(), F + nv), std::copy(known.rates.begin(), known.rates.end(), F + 2 * nv);
-  accelerate(t, q, v, s, F + nv, F + 2 * nv, stands);
+  accelerate(t, q, v, s, F + nv, F + 2 * nv);
+  saddle.all_multipliers(lam_.data(), z);
+}
+
+void Index2System::hidden(double t, const double* y, double* F, double* z) {
+  const double *q = y, *v = y + nq, *s = v + nv;
+  double *f = F + nv, *rates = F + 2 * nv;
+  const bool near = point.near(q), stands = near && is_known(t, q, v, s);
+  if (!near)
+    point.evaluate(q, false);
+  else
+    stands && !sliding ? mechanics.places(q) : mechanics.poses(q);
+  if (sliding) sliding.slips(v);
+  if (stands)
+    std::copy(known.f.begin(), known.f.end(), f), std::copy(known.rates.begin(), known.rates.end(), rates);
+  else
+    forces(t, q, v, s, f, rates);
+  std::copy(v, v + nv, F);
+  constraints.bias(mechanics, q, v, rows.in_use(), lam_.data(), true);
+  std::fill(gt_.begin(), gt_.end(), 0.0);
+  constraints.acceleration(t, gt_.data());
+  for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
+  if (sliding)
+    saddle.symmetric(), solve(point.Z, lam_.data(), f, rates + ns);
+  else
+    saddle.respond(lam_.data(), f);
+  std::fill(gt_.begin(), gt_.end(), 0.0);
+  constraints.speed(t, gt_.data());
+  for (int k : rows.in_use()) rates[ns] -= lam_[k] * gt_[k];
   saddle.all_multipliers(lam_.data(), z);
 }
 
@@ -153,7 +180,7 @@ bool Index2System::settle(double t, State& s) {
   const double* q = s.y.data();
   double* v = s.y.data() + nq;
   if (!point.near(q)) point.evaluate(q, true);
-  const bool changed = rows.choose_with_reason(point.Z.data());
+  const bool changed = rows.choose_with_reason(point.Z.data(), point.stamp());
   residual_rate(t, v, rate_.data());
   if (changed && formulation != Formulation::index1) {
     saddle.symmetric();

@@ -70,7 +70,6 @@ class Index2System {
   const Formulation formulation;
   const int nq, nv, ng, ns, nz;    // nz: multipliers of a method, lam and mu
   const int ny, length;            // of the tangent (x, v, s, w), and of y
-  bool stabilised = true;          // v' and lam with Baumgarte's terms, where there are some
   double largest_g = 0, largest_rate = 0;  // |g|, and |G v + g_t| / (1 + |v|), over all rows at the ends of steps
 
   int carried() const { return formulation == Formulation::ggl ? ny : ny - nv; }  // numbers, from step to step
@@ -101,22 +100,23 @@ class Index2System {
   // Where G and, where anything slides, its slips stand: rhs (ng,) by row becomes lam, f (nv,) v'; the power of what slides
   // is added.
   void solve(const Numbers& Zhat, double* rhs, double* f, double* power);
-  // v' (nv,) and the rates from the hidden constraint, where `point` stands at q; `multipliers` are found. forces_known:
-  // f and the rates of forces stand in their places.
-  void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates,
-                  bool forces_known = false);
-  // y' (ny,) and lam (ng,) from the hidden constraint; there: `point` is known to stand at q, but for rounding, and what
-  // is `known` there is taken.
-  void derivative(double t, const double* y, double* F, double* z, bool there = false);
+  // v' (nv,) and the rates from the hidden constraint, where `point` stands at q; `multipliers` are found.
+  void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates);
+  // y' (ny,) and lam (ng,) from the hidden constraint.
+  void derivative(double t, const double* y, double* F, double* z);
+  // The same without Baumgarte's terms, for a look at what was stepped to: rows in use stay, what a step has left there,
+  // but for rounding, is taken.
+  void hidden(double t, const double* y, double* F, double* z);
   // The same of raw coordinates, which are normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
   void rate(double t, const double* y, double* dy, double* z);
   // Between two steps: which rows serve, and how far all of them are kept. True where others are taken; v is brought
   // onto them then, and the carried derivative is found anew.
   bool settle(double t, State& s);
 
-  // f and the rates where the last stage of a step stood.
+  // f, the rates and the motions where the last stage of a step stood.
   struct Known {
     double t = NAN;
+    long motion = -1;           // of the mechanics
     Numbers q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
   } known;
 

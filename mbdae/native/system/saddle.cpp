@@ -61,7 +61,13 @@ void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
   respond(Zhat, rhs, f);
 }
 
-void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f) {
+void SaddleSystem::respond(double* rhs, double* f) {
+  const bool by_choice = !constraints_.sticks && rows_.factorize(point_.Z.data(), point_.stamp());
+  if (!by_choice) symmetric();
+  respond(point_.Z, rhs, f, by_choice);
+}
+
+void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f, bool by_choice) {
   point_.half(f);
   const std::vector<int>& position = rows_.position();
   const bool again = constraints_.sticks;  // what rounding has left is solved for once more
@@ -72,7 +78,7 @@ void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f) {
       for (int c : constraints_.rows[k].columns) s -= Zhat[static_cast<size_t>(k) * nv_ + c] * f[c];
       x_[position[k]] = s;
     }
-    lu_.solve(x_.data());
+    by_choice ? rows_.solve(x_.data()) : lu_.solve(x_.data());
     for (int k : rows_.in_use()) {
       const double l = x_[position[k]];
       rhs[k] = i ? rhs[k] + l : l;

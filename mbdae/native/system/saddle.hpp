@@ -16,8 +16,10 @@ class SaddleSystem {
   void factorize(const Numbers& Zhat);  // S
   // Where `factorize` was called last: rhs (ng,) by row becomes lam, f (nv,) becomes v'.
   void solve(const Numbers& Zhat, double* rhs, double* f);
-  // The same without `counts`, for further right sides.
-  void respond(const Numbers& Zhat, double* rhs, double* f);
+  // The same without `counts`, for further right sides; by_choice: by the factors that chose the rows.
+  void respond(const Numbers& Zhat, double* rhs, double* f, bool by_choice = false);
+  // The same where Z stands, by any factors of G M^-1 G^T there are or will be asked for.
+  void respond(double* rhs, double* f);
   const BandLU& factors() const { return lu_; }  // of S
   void symmetric();  // factorize G M^-1 G^T where Z stands, unless those are the factors
   // M^-1 G^T S^-1 times a vector (ng,) by row, (nv,); and, where asked for, S^-1 times it, (ng,) by row.
