@@ -43,9 +43,11 @@ pinocchio::Data lean(const pinocchio::Model& model) {
 }  // namespace
 
 struct Mechanics::Workspace {
-  explicit Workspace(const pinocchio::Model& m) : model(m), data(lean(m)), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {}
+  explicit Workspace(const pinocchio::Model& m)
+      : model(m), data(lean(m)), kept(data.oMi), q(m.nq), v(m.nv), a(VectorXd::Zero(m.nv)), end(m.nq) {}
   const pinocchio::Model& model;
   pinocchio::Data data;
+  decltype(data.oMi) kept;
   VectorXd q, v, a, rate, end;  // a stays 0
   struct Begun {  // slopes, at (q, v): all that is known there
     VectorXd q, v, nle;
@@ -92,10 +94,8 @@ void Mechanics::poses(const double* q) {
   pinocchio::computeJointJacobians(w->model, w->data, Vector(w->q));
 }
 
-void Mechanics::places(const double* q) {
-  w->q = In(q, nq);
-  pinocchio::forwardKinematics(w->model, w->data, Vector(w->q));
-}
+void Mechanics::keep() { std::swap(w->data.oMi, w->kept); }
+void Mechanics::back() { w->data.oMi = w->kept; }
 
 void Mechanics::motions(const double* q, const double* v) {
   ++motion_;

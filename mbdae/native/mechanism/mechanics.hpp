@@ -27,7 +27,8 @@ class Mechanics {
   void inertia(const double* q);                                  // M; J and poses in the world
   void inertia(const double* q, const double* v);                 // alike, with all that `slopes` there begins with
   void poses(const double* q);                                    // J and poses alone
-  void places(const double* q);                                   // poses alone
+  void keep();                                                    // poses, for `back`; others are to be asked for next
+  void back();                                                    // to the poses that were kept
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
   void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
   void bias(const double* q, const double* v, double* out);       // nle(q, v); velocities, and what `falling` gives

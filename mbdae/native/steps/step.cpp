@@ -59,6 +59,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   s_.manifold.tangent(x_.data(), F);
   if (!rows.empty()) {
     constraints.speed(that, gt_met_.data()), constraints.speed(t, gt_.data());
+    if (last) m.keep();
     meet(that, factor, F);
     for (int k : rows) {
       double rate = gt_met_[k];

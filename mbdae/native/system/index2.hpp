@@ -113,7 +113,7 @@ class Index2System {
   // onto them then, and the carried derivative is found anew.
   bool settle(double t, State& s);
 
-  // f, the rates and the motions where the last stage of a step stood.
+  // f, the rates and the motions where the last stage of a step stood; its poses are kept where rows are in use.
   struct Known {
     double t = NAN;
     long motion = -1;           // of the mechanics
