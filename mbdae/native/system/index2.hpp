@@ -104,8 +104,8 @@ class Index2System {
   void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates);
   // y' (ny,) and lam (ng,) from the hidden constraint.
   void derivative(double t, const double* y, double* F, double* z);
-  // The same without Baumgarte's terms, for a look at what was stepped to: rows in use stay, what a step has left there,
-  // but for rounding, is taken.
+  // The same without Baumgarte's terms, for a look at where a step led: rows in use stay, and what the step has left
+  // there, but for rounding, is taken.
   void hidden(double t, const double* y, double* F, double* z);
   // The same of raw coordinates, which are normalised: dy/dt (length,) with dq/dt = T(q) v (index1.cpp).
   void rate(double t, const double* y, double* dy, double* z);
