@@ -25,7 +25,8 @@ class Mechanics {
   std::vector<std::vector<int>> supports() const;  // of each joint: the degrees of freedom that move it
 
   void inertia(const double* q);                                  // M; J and poses in the world
-  void inertia(const double* q, const double* v);                 // alike, with all that `slopes` there begins with
+  void inertia(const double* q, const double* v);                 // alike, with what `slopes` there begins with
+  const double* bias() const;                                     // (nv,) nle there
   void poses(const double* q);                                    // J and poses alone
   void keep();                                                    // poses, for `back`; others are to be asked for next
   void back();                                                    // to the poses that were kept

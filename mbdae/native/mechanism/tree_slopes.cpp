@@ -19,7 +19,8 @@ TreeSlopes::TreeSlopes(std::vector<int> parents, std::vector<std::vector<int>> o
   size_t nv = 0;
   for (size_t p = 0; p < parents_.size(); ++p) {
     nv += own_[p].size();
-    for (int b = parents_[p]; b >= 0; b = parents_[b]) before_[p].insert(before_[p].end(), own_[b].begin(), own_[b].end());
+    for (int b = parents_[p]; b >= 0; b = parents_[b])
+      before_[p].insert(before_[p].end(), own_[b].begin(), own_[b].end());
   }
   bodies_.resize(parents_.size()), heavy_.resize(parents_.size()), columns_.resize(nv);
   for (auto* x : {&V_, &A_, &more_, &f_}) x->resize(parents_.size());

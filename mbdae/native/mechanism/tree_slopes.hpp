@@ -39,11 +39,12 @@ class TreeSlopes {
     void add_D(const double* angular, double* out) const;
     void D_transposed(const double* x, double* angular) const;
   };
-  // Of a degree of freedom, where V and A are those of the part before: I J, D^T J, V x J, its sum with the rate of J, and
-  // A x J + V x (V x J).
+  // Of a degree of freedom, where V and A are those of the part before.
   struct Column {
-    Six J, IJ, once, both, twice;
-    double DJ[3];
+    Six J, IJ;
+    double DJ[3];     // the angular part of D^T J; the linear one is 0
+    Six once, twice;  // V x J, A x J + V x (V x J)
+    Six both;         // V x J, and the rate of J
   };
 
   void move(int part, const double* J, const double* v);

@@ -48,7 +48,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   constraints.value(m, q_.data(), which, point.G.data(), point.g.data());
   if (slides) s_.sliding.slips(v_.data());
   double* rates = F + 2 * nv_;
-  s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates);
+  s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, sloped_);
   if (last) {
     Index2System::Known& known = s_.known;
     known.t = t, known.q = q_, known.v = v_, known.s = s_in_, known.f = f_, known.motion = m.motion();

@@ -72,10 +72,12 @@ void Index2System::torque(double t, const double* q, const double* v, const doub
   for (int i = 0; i < nv; ++i) tau[i] = conservative_[i] + other_[i];
 }
 
-void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates) {
+void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
+                          bool begun) {
   torque(t, q, v, s, f, rates);
-  mechanics.bias(q, v, f_bias_.data());
-  for (int i = 0; i < nv; ++i) f[i] -= f_bias_[i];
+  if (!begun) mechanics.bias(q, v, f_bias_.data());
+  const double* bias = begun ? mechanics.bias() : f_bias_.data();
+  for (int i = 0; i < nv; ++i) f[i] -= bias[i];
   if (!finite(f, nv)) throw Trouble();
 }
 

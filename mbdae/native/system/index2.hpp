@@ -83,8 +83,9 @@ class Index2System {
   // Rows that the mode does not have, (ng,), and whether joints stick; say then which rows are in use.
   void leave_out(std::vector<bool> off, bool sticks);
 
-  // f (nv,) and the rates (s', power in W), (ns + 1,), where the kinematics stand at q.
-  void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates);
+  // f (nv,) and the rates (s', power in W), (ns + 1,), where the kinematics stand at q; begun: where slopes began.
+  void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
+              bool begun = false);
   // tau (nv,) of all laws, and the rates, where the kinematics stand at q.
   void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
   // Slopes at a point with v' (nv,) and lam (ng,) by row; the tree is expanded, J and poses stand then.
@@ -93,8 +94,8 @@ class Index2System {
   // closures, whose rows are summed up.
   void force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out,
                     Numbers* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
-  // Added to K (nv, nv), slopes of G^T lam by q with lam (ng,), and slopes of G v by q, (r, nv) by rows: each where asked
-  // for. J and poses stand at q.
+  // Added to K (nv, nv), slopes of G^T lam by q with lam (ng,), and slopes of G v by q, (r, nv) by rows: each where
+  // asked for. J and poses stand at q.
   void closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
                       std::vector<ActingWrench>* wrenches = nullptr);
   // Where G and, where anything slides, its slips stand: rhs (ng,) by row becomes lam, f (nv,) v'; the power of what slides
