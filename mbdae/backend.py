@@ -118,3 +118,8 @@ def _installed() -> str:
         return f"{pinocchio.__version__} without the package libpinocchio"
     same = library.split(".")[:3] == pinocchio.__version__.split(".")[:3]  # a package may be built again: 4.1.0.1
     return library if same else f"{pinocchio.__version__} beside libpinocchio {library}"
+
+
+def computed_by(backend: str, because: str) -> str:
+    """Say it in words: the back end, and why not another one."""
+    return f"{backend} back end ({because})" if because else f"{backend} back end"

@@ -6,14 +6,10 @@ from typing import Any
 from ..backend import choose, known, status
 from ..errors import InputError
 from ..mechanism import Mechanism, NotCompiled
-from ..mechanism.formulations.inertial import LARGEST
-from ..methods.radau import RadauIIA
 from ..system import System
 
 
-def bind(
-    problem: Any, tableau: Any, formulation: str, baumgarte: tuple[float, float] | None, backend: str
-) -> tuple[System, str]:
+def bind(problem: Any, formulation: str, baumgarte: tuple[float, float] | None, backend: str) -> tuple[System, str]:
     """Bind a problem to a workspace, of the compiled core where that can be.
 
     Returns:
@@ -23,7 +19,7 @@ def bind(
         InputError: for ``backend="native"`` where the core is missing or does not have what is asked for.
         UnknownNameError: for a back end or a formulation that does not exist.
     """
-    missing = lacking(problem, tableau)
+    missing = "" if isinstance(problem, Mechanism) else "textbook problems"
     native = None if missing and backend in ("auto", "native") else choose(backend)
     if native:
         try:
@@ -36,12 +32,12 @@ def bind(
     return problem.system(formulation, baumgarte), why
 
 
-def common(problem: Any, runs: Iterable[tuple[Any, str, tuple[float, float] | None]], backend: str) -> tuple[str, str]:
+def common(problem: Any, runs: Iterable[tuple[str, tuple[float, float] | None]], backend: str) -> tuple[str, str]:
     """Choose one back end for several runs, so that their times compare.
 
     Args:
         problem: a mechanism or a textbook problem.
-        runs: method, formulation, and alpha and beta of Baumgarte's terms.
+        runs: formulation, and alpha and beta of Baumgarte's terms.
         backend: as of `mbdae.solve`.
 
     Returns:
@@ -54,12 +50,3 @@ def common(problem: Any, runs: Iterable[tuple[Any, str, tuple[float, float] | No
     reasons = {bind(problem, *run, known(backend))[1] for run in runs}
     because = "; ".join(sorted(reasons - {""}))
     return "python" if backend == "python" or because else "native", because
-
-
-def lacking(problem: Any, tableau: Any) -> str:
-    """Say in words what the core does not have of a run; "" where it may have it all."""
-    if not isinstance(problem, Mechanism):
-        return "textbook problems"
-    if isinstance(tableau, RadauIIA) and problem.model.nv > LARGEST:
-        return f"derivatives by more than {LARGEST} velocities"
-    return ""

@@ -59,7 +59,7 @@ def prepare(
     tableau = find(formulation, method)
     project = _projected(problem, project, formulation, tableau, step)
     t0, t1 = checked_span(t_span, pair=True)
-    system, fallback = bind(problem, tableau, formulation, baumgarte, backend)
+    system, fallback = bind(problem, formulation, baumgarte, backend)
     inner = _stepper(system, tableau, formulation, step, control, t0, t1)
     stepper: Stepper = inner
     if system.native and not isinstance(tableau, Baseline):

@@ -38,6 +38,11 @@ def test_many_dependent_rows(N, method):
     assert_same(native, python, 1e-11, own=1e-9)
 
 
+def test_an_implicit_method_on_many_bodies():
+    native, python = both(mbdae.load("n_four_bar", N=60), (0, 0.02), method="radau5", step=0.01)
+    assert_same(native, python, 1e-11, own=1e-9)
+
+
 @pytest.mark.parametrize("options", [{"method": "herk4"}, {"method": "pherk5", "project": True}], ids=str)
 def test_many_rows_of_full_rank(options):
     mech, q, v = chain(15)

@@ -9,7 +9,6 @@ import numpy as np
 from ...errors import InputError, require
 from ...integrate.binding import common
 from ...integrate.span import checked_span
-from ...integrate.steppers.scipy_ivp import find
 from ...mechanism import Mechanism
 from ...solution.solution import Problem
 from ...system import Array
@@ -90,7 +89,7 @@ def compare(
     usual = METHODS if isinstance(problem, Mechanism) else tuple(m for m in METHODS if ":" not in m)
     trials = _trials(variants(usual if methods is None else methods, formulations), rtol, steps)
     kinds = {str(t.variant): t.variant for t in trials}.values()
-    runs = [(find(v.formulation, v.method), v.formulation, v.baumgarte) for v in kinds]
+    runs = [(v.formulation, v.baumgarte) for v in kinds]
     chosen, because = common(problem, runs, backend)
     motion = replace(motion, backend=chosen, because=because)
     pair = variants(reference)

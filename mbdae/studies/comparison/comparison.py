@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from ...backend import computed_by
 from ...errors import InputError, UnknownNameError
 from ...integrate.steppers.scipy_ivp import SCIPY
 from ...tabular import Columns, Tabular
@@ -85,11 +86,10 @@ class Comparison(Tabular):
     @property
     def computed_by(self) -> str:
         """Which back end and which processor the times are of, in words."""
-        because = f" ({self.meta['because']})" if self.meta.get("because") else ""
         where = f", {self.meta['machine']}" if self.meta.get("machine") else ""
         stepped = [name for name in self.methods if name.rpartition(":")[2] in SCIPY]
         scipy = f", steps of {', '.join(stepped)} in Python" if stepped else ""
-        return f"{self.meta.get('backend', 'unknown')} back end{because}{scipy}{where}"
+        return computed_by(self.meta.get("backend", "unknown"), self.meta.get("because", "")) + scipy + where
 
     def of(self, method: str) -> list[Point]:
         """The runs of a method that came to their end."""

@@ -90,7 +90,7 @@ class Motion:
         configuration, which that equation does not pass, it is interpolated. Each time has the mode of its step.
         """
         m = self.problem
-        system: Any = bind(m, None, "index1" if isinstance(m, Mechanism) else "index2", None, self.backend)[0]
+        system: Any = bind(m, "index1" if isinstance(m, Mechanism) else "index2", None, self.backend)[0]
         points, z = [], np.full((len(self.times), system.nz), np.nan)
         for k, (t, node) in enumerate(zip(self.times, sol.before(self.times), strict=True)):
             if sol.modes:

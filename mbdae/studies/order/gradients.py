@@ -116,7 +116,7 @@ def check_gradients(
     steps = steps if steps is not None else mech.order.steps
     if steps < LEAST_OUTPUTS:
         raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
-    backend, because = common(mech, [(m, "index2", None) for m in chosen.values()], "auto")
+    backend, because = common(mech, [("index2", None)], "auto")
     measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)
     found, missing = finished(chosen, lambda m: (measure.judge(m), measure.beside(m)))
     slopes, beside = {name: x for name, (x, _) in found.items()}, {name: x for name, (_, x) in found.items()}

@@ -52,7 +52,7 @@ def check_order(
     if steps < LEAST_OUTPUTS:
         raise InputError(f"steps must be at least {LEAST_OUTPUTS}, got {steps = }")
     start = mech.assemble(mech.order.q, mech.order.v) if mech and (mech.order.q or mech.order.v) else None
-    backend, because = common(problem, [(m, "index2", None) for m in chosen.values()], "auto")
+    backend, because = common(problem, [("index2", None)], "auto")
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
     measure.lower = lower
     slopes, missing = finished(chosen, measure.judge)

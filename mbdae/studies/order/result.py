@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...backend import machine
+from ...backend import computed_by, machine
 from ...errors import UnknownNameError
 from ...tabular import Columns, Tabular, aligned, latex
 
@@ -122,8 +122,7 @@ class OrderStudy(Tabular):
     @property
     def computed_by(self) -> str:
         """Which back end has computed all runs, and where."""
-        because = f" ({self.because})" if self.because else ""
-        return f"all runs: {self.backend} back end{because}, {self.machine}"
+        return f"all runs: {computed_by(self.backend, self.because)}, {self.machine}"
 
     def convergence(self, method: str) -> list[list[str]]:
         """Step sizes of a method, and for each quantity the errors there and the rates between them.

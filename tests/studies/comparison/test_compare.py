@@ -7,13 +7,13 @@ import mbdae
 from mbdae.backend import machine
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.integrate.binding import common
-from mbdae.methods import method
 from mbdae.studies.comparison import bench
 from mbdae.studies.comparison.comparison import Comparison
 from mbdae.studies.comparison.motion import Motion
 from mbdae.studies.comparison.point import Point
 from mbdae.studies.comparison.ranking import rank, sentence, targets, work_at
 from mbdae.studies.variant import Variant, of, variants
+from mbdae.textbook.problems import TEXTBOOK
 
 METHODS = ("pherk5", "herk3", "ggl:pherk5", "project:pherk5", "index1:RK45")
 QUICK = {"methods": ("pherk5", "herk3"), "rtol": (1e-3, 1e-5), "repeats": 1}
@@ -287,14 +287,13 @@ def test_times_are_taken_in_turn(four_bar, monkeypatch):
 
 @pytest.mark.native
 def test_one_back_end_for_all_runs(four_bar):
-    """Times compare: a method that the core does not have takes the others to Python, where scipy steps always."""
+    """Times compare: what the core does not have is computed in Python for all methods; scipy steps there always."""
     options = {"t_span": (0, 0.2), "rtol": [1e-4], "repeats": 1, "outputs": 2}
     methods = ["pherk5", "project:herk5", "ggl:pherk5", "ggl:radau3", "index1:dop853", "index1:RK45"]
     study = mbdae.compare(four_bar, methods=methods, **options)
     assert study.meta["backend"] == "native"
     assert f"all runs: native back end, steps of index1:RK45 in Python, {machine()}" in str(study)
-    large = mbdae.load("n_four_bar", N=51)
-    runs = [(method(name), "index2", None) for name in ("pherk5", "radau3")]
-    assert common(large, runs, "auto") == ("python", "derivatives by more than 100 velocities")
-    with pytest.raises(InputError, match="does not have derivatives by more than 100 velocities"):
-        common(large, runs, "native")
+    written = next(iter(TEXTBOOK.values()))()
+    assert common(written, [("index2", None)], "auto") == ("python", "textbook problems")
+    with pytest.raises(InputError, match="does not have textbook problems"):
+        common(written, [("index2", None)], "native")
