@@ -48,3 +48,7 @@ class KeptStates:
     def __getitem__(self, i: int) -> State:
         """The state at node i, from which a step goes on."""
         return State(self.ys[i], self.carries[i])
+
+    def carried(self, i: int, j: int) -> Array:
+        """What is carried from nodes i to j - 1, (j - i, nc)."""
+        return self.carries[i:j]

@@ -7,7 +7,9 @@ Methods Softw. 1 (1992), on one level). A repeated segment has the same bits, as
 from collections.abc import Callable
 from math import isqrt
 
-from ..system import State
+import numpy as np
+
+from ..system import Array, State
 
 SHORT = 1000  # steps of which all states are kept
 
@@ -37,6 +39,10 @@ class Checkpoints:
     def __getitem__(self, i: int) -> State:
         """The state at node i."""
         return self.segment(i // self.length)[i % self.length]
+
+    def carried(self, i: int, j: int) -> Array:
+        """What is carried from nodes i to j - 1, (j - i, nc)."""
+        return np.array([self[k].carry for k in range(i, j)])
 
     def segment(self, j: int) -> list[State]:
         """The states at nodes j k, ..., j k + k - 1, perhaps with one more."""

@@ -86,7 +86,7 @@ class CoreSteps:
         """Nodes i .. j, the rows of whose steps are in use then."""
         trace, carries = self.trace, np.zeros((j - i + 1, self.trace.n_carry))
         if trace.walked:
-            carries[:-1] = [trace.walked[k].carry for k in range(i, j)]
+            carries[:-1] = trace.walked.carried(i, j)
         trace.hold(i)
         return Nodes(range(i, j), np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1]), carries)
 

@@ -165,6 +165,14 @@ def sensitivity(
         for k in range(bounds[i], bounds[i + 1]):
             points[k], out[k] = _between(trace, i, float(sol.t[k]), dy, carry, dp)
 
+    def at_nodes(i: int, found: Array) -> None:
+        times = slice(bounds[i], bounds[i + len(found) - 1])
+        at = after[times] - i
+        points[times], out[times] = trace.ys[after[times]], found[at, :, :ny].transpose(0, 2, 1)
+        for k in np.flatnonzero(sol.t[times] != trace.ts[after[times]]) + times.start:
+            m, (dy, carry) = after[k], np.split(found[after[k] - i].T, [ny])
+            points[k], out[k] = _between(trace, m, float(sol.t[k]), dy, carry, dp)
+
     i, ny = 0, len(dy)
     while i + 1 < len(trace.ts):
         last = end if i + 2 == len(trace.ts) else None
@@ -172,8 +180,7 @@ def sensitivity(
         if trace.core and j > i:
             found = trace.core.tangent(trace.core.nodes(i, j), np.concatenate([dy, carry]).T, dp.T)
             if found is not None:
-                for m in range(i, j):
-                    at_node(m, found[m - i, :, :ny].T, found[m - i, :, ny:].T)
+                at_nodes(i, found)
                 i, dy, carry = j, found[-1, :, :ny].T, found[-1, :, ny:].T
                 for part in trace.trailing(i):
                     dy, carry = part.forward(dy, carry, dp)
