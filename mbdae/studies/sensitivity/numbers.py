@@ -52,7 +52,7 @@ def bound(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], 
         InputError: for a name without a number, or a parameter without a derivative.
     """
     mech, t, y = sol.mechanism, float(sol.nodes[0][0]), sol.nodes[1][0]
-    if not names:
+    if isinstance(names, Collection) and not isinstance(names, str) and not names:
         return {}, Parameters(lambda values: mech, {})
     key = get_ident(), t, repr(names)
     if model is None and key in _BOUND.get(mech, {}):

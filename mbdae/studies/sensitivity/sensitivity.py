@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import MbdaeError, require
+from ...errors import InputError, MbdaeError, require
 from ...integrate.events import Event
 from ...integrate.trace import Trace
 from ...mechanism.units import coordinate_units
@@ -150,6 +150,8 @@ def sensitivity(
     """
     require(sol, Solution, "sensitivity takes a Solution (see mbdae.solve)")
     values, numbers = bound(sol, parameters, model)
+    if not values and not start:
+        raise InputError("a sensitivity is by parameters, a list of dotted names, or by the start, start=True")
     trace = Trace(sol, numbers)
     end = ending(trace, event)
     columns = (*values, *(start_columns(trace) if start else ()))
