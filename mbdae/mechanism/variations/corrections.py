@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...system import Array
-from ..formulations.projection import UNMOVED, approach, speeds_felt
+from ..formulations.projection import UNMOVED, approach
 from .parameters import Parameters
 from .stage_slopes import Saddle
 
@@ -42,17 +42,15 @@ class Corrections:
         U = s.inertia(t, q)
         path, *_ = approach(s, t, q, U)
         start, dq = q, out[:nv].copy()
-        for q in path[:-1]:
+        for q in path[:-1] or path:  # where nothing was amiss, what varies may be
             (g, G), Q = s.closures(q, t), self.parameters.of_rows(t, q, np.zeros(nv))[1]
             x, dx = self._correction(t, start, q, g, G, G @ dq + Q @ dp, out[:nv], dq, s.constraints.positional)
             turn = s.manifold.turned(-x, x)
             dq = turn.A @ dq - turn.R @ dx
         q, G = path[-1], s.jacobian(path[-1])
-        rate = G @ v + s.g_t(t)
         dv = out[nv : 2 * nv].copy()
-        if speeds_felt(s, rate, v):
-            B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
-            dv -= self._correction(t, start, q, rate, G, G @ dv + B @ dq + Q @ dp, out[:nv], dq)[1]
+        B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
+        dv -= self._correction(t, start, q, G @ v + s.g_t(t), G, G @ dv + B @ dq + Q @ dp, out[:nv], dq)[1]
         out[:nv], out[nv : 2 * nv] = dq, dv
         return out
 

@@ -33,7 +33,7 @@ from .sliding_slopes import friction
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-WIDTH = 1e-2  # of the value, or the value itself where it is zero
+WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, where it is zero: places of centimetres are moved, too
 REACHED = 1e-7  # of |dg/dp|: what closures cannot follow
 Make = Callable[[Mapping[str, float]], "Mechanism"]
 
@@ -79,7 +79,7 @@ class Parameters:
         self.system = s = Index2System(mech)
         self.all: list[Parameter] = []
         for name, value in values.items():
-            h = WIDTH * (abs(value) or 1.0)
+            h = WIDTH * abs(value) or SMALL
             near = Nearby(lambda k, name=name, value=value, h=h: make({**rest, name: value + k * h}))  # type: ignore[misc]
             self.all.append(Parameter(name, mech, near, h))
         self.laws = [ChangedLaws(p, s) for p in self.all]

@@ -51,7 +51,7 @@ struct Mechanics::Workspace {
   VectorXd q, v, a, rate, end;  // a stays 0
   struct Begun {  // slopes, at (q, v): all that is known there
     VectorXd q, v, nle;
-    pinocchio::Data::Matrix6x J;
+    pinocchio::Data::Matrix6x J, about;  // about the world's origin, and about the point of the slopes
     Eigen::MatrixXd M;
     decltype(pinocchio::Data::oMi) oMi;
   } begun;
@@ -143,11 +143,20 @@ bool Mechanics::stands(const double* q, const double* v) const {
 void Mechanics::inertia(const double* q, const double* v) {
   auto& begun = w->begun;
   poses(q);
-  for (int j = 1; j < joints; ++j) w->slopes->set(parts[w->model.idx_vs[j] + w->model.nvs[j] - 1] - 1, body(j));
+  // About a point amid the bodies: digits would cancel about the world's origin where they are far from there.
+  Eigen::Vector3d amid = Eigen::Vector3d::Zero();
+  for (int j = 1; j < joints; ++j) amid += w->data.oMi[j].translation() / (joints - 1);
+  for (int j = 1; j < joints; ++j) {
+    Body here = body(j);
+    for (int i = 0; i < 3; ++i) here.centre[i] -= amid[i];
+    w->slopes->set(parts[w->model.idx_vs[j] + w->model.nvs[j] - 1] - 1, here);
+  }
+  begun.J = w->data.J, begun.oMi = w->data.oMi, begun.about = w->data.J;
+  for (int k = 0; k < nv; ++k) add_cross(&begun.J(3, k), amid.data(), &begun.about(0, k));
   begun.q = In(q, nq), begun.v = In(v, nv), begun.nle.resize(nv), begun.M.resize(nv, nv);
-  w->slopes->stand(J(), w->model.gravity.linear().data(), v, begun.M.data(), begun.nle.data());
+  w->slopes->stand(begun.about.data(), w->model.gravity.linear().data(), v, begun.M.data(), begun.nle.data());
   begun.M.diagonal() += w->model.armature;
-  begun.J = w->data.J, begun.oMi = w->data.oMi, w->data.M = begun.M;
+  w->data.M = begun.M;
 }
 
 const double* Mechanics::bias() const { return w->begun.nle.data(); }
@@ -254,11 +263,13 @@ void Mechanics::place(int j, double* R, double* p) const {
 }
 
 Body Mechanics::body(int j) const {
-  const auto inertia = w->data.oMi[j].act(w->model.inertias[j]);
+  const pinocchio::SE3& place = w->data.oMi[j];
+  const pinocchio::Inertia& own = w->model.inertias[j];
+  const Eigen::Matrix3d turned = place.rotation() * own.inertia().matrix();
   Body out;
-  out.mass = inertia.mass();
-  Eigen::Map<Eigen::Vector3d>(out.centre, 3) = inertia.lever();
-  Eigen::Map<Eigen::Matrix3d>(out.I, 3, 3) = inertia.inertia().matrix();
+  out.mass = own.mass();
+  Eigen::Map<Eigen::Vector3d>(out.centre, 3).noalias() = place.rotation() * own.lever() + place.translation();
+  Eigen::Map<Eigen::Matrix3d>(out.I, 3, 3).noalias() = turned * place.rotation().transpose();
   return out;
 }
 

@@ -20,8 +20,8 @@ class TreeSlopes {
   TreeSlopes(std::vector<int> parents, std::vector<std::vector<int>> own);
 
   void set(int part, const Body& body);  // that moves with it; no other part has one
-  // M (nv, nv) and nle(q, v), where J (6, nv) stands by columns at the world's origin, linear part first; gravity (3,)
-  // in m/s^2.
+  // M (nv, nv) and nle(q, v), where J (6, nv) stands by columns, linear part first, about a point that stands still, from
+  // which the centres of bodies are given; gravity (3,) in m/s^2.
   void stand(const double* J, const double* gravity, const double* v, double* M, double* nle);
   // There, slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows.
   void find(const double* a, double* by_q, double* by_v);

@@ -1,6 +1,7 @@
 """The numbers of a mechanism by which a run is differentiated, by dotted names, and what makes mechanisms."""
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from threading import get_ident
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
@@ -8,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ... import backend
-from ...errors import InputError, UnknownNameError, is_number, require
+from ...errors import InputError, StepError, UnknownNameError, is_number, require
 from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import Remembered, number
 from ...mechanism.formats.template import Template
@@ -19,6 +20,8 @@ from ..sweep.run import Made
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()
 """The parameters by which a mechanism was differentiated last: workspaces of one thread."""
+
+ALIKE = 1e-9  # of derivatives
 
 Names = Sequence[str] | Mapping[str, float]
 Model = Any  # str | Maker | Callable[..., Mechanism] | None
@@ -58,6 +61,8 @@ def bound(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], 
     if model is None and key in _BOUND.get(mech, {}):
         return _BOUND[mech][key]
     values, parameters = _bound(mech, names, maker(mech, model))
+    if isinstance(names, Mapping) or model is not None:
+        _moves_alike(parameters.mech, sol)
     if parameters.mech.ng:
         parameters.refuse(t, y[: mech.nq])
     if model is None:
@@ -121,3 +126,13 @@ def _compare(mech: Mechanism, other: Mechanism) -> None:
     same = [(m.nq, m.nv, m.ng, list(m.states), m.joint_names) for m in (mech, other)]
     if same[0] != same[1]:
         raise InputError("the model makes another mechanism than the one that ran")
+
+
+def _moves_alike(other: Mechanism, sol: Solution) -> None:
+    """See that a mechanism moves like that of a run at its two ends, where it can be told."""
+    for i in (0, -1):
+        t, y = float(sol.nodes[0][i]), sol.nodes[1][i]
+        with suppress(StepError):
+            own, found = (m.system().derivative(t, y)[0] for m in (sol.mechanism, other))
+            if np.abs(found - own).max() > ALIKE * (1 + np.abs(own).max()):
+                raise InputError("with these values the model moves otherwise than the run: give those that it ran with")
