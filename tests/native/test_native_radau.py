@@ -13,7 +13,6 @@ from scipy.linalg import null_space
 
 import mbdae
 from mbdae import backend
-from mbdae.errors import InputError
 from mbdae.integrate.steppers.stepper import PythonStepper
 from mbdae.methods.radau import RadauIIA
 from mbdae.system import State
@@ -164,8 +163,3 @@ def test_far_turns_leave_velocities_where_they_belong(turn):
     for sol in both(mech, (0, 0.15), method="radau5", step=turn / 150):
         rate = np.array([mech.residual(q, v, t)[1] for t, q, v in zip(sol.t, sol.q, sol.v, strict=True)])
         assert np.abs(rate).max() < 1e-13
-
-
-def test_derivatives_of_large_mechanisms_are_left_to_python():
-    with pytest.raises(InputError, match="does not have derivatives by more than 100 velocities"):
-        mbdae.solve(mbdae.load("n_four_bar", N=51), (0, 0.1), method="radau3", step=0.1, backend="native")

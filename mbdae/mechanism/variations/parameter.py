@@ -55,7 +55,7 @@ class Parameter:
             if same[0] != same[1] or (other.damping != model.damping).any():
                 raise InputError(f"parameter {name!r} changes joints, frames or their damping: it has no derivative")
             if any(a != b for a, b in zip(model.joints, other.joints, strict=True)):
-                raise InputError(f"parameter {name!r} turns the axis of a joint: it has no derivative, give its placement")
+                raise InputError(f"parameter {name!r} turns a joint's axis: it has no derivative, its placement has")
         if any(list(m.states) != list(mech.states) for m in self.first):
             raise InputError(f"parameter {name!r} changes what states forces have: it has no derivative there")
         self.inertias = self.each(model.njoints, lambda m, j: np.array(m.model.inertias[j].toDynamicParameters()))
@@ -65,8 +65,8 @@ class Parameter:
         self.armature = self.rate(lambda m: m.model.armature)
         self.forces = self.changed(mech.forces, lambda m: m.forces)
         for i in self.forces:  # a controller's
-            instants = [(getattr(m.forces[i], "rate", 0), getattr(m.forces[i], "offset", 0)) for m in (mech, *self.first)]
-            if len(set(instants)) > 1:
+            own = [m.forces[i] for m in (mech, *self.first)]
+            if len({(getattr(x, "rate", 0), getattr(x, "offset", 0)) for x in own}) > 1:
                 raise InputError(f"parameter {name!r} moves the instants of {mech.forces[i].name!r}: no derivative")
         self.specs = self.changed(mech.constraints, lambda m: m.constraints)
 

@@ -49,6 +49,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   if (slides) s_.sliding.slips(v_.data());
   double* rates = F + 2 * nv_;
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, sloped_);
+  if (!rows.empty()) constraints.speed(that, gt_met_.data()), constraints.speed(t, gt_.data());
   if (last) {
     Index2System::Known& known = s_.known;
     known.t = t, known.q = q_, known.v = v_, known.s = s_in_, known.f = f_, known.motion = m.motion();
@@ -58,7 +59,6 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
   if (!rows.empty()) {
-    constraints.speed(that, gt_met_.data()), constraints.speed(t, gt_.data());
     if (last) m.keep();
     meet(that, factor, F);
     for (int k : rows) {

@@ -143,7 +143,7 @@ void Index2System::hidden(double t, const double* y, double* F, double* z) {
   if (!near)
     point.evaluate(q, false);
   else
-    stands && !sliding ? mechanics.back() : mechanics.poses(q);
+    stands && !sliding && !rows.in_use().empty() ? mechanics.back() : mechanics.poses(q);
   if (sliding) sliding.slips(v);
   if (stands)
     std::copy(known.f.begin(), known.f.end(), f), std::copy(known.rates.begin(), known.rates.end(), rates);

@@ -63,6 +63,7 @@ void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
 
 void SaddleSystem::respond(double* rhs, double* f) {
   const bool by_choice = !constraints_.sticks && rows_.factorize(point_.Z.data(), point_.stamp());
+  x_.resize(std::max(x_.size(), rows_.in_use().size()));
   if (!by_choice) symmetric();
   respond(point_.Z, rhs, f, by_choice);
 }

@@ -135,4 +135,4 @@ def _moves_alike(other: Mechanism, sol: Solution) -> None:
         with suppress(StepError):
             own, found = (m.system().derivative(t, y)[0] for m in (sol.mechanism, other))
             if np.abs(found - own).max() > ALIKE * (1 + np.abs(own).max()):
-                raise InputError("with these values the model moves otherwise than the run: give those that it ran with")
+                raise InputError("with these values the model moves otherwise than the run: give its own")
