@@ -145,7 +145,7 @@ class Trace:
         if len(self.system.mechanism.states):
             yield LinearPart(self.slopes.jumped(t, self.given), False)
         if self.project:
-            yield LinearPart(self.slopes.restored(t, y), False)
+            yield LinearPart(self.at_start("restored", lambda: self.slopes.restored(t, y)), False)
         if self.n_carry:
             yield LinearPart(self.at_start("renewal", lambda: self.slopes.renewed(t, y)), True)
 
