@@ -62,10 +62,10 @@ void TimeLoop::project(double t) {
   renewed_ = false;
   restore(s_, t, next_.y.data());
   next_.low.clear();
+  s_.size(next_.y.data(), size1_.data());  // of the next step's start, which must not hang on where a slice of time ends
   if (!method_.carries) return;
   Numbers move(s_.ny);
   s_.difference(y.data(), next_.y.data(), move.data());
-  s_.size(next_.y.data(), size1_.data());
   bool tolerated = true;
   if (run_.adaptive)
     tolerated = error_norm(move.data(), 1, 0) <= 1;

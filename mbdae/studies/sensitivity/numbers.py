@@ -44,6 +44,8 @@ def maker(mech: Mechanism | None, model: Model) -> Makes:
         return Template(model)
     if model is None and mech is not None:
         return Remembered(mech)
+    if not hasattr(model, "make") and not callable(model):
+        raise InputError(f"model is a file or a function that makes a mechanism, got {model!r:.60}")
     return model if hasattr(model, "make") else Made(model)
 
 

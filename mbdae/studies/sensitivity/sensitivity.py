@@ -88,6 +88,7 @@ class Sensitivity(Tabular):
             UnknownNameError: for a signal that does not exist.
             InputError: for one without a derivative.
         """
+        require(name, str, "a signal is asked for by its name")
         slopes = SignalSlopes(self.trace, [name])
         out = np.zeros((len(self.t), len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
