@@ -85,38 +85,40 @@ std::vector<std::vector<int>> Mechanics::supports() const {
 }
 
 void Mechanics::inertia(const double* q) {
+  ++placed_;
   w->q = In(q, nq);
   pinocchio::crba(w->model, w->data, Vector(w->q), pinocchio::Convention::WORLD);
 }
 
 void Mechanics::poses(const double* q) {
+  ++placed_;
   w->q = In(q, nq);
   pinocchio::computeJointJacobians(w->model, w->data, Vector(w->q));
 }
 
-void Mechanics::keep() { std::swap(w->data.oMi, w->kept); }
-void Mechanics::back() { w->data.oMi = w->kept; }
+void Mechanics::keep() { ++placed_, std::swap(w->data.oMi, w->kept); }
+void Mechanics::back() { ++placed_, w->data.oMi = w->kept; }
 
 void Mechanics::motions(const double* q, const double* v) {
-  ++motion_;
+  ++motion_, ++placed_;
   w->q = In(q, nq), w->v = In(v, nv);
   pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->a));
 }
 
 void Mechanics::motions(const double* q, const double* v, const double* a) {
-  ++motion_;
+  ++motion_, ++placed_;
   w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
   pinocchio::forwardKinematics(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
 }
 
 void Mechanics::bias(const double* q, const double* v, double* out) {
-  ++motion_;
+  ++motion_, ++placed_;
   w->q = In(q, nq), w->v = In(v, nv);
   Out(out, nv) = pinocchio::nonLinearEffects(w->model, w->data, Vector(w->q), Vector(w->v));
 }
 
 void Mechanics::inverse(const double* q, const double* v, const double* a, double* out) {
-  ++motion_;
+  ++motion_, ++placed_;
   w->q = In(q, nq), w->v = In(v, nv), w->rate = In(a, nv);
   Out(out, nv) = pinocchio::rnea(w->model, w->data, Vector(w->q), Vector(w->v), Vector(w->rate));
   pinocchio::updateGlobalPlacements(w->model, w->data);
@@ -162,6 +164,7 @@ void Mechanics::inertia(const double* q, const double* v) {
 const double* Mechanics::bias() const { return w->begun.nle.data(); }
 
 void Mechanics::slopes(const double* q, const double* v, const double* a, double* by_q, double* by_v) {
+  ++placed_;
   if (stands(q, v))
     w->data.M = w->begun.M, w->data.J = w->begun.J, w->data.oMi = w->begun.oMi;
   else

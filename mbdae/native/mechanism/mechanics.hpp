@@ -59,6 +59,7 @@ class Mechanics {
   void velocity(int joint, double* out) const;  // spatial, at the world's origin, linear part first
   void acceleration(int joint, double* out) const;
   long motion() const { return motion_; }  // another one where velocities or accelerations may be others
+  long placed() const { return placed_; }  // another one where poses may be others
   void falling(int joint, double* out) const;  // acceleration less gravity for v' = 0, where `bias` was called last
   void gravity(double* out) const;                              // (3,)
   void place(int joint, double* R, double* p) const;            // of the joint's own place on the body before it, by rows
@@ -69,7 +70,7 @@ class Mechanics {
   bool stands(const double* q, const double* v) const;  // are slopes begun there?
 
   std::unique_ptr<Workspace> w;
-  long motion_ = 0;
+  long motion_ = 0, placed_ = 0;
 };
 
 }  // namespace mbdae

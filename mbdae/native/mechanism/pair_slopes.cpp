@@ -7,10 +7,11 @@
 namespace mbdae {
 
 // Not by string instructions, which compilers choose for constant sizes: what is added next waits for their end.
-Turning::Turning() {
+void Turning::clear() {
   using Eigen::Map, Eigen::Vector;
   Map<Vector<double, 6>>(F).setZero();
   for (double* D : {Da, Db}) Map<Vector<double, 36>>(D).setZero();
+  damped = false;
 }
 
 void Turning::add(double factor, const Turning& other) {

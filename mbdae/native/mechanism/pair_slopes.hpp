@@ -11,12 +11,13 @@ namespace mbdae {
 
 // A wrench F (6,) on frame b and -F on a: dF = Da d_a + Db d_b + C d(V_b - V_a) for motions d of the frames.
 struct Turning {
-  Turning();  // zero
+  Turning() { clear(); }
+  void clear();  // to zero
   void add(double factor, const Turning& other);  // not damped
   void damp();                                    // C is 0 from here on, and counts
 
   double F[6], Da[36], Db[36], C[36];
-  bool damped = false;  // C is not 0
+  bool damped;  // C is not 0
 };
 
 // What the columns of J that move one frame of a pair alone do at a point. Matrices to add to have rows of `width`.

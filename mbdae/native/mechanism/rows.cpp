@@ -46,8 +46,9 @@ Pair::Pair(const Anchor& a_, const Anchor& b_, const std::vector<std::vector<int
 }
 
 void Pair::locate(const Mechanics& m) {
+  if (located_ == m.placed()) return;
   place(m, a, turns_a, Ra, pa), place(m, b, turns_b, Rb, pb);
-  known_ = nothing;
+  known_ = nothing, located_ = m.placed();
 }
 
 void Pair::twist(const Mechanics& m, bool falling) {

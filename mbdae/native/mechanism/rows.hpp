@@ -27,7 +27,7 @@ struct Anchor {
 struct Pair {
   Pair(const Anchor& a, const Anchor& b, const std::vector<std::vector<int>>& supports);
 
-  void locate(const Mechanics& m);  // Ra, pa, Rb, pb in the world
+  void locate(const Mechanics& m);  // Ra, pa, Rb, pb in the world, where poses stand
   // Va, Vb, and A, the relative acceleration for v' = 0; falling: of `Mechanics::falling`, in which gravity cancels.
   void twist(const Mechanics& m, bool falling);
   void relative(const Mechanics& m, const double* v, double* out) const;                    // V_b - V_a, (6,)
@@ -42,6 +42,7 @@ struct Pair {
   const Touch& touch(const Shape& s, bool moving) const;  // for the rows of a pair, which have one shape
 
  private:
+  long located_ = -1;  // Mechanics::placed where it was
   enum Known { nothing, places, rates };
   mutable Known known_ = nothing;
   mutable Touch touch_;

@@ -95,9 +95,9 @@ class Index2System {
   void force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out,
                     Numbers* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
   // Added to K (nv, nv), slopes of G^T lam by q with lam (ng,), and slopes of G v by q, (r, nv) by rows: each where
-  // asked for. J and poses stand at q.
+  // asked for; and how rows in use turn, (ng,). J and poses stand at q.
   void closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
-                      std::vector<ActingWrench>* wrenches = nullptr);
+                      std::vector<ActingWrench>* wrenches = nullptr, std::vector<Turning>* turnings = nullptr);
   // Where G and, where anything slides, its slips stand: rhs (ng,) by row becomes lam, f (nv,) v'; the power of what slides
   // is added.
   void solve(const Numbers& Zhat, double* rhs, double* f, double* power);

@@ -72,19 +72,21 @@ void Index2System::force_slopes(double t, const double* q, const double* u, cons
 }
 
 void Index2System::closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
-                                  std::vector<ActingWrench>* wrenches) {
+                                  std::vector<ActingWrench>* wrenches, std::vector<Turning>* turnings) {
   const size_t m = nv;
   const std::vector<int>& position = rows.position();
   if (B) B->assign(rows.in_use().size() * m, 0.0);
+  if (turnings) turnings->resize(ng);
   for (size_t p = 0; p < constraints.pairs.size(); ++p) {
     const std::vector<int>& own = constraints.of_pair[p];
     if (std::none_of(own.begin(), own.end(), [&](int k) { return position[k] >= 0; })) continue;
     constraints.pairs[p].locate(mechanics);
     const PairSlopes here(mechanics, constraints.pairs[p], B ? v : nullptr);
-    Turning sum;
+    Turning sum, turning;
     for (int k : own) {
       if (position[k] < 0) continue;
-      Turning one;
+      Turning& one = turnings ? (*turnings)[k] : turning;
+      one.clear();
       constraints.rows[k].slopes(here.pair, one);
       if (B) here.power(one.F, one, B->data() + position[k] * m);
       if (K) sum.add(lam[k], one);

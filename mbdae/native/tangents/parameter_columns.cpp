@@ -17,10 +17,6 @@ void inertial(const double* x, const double* V, double* out) {  // dI V of ten i
 
 }  // namespace
 
-void ParameterSlopes::columns(const VariedPoint& point, Numbers& P, Numbers& Q) {
-  pose(point), forces(point, P), rows(point, Q, point.q);
-}
-
 void ParameterSlopes::forces(const VariedPoint& point, Numbers& P) {
   const size_t n = n_;
   P.assign(count_ * n, 0.0);
@@ -172,8 +168,8 @@ void ParameterSlopes::row_columns(const VariedPoint::Met& met, const Pair& pair,
       here_[by.stuff].raise(d->x.data(), xi);
       for (const auto& [at, t] : asked_)
         Q[d->parameter * r + at] += met.weight * (met.kind == VariedPoint::Met::gap
-                                                      ? (by.b ? 1 : -1) * dot6(t.F, xi)
-                                                      : moving(pair, t, by, xi, dF, within));
+                                                      ? (by.b ? 1 : -1) * dot6(t->F, xi)
+                                                      : moving(pair, *t, by, xi, dF, within));
     }
 }
 

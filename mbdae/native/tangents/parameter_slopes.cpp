@@ -21,7 +21,8 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
       directions_(std::move(directions)),
       changed_(std::move(changed)),
       own_(changed_.size()),
-      here_(stuff_.size()) {
+      here_(stuff_.size()),
+      gaps_(s.ng) {
   const Mechanics& m = s.mechanics;
   const auto supports = m.supports();
   columns_.resize(m.joints), behind_.resize(m.joints), joint_of_.resize(s.nv);
@@ -152,14 +153,13 @@ void ParameterSlopes::begin() {
 void ParameterSlopes::add(const VariedPoint& point, const double* above, const double* nu) {
   if (!count_) return;
   const std::vector<int>& position = s_.rows.position();
-  pose(point), stand(point);
-  contract(point, above);
+  pose(point);
+  if (!point.still) stand(point), contract(point, above);
   meet(point, point.q, [&](const VariedPoint::Met& met, const Pair& pair) {
     Turning sum;
     for (const auto& [at, t] : asked_) {
       const double w = met.weight * nu[at];
-      for (int k = 0; k < 6; ++k) sum.F[k] += w * t.F[k];
-      for (int k = 0; k < 36; ++k) sum.Da[k] += w * t.Da[k], sum.Db[k] += w * t.Db[k];
+      sum.add(w, *t);
     }
     if (met.kind == VariedPoint::Met::gap)
       shifted(pair, sum.F);
@@ -167,7 +167,7 @@ void ParameterSlopes::add(const VariedPoint& point, const double* above, const d
       moved(pair, sum, V_);
   });
   for (size_t i = 0; i < changed_.size(); ++i) {
-    own_[i] += dot(&own_P_[i * n_], above, n_);
+    if (!point.still) own_[i] += dot(&own_P_[i * n_], above, n_);
     for (int k : s_.rows.in_use()) own_[i] += own_Q_[i * s_.ng + k] * nu[position[k]];
   }
 }

@@ -59,9 +59,8 @@ class ParameterSlopes {
   void begin();                                                               // of a sum of cotangents
   void add(const VariedPoint& point, const double* above, const double* nu);  // P^T above + Q^T nu, (n,) and (r,)
   void end(double* p);                                                        // adds the sum to p (k,)
-  void columns(const VariedPoint& point, Numbers& P, Numbers& Q);             // (k, n) and (k, r)
-  void forces(const VariedPoint& point, Numbers& P);                          // where J and poses stand there
-  void rows(const VariedPoint& point, Numbers& Q, const Numbers& q);          // where they stand at q
+  void forces(const VariedPoint& point, Numbers& P);                          // P (k, n), where J and poses stand
+  void rows(const VariedPoint& point, Numbers& Q, const Numbers& q);          // Q (k, r), where they stand at q
 
  private:
   struct Moving {  // stuff that moves one frame of a pair alone
@@ -69,9 +68,8 @@ class ParameterSlopes {
     bool b;  // the second one
   };
   struct Asked {  // a row of a pair
-    explicit Asked(int position) : at(position) {}
     int at;
-    Turning turning;
+    const Turning* turning;
   };
 
   void pose(const VariedPoint& point);             // J and poses, where they are asked for
@@ -129,6 +127,7 @@ class ParameterSlopes {
   std::vector<Body> body_;
   std::vector<Placed> here_;  // of all stuff
   std::vector<Asked> asked_;
+  std::vector<Turning> gaps_;  // (ng,) wrenches of rows alone
 };
 
 template <class F>
@@ -151,9 +150,10 @@ void ParameterSlopes::meet(const VariedPoint& point, const Numbers& q, const F& 
       asked_.clear();
       for (int k : s_.constraints.of_pair[p]) {
         if (position[k] < 0) continue;
-        if (asked_.empty()) pair.locate(m);
-        asked_.emplace_back(position[k]);
-        s_.constraints.rows[k].slopes(pair, asked_.back().turning);
+        asked_.push_back({position[k], met.kind == VariedPoint::Met::gap ? &gaps_[k] : &met.turnings[k]});
+        if (met.kind != VariedPoint::Met::gap) continue;
+        pair.locate(m);
+        s_.constraints.rows[k].wrench(pair, gaps_[k].F);
       }
       if (!asked_.empty()) each(met, pair);
     }

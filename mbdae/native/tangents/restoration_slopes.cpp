@@ -7,8 +7,8 @@
 
 namespace mbdae {
 
-RestorationSlopes::RestorationSlopes(Index2System& s, ParameterSlopes& parameters)
-    : s_(s), parameters_(parameters), factors_(s.mechanics, s.constraints, s.counts) {}
+RestorationSlopes::RestorationSlopes(Index2System& s, ParameterSlopes& parameters, bool forward)
+    : s_(s), parameters_(parameters), forward_(forward && parameters.count()), factors_(s.mechanics, s.constraints, s.counts) {}
 
 void RestorationSlopes::take(double t, double* y) {
   const int nq = s_.nq, nv = s_.nv, ng = s_.ng;
@@ -62,19 +62,28 @@ void RestorationSlopes::correct(Correction& c, double t, const double* q, const 
   p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.met.resize(1);
   p.met[0] = {t, p.q, c.of_v ? Numbers(v, v + nv) : Numbers(), c.of_v ? VariedPoint::Met::rate : VariedPoint::Met::gap, 1};
   c.moved = largest(x.data(), nv) > s_.mechanics.limits.unmoved;
-  if (c.of_v) s_.closure_slopes(q, v, nullptr, nullptr, &c.Bv);
+  const bool asked = parameters_.moving();
+  if (c.of_v) s_.closure_slopes(q, v, nullptr, nullptr, &c.Bv, nullptr, asked ? &p.met[0].turnings : nullptr);
   if (!c.of_v) {
     Numbers back(x);
     for (double& e : back) e = -e;
     s_.manifold.turned(back.data(), x.data(), c.turn);
   }
-  if (!c.moved) return;
-  p.vdot = x;
-  for (int k : c.rows) p.lam[k] = eta[k];
-  p.met.push_back({t, p.q, x, VariedPoint::Met::bare, -1});
+  p.still = !c.moved;
   const size_t m = nv;
-  c.K.assign(m * m, 0.0);
-  s_.closure_slopes(q, x.data(), p.lam.data(), c.K.data(), &c.B, parameters_.moving() ? &p.wrenches : nullptr);
+  if (c.moved) {
+    p.vdot = x;
+    for (int k : c.rows) p.lam[k] = eta[k];
+    p.met.push_back({t, p.q, x, VariedPoint::Met::bare, -1});
+    c.K.assign(m * m, 0.0);
+    s_.closure_slopes(q, x.data(), p.lam.data(), c.K.data(), &c.B, asked ? &p.wrenches : nullptr,
+                      asked ? &p.met[1].turnings : nullptr);
+  }
+  if (forward_) {
+    parameters_.rows(p, c.Q, p.q);
+    if (c.moved) parameters_.forces(p, c.P);
+  }
+  if (!c.moved) return;
   const Numbers still(nv, 0.0);
   Numbers by_v(m * m);
   c.T.resize(m * m);
@@ -105,8 +114,6 @@ void RestorationSlopes::forward(int directions, double* moved, size_t width, con
   const int nv = s_.nv, ng = s_.ng;
   const std::vector<int>& position = s_.rows.position();
   const size_t r = s_.rows.in_use().size(), n = nv + s_.ns + 1, k = parameters_.count();
-  P_.resize(count_), Q_.resize(count_);
-  for (size_t i = 0; k && i < count_; ++i) parameters_.columns(corrections_[i]->point, P_[i], Q_[i]);
   Numbers above(nv), below(ng), dq(nv), turned(nv);
   for (int d = 0; d < directions; ++d) {
     double *dy = moved + d * width, *dv = dy + nv;
@@ -130,8 +137,8 @@ void RestorationSlopes::forward(int directions, double* moved, size_t width, con
       for (size_t l = 0; l < k; ++l) {
         const double w = dp[d * k + l];
         if (w == 0) continue;
-        for (int e = 0; e < nv; ++e) above[e] += w * P_[i][l * n + e];
-        for (int row : c.rows) below[row] += w * Q_[i][l * r + position[row]];
+        for (int e = 0; c.moved && e < nv; ++e) above[e] += w * c.P[l * n + e];
+        for (int row : c.rows) below[row] += w * c.Q[l * r + position[row]];
       }
       solve(c, above.data(), below.data());
       if (c.of_v) {

@@ -9,7 +9,7 @@ namespace mbdae {
 
 class RestorationSlopes {
  public:
-  RestorationSlopes(Index2System& system, ParameterSlopes& parameters);
+  RestorationSlopes(Index2System& system, ParameterSlopes& parameters, bool forward);  // or reverse
 
   void take(double t, double* y);  // y (length,) becomes the nearest point that meets the closures
   // Variations dy (ny,) become those of that point, for dp (k,); direction by direction, `width` numbers apart.
@@ -26,6 +26,7 @@ class RestorationSlopes {
     Numbers G, Z;                      // (ng, nv)
     Numbers K, B, T, Bv;               // (nv, nv), (r, nv), (nv, nv), (r, nv); as in corrections.py
     std::vector<TurnedBlock> turn;
+    Numbers P, Q;                      // (k, n) where moved, and (k, r); where variations go forward
   };
 
   void correct(Correction& c, double t, const double* q, const double* v, const Numbers& r);
@@ -33,11 +34,11 @@ class RestorationSlopes {
 
   Index2System& s_;
   ParameterSlopes& parameters_;
+  const bool forward_;
   Point factors_;  // of M where it starts
   Numbers q0_, weight_;  // where it starts, and the slopes of the weight there, (nv, nv)
   std::vector<std::unique_ptr<Correction>> corrections_;
   size_t count_ = 0;
-  std::vector<Numbers> P_, Q_;  // of each correction, (k, n) and (k, r)
 };
 
 }  // namespace mbdae

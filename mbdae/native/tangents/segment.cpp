@@ -20,7 +20,7 @@ void stand(const Index2System& s, const Segment& g, const double* carries, size_
 class Interval {
  public:
   Interval(Index2System& s, ParameterSlopes& parameters, const Segment& g, bool forward)
-      : s_(s), g_(g), first_(s, &parameters, forward), second_(s, &parameters, forward), end_(s, parameters) {}
+      : s_(s), g_(g), first_(s, &parameters, forward), second_(s, &parameters, forward), end_(s, parameters, forward) {}
 
   void take(const double* carries, size_t i) {
     const double h = g_.t[i + 1] - g_.t[i];

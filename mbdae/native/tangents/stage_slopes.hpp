@@ -13,8 +13,10 @@ struct VariedPoint {
     Numbers q, v;  // (nq,), (nv,)
     enum Kind { gap, rate, bare } kind;  // g, G v + g_t, G v
     double weight;
+    std::vector<Turning> turnings = {};  // (ng,) of rows in use, where places or frames move; not of gaps
   };
   bool loaded = true;      // laws and gravity act
+  bool still = false;      // nothing acts and moves: P is 0
   double t = 0;
   Numbers q, u, vdot, lam;             // (nq,), (nv + ns + 1,), (nv,), (ng,)
   std::vector<ActingWrench> wrenches;  // of laws and closures, where places or frames move

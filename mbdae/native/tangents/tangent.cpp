@@ -42,6 +42,7 @@ void StepSlopes::keep(int i, double t, double that, double factor, const double*
   k.lam.assign(s_.ng, 0.0);
   for (int row : s_.rows.in_use()) k.lam[row] = lam_[row];
   s_.manifold.turned(x_.data(), v_.data(), k.turn);
+  const bool asked = parameters_ && parameters_->moving();
   if (!s_.rows.in_use().empty()) {
     k.met.resize(1);
     VariedPoint::Met& met = k.met[0];
@@ -49,12 +50,12 @@ void StepSlopes::keep(int i, double t, double that, double factor, const double*
     for (int i = 0; i < nv_; ++i) met.v[i] = v0_[i] + xhat_[nv_ + i] + factor * k.vdot[i];
     k.Ghat = Ghat_, k.Zhat = Zhat_, k.lu = s_.saddle.factors();
     s_.manifold.turned(dx_.data(), met.v.data(), k.hat);
-    s_.closure_slopes(q_met_.data(), met.v.data(), nullptr, nullptr, &k.Bhat);
+    s_.closure_slopes(q_met_.data(), met.v.data(), nullptr, nullptr, &k.Bhat, nullptr,
+                      asked ? &met.turnings : nullptr);
   }
   if (forward_) parameters_->rows(k, Q_[i], q_met_);
   k.point.exchange(s_.point);
   k.wrenches.clear();
-  const bool asked = parameters_ && parameters_->moving();
   s_.force_slopes(t, k.q.data(), k.u.data(), k.vdot.data(), k.lam.data(), k.at, nullptr,
                   asked ? &k.wrenches : nullptr);
   if (forward_) parameters_->forces(k, P_[i]);
