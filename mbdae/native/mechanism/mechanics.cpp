@@ -163,13 +163,13 @@ void Mechanics::inertia(const double* q, const double* v) {
 
 const double* Mechanics::bias() const { return w->begun.nle.data(); }
 
-void Mechanics::slopes(const double* q, const double* v, const double* a, double* by_q, double* by_v) {
+void Mechanics::slopes(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone) {
   ++placed_;
   if (stands(q, v))
     w->data.M = w->begun.M, w->data.J = w->begun.J, w->data.oMi = w->begun.oMi;
   else
     inertia(q, v);
-  w->slopes->find(a, by_q, by_v);
+  w->slopes->find(a, by_q, by_v, alone);
 }
 
 void Mechanics::integrate(const double* q, const double* x, double* out) {

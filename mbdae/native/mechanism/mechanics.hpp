@@ -38,8 +38,9 @@ class Mechanics {
   // model points to the expanded tree (mechanism/expanded.py).
   void expand(const void* model);
   bool expanded() const { return !parts.empty(); }
-  // Slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; M, J and poses stand then.
-  void slopes(const double* q, const double* v, const double* a, double* by_q, double* by_v);
+  // Slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` where v = 0. M, J and poses
+  // stand then.
+  void slopes(const double* q, const double* v, const double* a, double* by_q, double* by_v, bool alone = false);
 
   void integrate(const double* q, const double* x, double* out);  // q (+) x
   void difference(const double* q0, const double* q1, double* out);

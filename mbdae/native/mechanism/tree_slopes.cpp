@@ -116,13 +116,13 @@ void TreeSlopes::stand(const double* J, const double* gravity, const double* v, 
   }
 }
 
-void TreeSlopes::find(const double* a, double* by_q, double* by_v) {
+void TreeSlopes::find(const double* a, double* by_q, double* by_v, bool alone) {
   const size_t nv = columns_.size();
   const int parts = static_cast<int>(parents_.size());
   static const Six still{};
   for (int p = 0; p < parts; ++p) {
     const int parent = parents_[p];
-    const Six &V = parent < 0 ? still : V_[parent], &A = parent < 0 ? base_ : A_[parent];
+    const Six &V = parent < 0 ? still : V_[parent], &A = alone ? still : parent < 0 ? base_ : A_[parent];
     Six more = parent < 0 ? still : more_[parent], before;
     for (int i = 0; i < 6; ++i) before[i] = A[i] + more[i];
     for (int k : own_[p]) {
@@ -138,7 +138,7 @@ void TreeSlopes::find(const double* a, double* by_q, double* by_v) {
   for (int p = parts - 1; p >= 0; --p) {
     const Carried& c = carried_[p];
     double F[6];
-    for (int i = 0; i < 6; ++i) F[i] = c.f[i] + f_[p][i];
+    for (int i = 0; i < 6; ++i) F[i] = f_[p][i] + (alone ? 0 : c.f[i]);
     for (int k : own_[p]) {
       const Column& x = columns_[k];
       const auto by_those_before = [&](int j) {

@@ -23,8 +23,8 @@ class TreeSlopes {
   // M (nv, nv) and nle(q, v), where J (6, nv) stands by columns, linear part first, about a point that stands still, from
   // which the centres of bodies are given; gravity (3,) in m/s^2.
   void stand(const double* J, const double* gravity, const double* v, double* M, double* nle);
-  // There, slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows.
-  void find(const double* a, double* by_q, double* by_v);
+  // There, slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` where v = 0.
+  void find(const double* a, double* by_q, double* by_v, bool alone);
 
  private:
   // Of a body, or of all that is behind a part: inertia (mass, moment, and about the origin: xx, xy, yy, xz, yz, zz),

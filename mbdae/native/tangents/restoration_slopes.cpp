@@ -8,7 +8,10 @@
 namespace mbdae {
 
 RestorationSlopes::RestorationSlopes(Index2System& s, ParameterSlopes& parameters, bool forward)
-    : s_(s), parameters_(parameters), forward_(forward && parameters.count()), factors_(s.mechanics, s.constraints, s.counts) {}
+    : s_(s),
+      parameters_(parameters),
+      forward_(forward && parameters.count()),
+      factors_(s.mechanics, s.constraints, s.counts) {}
 
 void RestorationSlopes::take(double t, double* y) {
   const int nq = s_.nq, nv = s_.nv, ng = s_.ng;
@@ -16,7 +19,7 @@ void RestorationSlopes::take(double t, double* y) {
   if (!ng) return;
   std::vector<Numbers> path;
   const Numbers v(y + nq, y + nq + nv);
-  q0_.assign(y, y + nq), weight_.clear();
+  q0_.assign(y, y + nq);
   restore(s_, t, y, &path);
   factors_.exchange(s_.point);
   s_.point.forget();
@@ -60,10 +63,12 @@ void RestorationSlopes::correct(Correction& c, double t, const double* q, const 
   VariedPoint& p = c.point;
   p.loaded = false, p.t = t, p.q.assign(q, q + nq), p.u.assign(nv + s_.ns + 1, 0.0), p.vdot.assign(nv, 0.0);
   p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.met.resize(1);
-  p.met[0] = {t, p.q, c.of_v ? Numbers(v, v + nv) : Numbers(), c.of_v ? VariedPoint::Met::rate : VariedPoint::Met::gap, 1};
+  VariedPoint::Met& met = p.met[0];
+  met.t = t, met.q = p.q, met.kind = c.of_v ? VariedPoint::Met::rate : VariedPoint::Met::gap, met.weight = 1;
+  if (c.of_v) met.v.assign(v, v + nv);
   c.moved = largest(x.data(), nv) > s_.mechanics.limits.unmoved;
   const bool asked = parameters_.moving();
-  if (c.of_v) s_.closure_slopes(q, v, nullptr, nullptr, &c.Bv, nullptr, asked ? &p.met[0].turnings : nullptr);
+  if (c.of_v) s_.closure_slopes(q, v, nullptr, nullptr, &c.Bv, nullptr, asked ? &met.turnings : nullptr);
   if (!c.of_v) {
     Numbers back(x);
     for (double& e : back) e = -e;
@@ -87,12 +92,7 @@ void RestorationSlopes::correct(Correction& c, double t, const double* q, const 
   const Numbers still(nv, 0.0);
   Numbers by_v(m * m);
   c.T.resize(m * m);
-  if (weight_.empty()) {
-    weight_.resize(m * m);
-    s_.mechanics.slopes(q0_.data(), still.data(), still.data(), weight_.data(), by_v.data());
-  }
-  s_.mechanics.slopes(q0_.data(), still.data(), x.data(), c.T.data(), by_v.data());
-  for (size_t i = 0; i < m * m; ++i) c.T[i] -= weight_[i];
+  s_.mechanics.slopes(q0_.data(), still.data(), x.data(), c.T.data(), by_v.data(), true);
 }
 
 void RestorationSlopes::solve(const Correction& c, double* above, double* below) const {

@@ -36,7 +36,7 @@ class RestorationSlopes {
   ParameterSlopes& parameters_;
   const bool forward_;
   Point factors_;  // of M where it starts
-  Numbers q0_, weight_;  // where it starts, and the slopes of the weight there, (nv, nv)
+  Numbers q0_;  // where it starts
   std::vector<std::unique_ptr<Correction>> corrections_;
   size_t count_ = 0;
 };
