@@ -74,8 +74,9 @@ def prepare(
         "baumgarte": baumgarte,
         "t_span": [t0, t1],
     }
-    if isinstance(problem, Mechanism) and problem.states:
-        run.settings["s"] = y[problem.nq + problem.nv : -1].tolist()  # before controllers look at the start
+    if isinstance(problem, Mechanism):  # before controllers, modes and projections move the start
+        q, v, s, _ = np.split(y, np.cumsum([problem.nq, problem.nv, len(problem.states)]))
+        run.settings |= {"q": q.tolist(), "v": v.tolist(), "s": s.tolist()}
     if isinstance(tableau, Tableau) and METHODS.get(tableau.name) is not tableau:
         run.settings["tableau"] = tableau.to_dict()
     wanted = as_events(events)

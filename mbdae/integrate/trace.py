@@ -75,7 +75,7 @@ class Trace:
     Attributes:
         ts: times of the nodes, (n,).
         ys: points there, (n, ...).
-        given: the first point before controllers looked at it.
+        given: the first point before controllers looked at it, and modes and projections moved it.
         system: a workspace.
         slopes: what moves.
         n_carry: length of what the method carries.
@@ -90,8 +90,9 @@ class Trace:
         self.sol, self.project = sol, bool(settings.get("project"))
         self.tableau = cast(Method, method_of(settings))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
-        self.given = self.ys[0].copy()
-        self.given[mech.nq + mech.nv : -1] = settings.get("s", list(mech.states.values()))
+        q, v, _ = np.split(self.ys[0], [mech.nq, mech.nq + mech.nv])
+        own = {"q": q, "v": v, "s": list(mech.states.values())}  # of files that do not say
+        self.given = np.concatenate([*(settings.get(name) or x for name, x in own.items()), [0.0]])
         stabilised = settings["formulation"] == "ggl" and isinstance(self.tableau, Tableau)
         self.system = mech.system("ggl") if stabilised else _bound(mech, settings["formulation"])
         self.mode = sol.mode(0) or self.system.mode
@@ -141,13 +142,19 @@ class Trace:
     def start(self) -> Iterator[Part]:
         """What leads from a given start to the first node."""
         self.hold(0)
-        t, y = float(self.ts[0]), self.ys[0]
+        t, y = float(self.ts[0]), self.given
         if len(self.system.mechanism.states):
-            yield LinearPart(self.slopes.jumped(t, self.given), False)
+            yield LinearPart(self.slopes.jumped(t, y), False)
+            y = self.system.jump(t, y)
+        if self.system.mechanism.switches:
+            y, struck = self.slopes.struck(t, y)
+            yield LinearPart(struck, False)
         if self.project:
             yield LinearPart(self.at_start("restored", lambda: self.slopes.restored(t, y)), False)
+        if self.project and (y != self.ys[0]).any():  # runs beside it may take one Gauss-Newton step more
+            yield LinearPart(self.at_start("closed", lambda: self.slopes.restored(t, self.ys[0])), False)
         if self.n_carry:
-            yield LinearPart(self.at_start("renewal", lambda: self.slopes.renewed(t, y)), True)
+            yield LinearPart(self.at_start("renewal", lambda: self.slopes.renewed(t, self.ys[0])), True)
 
     def at_start(self, name: str, find: Callable[[], Array]) -> Array:
         """Slopes at the first node, found once for runs from one start with the same parameters."""

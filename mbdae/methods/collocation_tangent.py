@@ -6,8 +6,8 @@ with the slopes of the equations of each stage (`mbdae.system.StageEquations`) a
     F_i dF_i + X_i dX_i + Z_i dZ_i = -(Y_i dy + P_i dp + T_i dt_i),   dX_i = h sum_j a_ij dF_j + dh sum_j a_ij F_j
     dy_1 = Y dy + X dX_s
 
-is one linear system for all stages, and the adjoint solves its transpose. What a step is guessed and iterated with
-does not matter.
+is one linear system for all stages, and the adjoint solves its transpose. The iteration leaves Z_i behind X_i and F_i,
+to which it is made to fit. What a step is guessed and iterated with does not matter.
 
 Source: Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409 (1989), chapter 7, for the stages.
 """
@@ -24,6 +24,8 @@ from .collocation import repeated_step
 if TYPE_CHECKING:
     from .radau import RadauIIA
 
+BEHIND = 1e-12  # of 1 + |z|: what moves slopes by less than quotients of runs show
+
 
 class CollocationSlopes:
     """The slopes of a step from (t, y) to t + h, see `mbdae.methods.tangent.StepSlopes`, whose arguments are these.
@@ -39,9 +41,14 @@ class CollocationSlopes:
         chart, found = repeated_step(system, a, t, h, state.y, method.patience)
         self.K, Z, self.ny = found.K, found.Z, system.ny
         xs = h * (a.A @ self.K)
-        self.stages = [
-            slopes.implicit(chart, t + c * h, x, F, z) for c, x, F, z in zip(a.c, xs, self.K, Z, strict=True)
-        ]
+        self.stages = []
+        for at in zip(t + a.c * h, xs, self.K, Z, strict=True):
+            stage, z = slopes.implicit(chart, *at), at[-1]
+            dz = np.linalg.lstsq(stage.z[: self.ny], chart.residual(*at)[0])[0]
+            if np.abs(dz).max(initial=0.0) > BEHIND * (1 + np.abs(z).max(initial=0.0)):
+                z += dz
+                stage = slopes.implicit(chart, *at)
+            self.stages.append(stage)
         s, m = len(a.c), system.ny + Z.shape[1]
         matrix = np.zeros((s, m, s, m))
         for i, stage in enumerate(self.stages):

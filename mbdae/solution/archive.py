@@ -48,6 +48,8 @@ class _Settings(_Lenient):
     baumgarte: tuple[float, float] | None = None
     step: float | None = None
     rtol: float | None = None
+    q: tuple[float, ...] = ()
+    v: tuple[float, ...] = ()
     s: tuple[float, ...] = ()
 
 
@@ -179,8 +181,10 @@ def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, A
         raise ValueError(f"status {run.status!r}; known: {', '.join(STATUS)}")
     if any(not 0 <= k < ng for _, rows in run.in_use for k in rows):
         raise ValueError("rows are in use that the mechanism does not have")
-    if len(run.settings.s) not in (0, len(getattr(problem, "states", ()))):
-        raise ValueError("start values of states that the mechanism does not have")
+    lengths = getattr(problem, "nq", 0), getattr(problem, "nv", 0), len(getattr(problem, "states", ()))
+    start = run.settings.q, run.settings.v, run.settings.s
+    if any(len(x) not in (0, n) for x, n in zip(start, lengths, strict=True)):
+        raise ValueError("start values that the mechanism does not have")
     sizes = [len(s.states) for s in getattr(problem, "switches", ())]
     if any(len(m) != len(sizes) or any(not 0 <= k < n for k, n in zip(m, sizes, strict=True)) for _, m in run.modes):
         raise ValueError("modes that the mechanism does not have")

@@ -56,14 +56,19 @@ class Corrections:
 
     def settled(self, t: float, y: Array) -> Array:
         """Slopes of v brought onto rows newly in use, `mbdae.system.System.settle`, (ny, ny + k)."""
+        return self.onto_rows(t, y)[1]
+
+    def onto_rows(self, t: float, y: Array) -> tuple[Array, Array]:
+        """What v loses on the rows in use, (nv,), and slopes of y behind that, (ny, ny + k)."""
         s, nv, dp = self.system, self.system.nv, self._unit()
         out = np.eye(self.ny, self.ny + self.k)
         q, v = s.split(y)
         G = s.jacobian(q)
         B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
         slope = G @ out[nv : 2 * nv] + B @ out[:nv] + Q @ dp
-        out[nv : 2 * nv] -= self._correction(t, q, q, G @ v + s.g_t(t), G, slope, out[:nv], out[:nv])[1]
-        return out
+        x, dx = self._correction(t, q, q, G @ v + s.g_t(t), G, slope, out[:nv], out[:nv])
+        out[nv : 2 * nv] -= dx
+        return x, out
 
     def _correction(
         self,

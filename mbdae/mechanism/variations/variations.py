@@ -165,6 +165,13 @@ class IndexTwoVariations(Corrections):
                 out[2 * s.nv + laws.at, self.ny + i] = p.quotient(found)
         return out
 
+    def struck(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Bring v onto the rows of a mode, where a run begins: the point, and slopes with the work of that."""
+        (q, v), (x, out) = self.system.split(y), self.onto_rows(t, y)
+        before, after = (self.energy(q, w)[0] for w in (v, v - x))
+        out[-1] += after @ np.vstack([out, self._unit()]) - before
+        return np.concatenate([q, v - x, y[self.system.nq + self.system.nv :]]), out
+
     def start(self, t: float, given: Array) -> Array:
         """Slopes of q and v of the mechanism's own start with respect to the parameters, (ny, k).
 

@@ -1,0 +1,70 @@
+"""Derivatives of runs whose start is moved: velocities onto the rows of a mode, and the whole of it onto closures."""
+
+import numpy as np
+import pytest
+from frozen import best, compare
+
+import mbdae
+from mbdae import Driver
+from mbdae.errors import InputError
+from mbdae.mechanism.formats.remembered import Remembered, number
+from mbdae.mechanism.formats.template import Template
+
+WIDTHS = (1e-5, 1e-4, 1e-3)
+GENEVA = Template("geneva_drive")
+DRIVEN = Remembered(mbdae.load("geneva_drive", drivers=[Driver(joint="crank", speed=6.0)]))
+SLOT = {"start.q.crank": -0.5, "start.q.wheel": -0.0562421, "start.v.wheel": -2.7935}  # with a few digits
+ON_ROWS = [(GENEVA, {}, "closure.dwell.coefficients.0"), (GENEVA, SLOT, "frame.pin.xyz.0"),
+           (GENEVA, SLOT, "start.v.crank"), (DRIVEN, SLOT, "frame.pin.xyz.0")]  # fmt: skip
+
+
+@pytest.mark.usefixtures("back_end")
+@pytest.mark.parametrize("project", [False, True])
+@pytest.mark.parametrize(("template", "values", "name"), ON_ROWS)
+def test_rows_of_a_mode_that_move(template, values, name, project):
+    """Runs beside this one begin with an impact, which brings their velocities onto the rows; a driver works there."""
+    value = number(template, name)
+
+    def run(x):
+        made = template.make({**values, name: x})
+        return mbdae.solve(made, (0.0, 0.03), step=0.01, method="pherk5", project=project)
+
+    sol, given = run(value), {**values, name: value}
+    found = mbdae.sensitivity(sol, given, model=template).dy[..., list(given).index(name)]
+    assert best(found, lambda x: run(x).y, value, WIDTHS, mech=sol.mechanism) < 1e-11
+    assert np.abs(found[0]).max() > 0.1
+    assert run(value + 1e-3).impacts
+    compare(sol, given, ["q.wheel", "v.wheel", "energy"], model=template)
+
+
+@pytest.mark.parametrize("project", [False, True])
+@pytest.mark.parametrize("model", ["slider_crank_with_stop", "four_bar"])
+def test_a_given_start_that_is_open(model, project, tmp_path):
+    """As after a run that let closures drift; also of a run that was saved. Steps are those of loose tolerances."""
+    mech = mbdae.load(model)
+    q, v = mech.assemble({"crank": -1.2}, {"crank": 2.0})
+    open_q, names, n = q + 1e-5 * np.eye(mech.nq)[0], ["gravity.2"], 2 * mech.nv
+    options = {"rtol": 1e-2, "atol": 1e-2, "first_step": 0.01, "max_step": 0.01, "method": "pherk5", "project": project}
+    along = np.random.default_rng(2).uniform(-1, 1, n)
+
+    def run(x):
+        at = mech.manifold.integrate(open_q, x * along[: mech.nv])
+        return mbdae.solve(mech, (0.0, 0.04), at, v + x * along[mech.nv :], **options)
+
+    sol = run(0.0)
+    assert len(sol.t) == 5
+    assert not sol.impacts
+    found = mbdae.sensitivity(sol, names, start=True)
+    assert best(found.dy[..., 1 : 1 + n] @ along, lambda x: run(x).y, 0.0, WIDTHS, mech=mech) < 1e-11
+    compare(sol, names, ["v.crank", "energy"], start=True)
+    sol.save(tmp_path / "run.npz")
+    again = mbdae.sensitivity(mbdae.Solution.load(tmp_path / "run.npz"), names, start=True)
+    np.testing.assert_allclose(again.dy, found.dy, rtol=0, atol=1e-12)
+
+
+def test_a_start_of_another_mechanism_is_refused(tmp_path):
+    sol = mbdae.solve(mbdae.load("four_bar"), (0.0, 0.1), step=0.05)
+    sol.settings["v"] = [1.0]
+    sol.save(tmp_path / "run.npz")
+    with pytest.raises(InputError, match="start values that the mechanism does not have"):
+        mbdae.Solution.load(tmp_path / "run.npz")
