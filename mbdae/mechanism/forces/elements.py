@@ -46,6 +46,16 @@ class ForceElements:
             raise InputError(f"actuators and controllers need names of their own, got {', '.join(names)}")
         return {f"{law.name}.{key}": value for law in laws for key, value in law.states.items()}
 
+    def refuse_lost(self) -> None:
+        """Refuse a configuration where a force has no direction; the kinematics stand.
+
+        Raises:
+            InputError: names the force.
+        """
+        for law, _ in self.bound:
+            if law.lost():
+                raise InputError(f"force {law.name!r} has no direction where its points coincide, and no slope there")
+
     def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return tau (nv,), and s' and the power of what has no potential, (ns + 1,)."""
         conservative, other, rates = self.parts(t, q, v, s)

@@ -63,6 +63,10 @@ class ForceElement:
         """Potential energy in J."""
         return 0.0
 
+    def lost(self) -> bool:
+        """Say whether it acts along a line between points that coincide; the kinematics stand."""
+        return False
+
     tension = False  # a pull between two points
     by_state = True  # it follows from (t, q, v, s), without multipliers and modes
     deflections: Sequence[tuple[int, str]] = ()  # of springs: a velocity component and "", or -1 and what is deflected

@@ -11,6 +11,8 @@ from ..pair_slopes import line_slopes
 from ..signals import Constant, Signal
 from .force import Array, Force, ForceElement, PairElement, Part, Turning
 
+COINCIDE = 1e-13  # m, and of places: points as near stand apart by rounding
+
 
 class SpringDamper(Force):
     """A spring, damper and actuator between the origins of two frames.
@@ -55,6 +57,12 @@ class SpringDamperElement(PairElement):
     def __init__(self, spec: SpringDamper, pair: Pair) -> None:
         super().__init__(spec.name, [spec.force])
         self.spec, self.pair = spec, pair
+
+    def lost(self) -> bool:  # noqa: D102
+        self.pair.locate()
+        (a, b), spec = (self.pair.pa, self.pair.pb), self.spec
+        linear = not (spec.damping or spec.stiffness * spec.length or spec.force != Constant(value=0.0))
+        return not linear and bool(np.abs(b - a).max() <= COINCIDE * (1 + np.abs(a).max()))
 
     def torque(self, t: float, q: Array, v: Array) -> tuple[Array, Part]:  # noqa: D102
         self.pair.locate()

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ...errors import InputError
+from ...errors import InputError, MbdaeError
 from ...system import Array
 from ..closures.constraints import Constraints
 from ..forces.joint_friction import DryElement
@@ -80,7 +80,7 @@ class Parameters:
         self.all: list[Parameter] = []
         for name, value in values.items():
             h = WIDTH * abs(value) or SMALL
-            near = Nearby(lambda k, name=name, value=value, h=h: make({**rest, name: value + k * h}))  # type: ignore[misc]
+            near = Nearby(lambda k, name=name, value=value, h=h: _moved(make, rest, name, value, k * h))  # type: ignore[misc]
             self.all.append(Parameter(name, mech, near, h))
         self.laws = [ChangedLaws(p, s) for p in self.all]
         self.rows = [ChangedRows(p, s) for p in self.all]
@@ -202,6 +202,16 @@ class Parameters:
             out += support(model, j) * (wrench @ J.reshape(6, -1))
         return out
 
+    def refuse_lost(self, t: float, q: Array) -> None:
+        """Refuse a configuration where a force has no direction, in the mechanism or in one with other numbers.
+
+        Raises:
+            InputError: names the force.
+        """
+        self.system.inertia(t, q)
+        for laws in (self.system.laws, *(near for p in self.laws for near in p.near.values())):
+            laws.refuse_lost()
+
     def refuse(self, t: float, q: Array) -> None:
         """Refuse parameters that open closures in a way that no motion closes: rows that depend on others.
 
@@ -214,3 +224,16 @@ class Parameters:
             left = column + G @ np.linalg.lstsq(G, -column, rcond=1e-9)[0]
             if np.abs(left).max(initial=0.0) > REACHED * np.abs(column).max(initial=0.0):
                 raise InputError(f"parameter {p.name!r} opens closures that depend on each other: no derivative exists")
+
+
+def _moved(make: Make, values: Mapping[str, float], name: str, value: float, by: float) -> "Mechanism":
+    """The mechanism with one parameter changed.
+
+    Raises:
+        InputError: where there is none: a parameter at the edge of what is possible.
+    """
+    try:
+        return make({**values, name: value + by})
+    except MbdaeError as e:
+        moved = f"parameter {name!r} = {value:.9g} cannot be moved by {by:+.3g} to find its derivative"
+        raise InputError(f"{moved}: {e}") from e

@@ -9,9 +9,11 @@ import numpy as np
 
 from ...errors import InputError
 from ...system import Array
+from ..sensitivity.cost import real
 from ..sweep.file import arrow
 
 TIME = "t"
+LARGEST = 1e150  # value
 
 
 class Recording(NamedTuple):
@@ -50,7 +52,7 @@ def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
     if not isinstance(data, Mapping):
         raise InputError(f"{name}: expected a table of t and signals, or the path of a file, got {data!r:.60}")
     try:
-        columns = {str(key): np.asarray(x, float) for key, x in data.items()}
+        columns = {str(key): real(x) for key, x in data.items()}
     except (TypeError, ValueError) as e:
         raise InputError(f"{name}: not a table of numbers: {e}") from None
     if TIME not in columns:
@@ -67,6 +69,8 @@ def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
     for key, x in columns.items():
         if np.isinf(x).any():
             raise InputError(f"{name}: column {key!r} has a value that is infinite")
+        if (np.abs(x) > LARGEST).any():
+            raise InputError(f"{name}: column {key!r} has a value beyond {LARGEST:g}, of which no square is known")
     if not any(np.isfinite(x).any() for x in columns.values()):
         raise InputError(f"{name}: no signal has a value")
     return Recording(name, t, columns)
@@ -83,7 +87,7 @@ def _read(path: Path) -> dict[str, Any]:
         raise
     except Exception as e:  # pyarrow has errors of its own
         raise InputError(f"{path} cannot be read: {' '.join(str(e).split())}") from None
-    if len(rows) < 2:
+    if not any(rows[1:]):
         raise InputError(f"{path}: expected a line of names and lines of numbers")
     head = [name.strip() for name in rows[0]]
     twice = [name for i, name in enumerate(head) if name in head[:i]]

@@ -16,13 +16,14 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2 as chi2_distribution
 
 from ...errors import InputError, MbdaeError, require, several
+from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import number
 from ...mechanism.formats.template import Template
 from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
-from ..sensitivity.numbers import Makes, maker, scaled
+from ..sensitivity.numbers import Makes, check_settings, maker, named_values, reals, scaled, teller
 from .data import records
 from .misfit import Misfit
 from .result import TIED, Attempt, Fit
@@ -98,24 +99,28 @@ def fit(
     for name in ("t_eval", "events"):
         if name in settings:
             raise InputError(f"a fit takes no {name}: the times of the data are those of its runs")
+    check_settings(solve, settings, ("problem", "t_span", "t_eval", "events", "progress"))
+    told = teller(progress)
     found = records(data, several(signals, "signals are names of columns"))
     loaded = model if isinstance(model, Mechanism) else None
     make = maker(loaded, None if loaded else str(model) if isinstance(model, Path) else model)
     tables = _known(known, len(found), parameters)
+    named_values(make, dict.fromkeys(parameters, 0.0))
     unknown = {name: _unknown(make, name, given) for name, given in parameters.items()}
     problem = Misfit(make, list(unknown), found, tables, sigma, t_span, settings)
     low, high = (np.array([getattr(u, key) for u in unknown.values()]) for key in ("low", "high"))
     scale = scaled(scales, {name: (u.high - u.low) / 10 for name, u in unknown.items()})
     first = np.clip([u.start for u in unknown.values()], low, high)
-    if not (isinstance(starts, int) and starts >= 1):
+    if not (isinstance(starts, int) and not isinstance(starts, bool) and starts >= 1):
         raise InputError(f"starts is a number of searches, at least 1, got {starts!r}")
     if not (isinstance(seed, int) and seed >= 0):
         raise InputError(f"seed is a whole number, at least 0, got {seed!r:.60}")
     found_all = []
     for i, x in enumerate(_places(first, low, high, starts, seed)):
-        tell = (lambda text, i=i: progress(f"start {i + 1}, {text}" if starts > 1 else text)) if progress else None
+        where = f"start {i + 1}, " if starts > 1 else ""
         try:
-            found_all.append(_search(problem, x, low, high, scale, problem.shares(spans, len(x)), tell))
+            shares = problem.shares(spans, len(x))
+            found_all.append(_search(problem, x, low, high, scale, shares, told, where))
         except MbdaeError as e:
             if not i:
                 raise
@@ -132,6 +137,8 @@ def _known(given: Any, n: int, parameters: Parameters) -> list[dict[str, float]]
     tables = [given] * n if isinstance(given, Mapping) else given if isinstance(given, Sequence) else [given]
     for table in tables:
         require(table, Mapping, "what is known of runs are tables, name = value")
+        if nameless := [name for name in table if not isinstance(name, str)]:
+            raise InputError(f"what is known of runs has dotted names, got {nameless[0]!r:.60}")
         if both := [name for name in table if name in parameters]:
             raise InputError(f"{both[0]!r} is known, and a parameter to be found")
     if tables and len(tables) != n:
@@ -152,7 +159,7 @@ def _places(first: Array, low: Array, high: Array, n: int, seed: int) -> Iterato
 
 def _search(
     problem: Misfit, start: Array, low: Array, high: Array, scale: Array, shares: Sequence[float],
-    progress: Callable[[str], None] | None,
+    tell: Callable[[str], None], where: str,
 ) -> Attempt:  # fmt: skip
     """Attempt from a start over growing shares of the samples.
 
@@ -162,8 +169,7 @@ def _search(
     x, message, converged, r = start, "", False, np.empty(0)
     for share in shares:
         problem.share, tolerance = share, TOLERANCE if share == 1 else ROUGH
-        if progress:
-            progress(f"{share:.0%} of the samples")
+        tell(f"{where}{share:.0%} of the samples")
         problem.solved(x)
         result = least_squares(
             problem.residuals, x, problem.jacobian, (low, high), x_scale=scale,
@@ -180,10 +186,7 @@ def _unknown(make: Makes, name: str, given: Any) -> Unknown:
     Raises:
         InputError: for what are no bounds.
     """
-    try:
-        numbers = [float(x) for x in given]
-    except (TypeError, ValueError):
-        numbers = []
+    numbers = reals(given)
     if len(numbers) not in (2, 3) or not np.isfinite(numbers).all() or not numbers[-2] < numbers[-1]:
         raise InputError(
             f"parameter {name!r} takes (low, high) or (start, low, high) with low < high, got {given!r:.60}"

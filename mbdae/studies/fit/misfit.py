@@ -11,6 +11,7 @@ from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...solution.signals import signals as computed_signals
+from ...solution.solution import uninterrupted
 from ...system import Array
 from ..sensitivity.numbers import Makes
 from ..sensitivity.sensitivity import sensitivity
@@ -57,7 +58,7 @@ class Misfit:
     def shares(self, spans: Sequence[float], k: int) -> list[float]:
         """The shares of the samples, those with enough of them, and all at last."""
         n = min(sum(int(np.isfinite(x).sum()) for x in r.columns.values()) for r in self.found)
-        if not isinstance(spans, Sequence) or not all(0 < s <= 1 for s in spans):
+        if not isinstance(spans, Sequence) or not all(is_number(s) and 0 < s <= 1 for s in spans):
             raise InputError(f"spans are shares of the samples between 0 and 1, got {spans!r:.60}")
         return [*(s for s in sorted(set(spans)) if s < 1 and s * n >= FEWEST * k), 1.0]
 
@@ -73,9 +74,11 @@ class Misfit:
                 for name in record.columns:
                     differentiable(mech, name)
                 settings = with_tolerance(mech, self.settings, RTOL)
-                sol = solve(mech, span, t_eval=times, **settings) if times[-1] > self.start else None
+                run = times[-1] > self.start
+                sol = uninterrupted(solve(mech, span, t_eval=times, **settings)) if run else None
                 if sol is None or not sol.ended:
-                    raise InputError(f"{record.name}: {sol.message if sol else 'no time passes'}")
+                    at = ", ".join(f"{name} = {x:.9g}" for name, x in values.items())
+                    raise InputError(f"{record.name}: {f'with {at}, {sol.message}' if sol else 'no time passes'}")
                 self.runs += 1
                 out.append(sol)
             self._last = key, out

@@ -1,10 +1,11 @@
 """Kinematics of mechanisms with one freedom: all poses over the range of an input, followed over their arclength."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import AssemblyError, InputError, StepError, require
+from ...errors import AssemblyError, InputError, StepError, is_number, require
 from ...mechanism import Mechanism
 from ...mechanism.assembly import close_position
 from ...mechanism.joints import turning
@@ -95,8 +96,9 @@ def _first(moved: Mechanism, q: Array, span: tuple[float, float] | None) -> tupl
     here = input_at(moved, system, q)
     if span is None:
         return close_position(system, q, nothing, here), here
-    if not (len(span) == 2 and np.isfinite(span).all() and span[0] != span[1]):
-        raise InputError(f"span is two different numbers, from and to, got {span!r}")
+    listed = list(span) if isinstance(span, Iterable) else []
+    if not (len(listed) == 2 and all(is_number(u) for u in listed) and listed[0] != listed[1]):
+        raise InputError(f"span is two different numbers, from and to, got {span!r:.60}")
     first = float(span[0])
     for u in np.linspace(here, first, int(abs(first - here) / NEXT) + 2)[
         1:
@@ -117,8 +119,8 @@ def _falling(curve: PoseCurve, q: Array, u: float) -> Array:
 def _range(u: float, span: tuple[float, float] | None, turns: float, unit: str, drive: str) -> tuple[float, float]:
     if span is not None:
         return min(span), max(span)
-    if not (np.isfinite(turns) and turns > 0):
-        raise InputError(f"turns must be a positive number, got {turns!r}")
+    if not (is_number(turns) and turns > 0):
+        raise InputError(f"turns must be a positive number, got {turns!r:.60}")
     reach = 2 * np.pi * turns if unit == "rad" else BOUNDED
     return u - reach, u + reach
 

@@ -31,7 +31,8 @@ def operating_point(
     equilibrium or a steady motion with the start's own speeds; else the equilibrium that is found from there.
 
     Raises:
-        InputError: for a configuration that is no equilibrium, one without freedom, or one where closures lose rank.
+        InputError: for a configuration that is no equilibrium, one without freedom, or one where closures lose rank or
+            a force has no direction.
         EquilibriumError: where none is found.
     """
     require(mech, Mechanism, f"{what} takes a Mechanism (see mbdae.load)")
@@ -57,6 +58,8 @@ def operating_point(
         raise InputError(f"{mech.title!r} has no freedom left{_held(mech, held)}: it has no modes")
     if loses_rank(statics, here):
         raise InputError(f"the closures of {mech.title!r} lose rank in this pose: motions near it are not linear")
+    statics.system.inertia(t, here.q)
+    statics.system.laws.refuse_lost()
     return statics, here, linearize_at(statics, here), kind
 
 

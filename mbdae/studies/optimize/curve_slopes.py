@@ -122,6 +122,7 @@ class CurveSignals(Mapping[str, Array]):
         still, rest = np.zeros(nv), np.zeros(s.ng)
         u = np.concatenate([still, self.states, [0.0]])
         for q, v, by_p, turn in zip(self.found.q, self.found.rates, dq, dv, strict=True):
+            self.numbers.refuse_lost(0.0, q)
             K = s.slopes(0.0, q, u, still, rest, np.arange(s.ng)).K[:nv]
             P = self.numbers.of_forces(0.0, q, still, self.states, still, rest)[:nv]
             out.append(-v @ (K @ by_p + P) - self._at_rest(q) @ turn)

@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ... import backend
-from ...errors import InputError
+from ...errors import InputError, is_number
 from ...integrate.defaults import with_tolerance
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import function_name
 from ...mechanism.variations.parameters import Parameters
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
@@ -20,9 +19,9 @@ from ..fit.misfit import RTOL
 from ..kinematics.driven import driven
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
-from ..sensitivity.cost import Cost, evaluated
+from ..sensitivity.cost import Cost, Told, called, evaluated, named
 from ..sensitivity.gradient import gradient
-from ..sensitivity.numbers import Makes
+from ..sensitivity.numbers import Makes, check_settings
 from .curve_slopes import CurveSignals, check_whole
 
 
@@ -49,21 +48,22 @@ class WithNumbers(Mapping[str, Any]):
         return len(self.values_of) + len(self.signals)
 
 
-class _OfSignals:
+class _OfSignals(Told):
     """A cost without what it says of the parameters, which is kept aside."""
 
-    def __init__(self, cost: Cost, values: Mapping[str, float]) -> None:
-        self.cost, self.values, self.own = cost, values, np.zeros(len(values))
-        self.__name__ = function_name(cost)
+    def __init__(self, cost: Cost, values: Mapping[str, float], what: str) -> None:
+        self.cost, self.values, self.own, self.what = cost, values, np.zeros(len(values)), what or named(cost)
 
     def __call__(self, signals: Mapping[str, Array]) -> Any:
-        found = self.cost(WithNumbers(signals, self.values))
-        if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], Mapping)):
+        found = called(self.what, self.cost, WithNumbers(signals, self.values), self.values)
+        if not (isinstance(found, tuple | list) and len(found) == 2 and isinstance(found[1], Mapping)):
             return found
-        self.own = np.array([float(found[1].get(name, 0.0)) for name in self.values])
-        if not np.isfinite(self.own).all():
-            raise InputError(f"cost {self.__name__!r}: its derivatives with respect to parameters are not finite")
-        return found[0], {name: x for name, x in found[1].items() if name not in self.values}
+        own = {name: x for name, x in found[1].items() if name in self.values}
+        for name, x in own.items():
+            if not is_number(x):
+                raise InputError(f"{self.what}: its derivative with respect to {name!r} is a number, got {x!r:.60}")
+        self.own = np.array([float(own.get(name, 0.0)) for name in self.values])
+        return found[0], {name: x for name, x in found[1].items() if name not in own}
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ class RunMotion:
     make: Makes
     values: dict[str, float]
 
-    def measure(self, cost: Cost) -> Measured:
-        """Take a cost and its gradient."""
-        own = _OfSignals(cost, self.values)
+    def measure(self, cost: Cost, what: str = "") -> Measured:
+        """Take a cost and its gradient; messages call it ``what``."""
+        own = _OfSignals(cost, self.values, what)
         found = gradient(self.result, own, self.values, model=self.make)
         return Measured(found.value, lambda: own.own + np.array(list(found.gradient.values())))
 
@@ -111,9 +111,9 @@ class CurveMotion:
         found.refuse(float(self.result.u[0]), self.result.q[0])
         return found
 
-    def measure(self, cost: Cost) -> Measured:
-        """Take a cost and its gradient."""
-        own = _OfSignals(cost, self.values)
+    def measure(self, cost: Cost, what: str = "") -> Measured:
+        """Take a cost and its gradient; messages call it ``what``."""
+        own = _OfSignals(cost, self.values, what)
         value, slopes = evaluated(own, self.signals, len(self.result.u))
         return Measured(value, lambda: own.own + sum(x @ self.signals.derivative(n) for n, x in slopes.items()))
 
@@ -126,8 +126,10 @@ def runs(make: Makes, t_span: tuple[float, float] | None, settings: Mapping[str,
     """What runs a mechanism with given numbers.
 
     Raises:
+        UnknownNameError: for a setting that does not exist.
         InputError: of a run that does not come to its end; KeyboardInterrupt of one that was stopped.
     """
+    check_settings(solve, settings, ("problem", "t_span", "progress"))
 
     def run(values: dict[str, float]) -> RunMotion:
         mech = make.make(values)
@@ -144,8 +146,10 @@ def curves(make: Makes, drive: str, first: Mechanism, options: Mapping[str, Any]
     """What follows the poses of a mechanism with given numbers over the inputs and with the joints held of the first.
 
     Raises:
+        UnknownNameError: for a setting that does not exist.
         InputError: of a drive that turns back on its way, and of a parameter that opens dependent rows.
     """
+    check_settings(kinematics, options, ("mech", "drive"))
     begin = kinematics(first, drive, **options)
     span = options.get("span") or (float(begin.u[0]), float(begin.u[-1]))
     check_whole(begin, span)

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-from ...errors import InputError, MbdaeError, UnknownNameError, require
+from ...errors import InputError, MbdaeError, UnknownNameError, is_number, require
 from ...mechanism import Mechanism
 from ...system import Array
 from ..sensitivity.cost import Cost
-from ..sensitivity.numbers import Names, maker, named_values, scaled
+from ..sensitivity.numbers import Names, maker, named_values, reals, scaled, teller
 from .motion import Measured, Motion, Moves, curves, runs
 from .result import Optimum, Tried
 
@@ -80,8 +80,11 @@ def optimize(
     """
     if not callable(cost):
         raise InputError(f"a cost is a function of signals that returns (value, slopes), got {cost!r:.60}")
-    if not (isinstance(iterations, int) and iterations >= 1 and tolerance > 0):
+    counted = isinstance(iterations, int) and not isinstance(iterations, bool) and iterations >= 1
+    if not (counted and is_number(tolerance) and tolerance > 0):
         raise InputError(f"iterations and tolerance are positive, got {iterations!r:.30} and {tolerance!r:.30}")
+    if drive is not None and t_span is not None:
+        raise InputError("a curve over a drive has no t_span: give span, the range of the drive, or leave drive out")
     if search not in SEARCHES:
         raise UnknownNameError("search", search, SEARCHES)
     if search == "L-BFGS-B" and constraints:
@@ -95,13 +98,9 @@ def optimize(
         low, high = box[name]
         if not low <= x <= high:
             raise InputError(f"parameter {name!r} starts at {x:g}, outside its bounds {low:g} to {high:g}")
-    moves = (
-        curves(make, drive, make.make(start), settings)
-        if drive is not None
-        else runs(make, t_span, settings)
-    )
+    moves = curves(make, drive, make.make(start), settings) if drive is not None else runs(make, t_span, settings)
     functions = {name: x[0] for name, x in (constraints or {}).items()}
-    problem = Problem(moves, cost, functions, start, limits, progress)
+    problem = Problem(moves, cost, functions, start, limits, teller(progress))
     return problem.solve(box, _scales(start, box, scales), search, tolerance, iterations)
 
 
@@ -115,10 +114,10 @@ class Problem:
         functions: Mapping[str, Cost],
         start: dict[str, float],
         limits: dict[str, tuple[float, float]],
-        progress: Callable[[str], None] | None,
+        progress: Callable[[str], None],
     ) -> None:
         self.moves, self.functions, self.limits = moves, {"": cost, **functions}, limits
-        self.start, self.tell, self.scale = start, progress or (lambda text: None), np.ones(len(start))
+        self.start, self.tell, self.scale = start, progress, np.ones(len(start))
         self.history: list[Tried] = []
         self.last: tuple[Array, dict[str, Measured]] | None = None
         self.best: tuple[Tried, Motion, dict[str, Measured]] | None = None
@@ -141,11 +140,14 @@ class Problem:
         values = self.values(z)
         try:
             motion = self.moves(values)
-            found = {name: motion.measure(function) for name, function in self.functions.items()}
-        except MbdaeError:
+            found = {
+                name: motion.measure(function, f"constraint {name!r}" if name else "")
+                for name, function in self.functions.items()
+            }
+        except MbdaeError as e:
             if not self.history:
                 raise
-            self.history.append(Tried(values, np.nan, {}))
+            self.history.append(Tried(values, np.nan, {}, str(e)))
             assert self.best is not None  # the start was computed
             found = {**self.best[2], "": Measured(np.inf, lambda: np.zeros(len(z)))}
         else:
@@ -178,10 +180,10 @@ class Problem:
     def solve(
         self, box: dict[str, tuple[float, float]], scale: Array, search: str, tolerance: float, iterations: int
     ) -> Optimum:
-        """Search, and return the best point; what was found so far where the user stops it."""
+        """Search, and return the best point; what was found so far where the user or an error stops it."""
         start = np.array(list(self.start.values()))
         low, high = (np.array([pair[i] for pair in box.values()]) for i in (0, 1))
-        self.scale, interrupted = scale, False
+        self.scale, interrupted, sloped = scale, False, True
         rows = [
             NonlinearConstraint(
                 lambda z, n=name: self.value(z, n), pair[0] / self.sizes[name], pair[1] / self.sizes[name],
@@ -196,16 +198,18 @@ class Problem:
                 options={"ftol": tolerance, "maxiter": iterations},
             )  # fmt: skip
             converged, message = bool(result.success), str(result.message)
-            if search == "SLSQP" and result.status == ROUNDED:
+            if search == "SLSQP" and result.get("status") == ROUNDED:  # none where all parameters are fixed
                 converged = not rows and self.flat(result.x, (low - start) / scale, (high - start) / scale)
         except KeyboardInterrupt:
             converged, interrupted, message = False, True, "stopped by the user"
+        except MbdaeError as e:  # a point without slopes, or what is told of progress
+            converged, message, sloped = False, str(e), False
         assert self.best is not None  # the start was computed
         best, motion, found = self.best
         missing = [n for n in self.limits if self.missed(best._replace(constraints={n: best.constraints[n]}))]
         if missing and not interrupted:
             converged, message = False, f"constraint {missing[0]!r} does not hold; {message}"
-        gradient = dict(zip(self.start, found[""].slopes().tolist(), strict=True))
+        gradient = dict(zip(self.start, (found[""].slopes() if sloped else self.z * np.nan).tolist(), strict=True))
         return Optimum(
             best.values, best.cost, gradient, best.constraints, self.limits, box, motion.result.mechanism,
             motion.result, tuple(self.history), converged, interrupted, message,
@@ -238,9 +242,14 @@ def _table(what: str, given: Any) -> Mapping[str, Any]:
 
 
 def _limits(name: str, given: Any) -> tuple[float, float]:
+    if not (isinstance(name, str) and name):
+        raise InputError(f"constraints have names of one's own, texts that are not empty, got {name!r:.60}")
     if not (isinstance(given, Sequence) and len(given) == 3 and callable(given[0])):
         raise InputError(f"constraint {name!r} takes (function, low, high), got {given!r:.60}")
-    return _pair(f"constraint {name!r}", given[1:])
+    found = _pair(f"constraint {name!r}", given[1:])
+    if not np.isfinite(found).any():
+        raise InputError(f"constraint {name!r} has no limit: low, high or both are numbers")
+    return found
 
 
 def _pair(what: str, given: Any) -> tuple[float, float]:
@@ -249,14 +258,11 @@ def _pair(what: str, given: Any) -> tuple[float, float]:
     Raises:
         InputError: for what is none.
     """
-    try:
-        low, high = given
-        ends = (-np.inf if low is None else float(low), np.inf if high is None else float(high))
-    except (TypeError, ValueError):
-        ends = (1.0, 0.0)
-    if not ends[0] <= ends[1]:
+    pair = list(given) if isinstance(given, list | tuple | np.ndarray) else []
+    ends = reals([open_end if x is None else x for x, open_end in zip(pair, (-np.inf, np.inf), strict=False)])
+    if not (len(pair) == len(ends) == 2 and ends[0] <= ends[1] and ends[0] < np.inf and ends[1] > -np.inf):
         raise InputError(f"{what} takes (low, high) with low <= high, None for no end, got {given!r:.60}")
-    return ends
+    return ends[0], ends[1]
 
 
 def _scales(start: Mapping[str, float], box: Mapping[str, tuple[float, float]], given: Any) -> Array:

@@ -18,11 +18,12 @@ __all__: list[str] = []
 
 
 class Tried(NamedTuple):
-    """A point of a search: the parameters, the cost, and the constraints by name."""
+    """A point of a search: the parameters, the cost, the constraints by name, and why nothing could be computed."""
 
     values: dict[str, float]
     cost: float
     constraints: dict[str, float]
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Optimum(Tabular):
     Attributes:
         values: the parameters.
         cost: the cost there.
-        gradient: its derivative with respect to each parameter.
+        gradient: its derivative with respect to each parameter; nan where an error stopped the search.
         constraints: their values there.
         limits: (low, high) of each constraint.
         bounds: (low, high) of each parameter.
@@ -69,14 +70,16 @@ class Optimum(Tabular):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        plain = ("values", "cost", "gradient", "constraints", "at_bounds", "converged", "interrupted", "message")
+        plain = ("values", "cost", "constraints", "at_bounds", "converged", "interrupted", "message")
         return {
             "model": self.mechanism.title,
             **{key: getattr(self, key) for key in plain},
+            "gradient": {name: _finite(x) for name, x in self.gradient.items()},
             "limits": {name: [_finite(x) for x in pair] for name, pair in self.limits.items()},
             "bounds": {name: [_finite(x) for x in pair] for name, pair in self.bounds.items()},
             "history": [
-                {"values": t.values, "cost": _finite(t.cost), "constraints": t.constraints} for t in self.history
+                {"values": t.values, "cost": _finite(t.cost), "constraints": t.constraints, "why": t.why}
+                for t in self.history
             ],
         }
 
@@ -92,10 +95,16 @@ class Optimum(Tabular):
         pairs = [(name, before[name], x) for before, after in rows for name, x in after.items()]
         return [["", "start", "optimum"], *([name, f"{x0:.8g}", f"{x:.8g}"] for name, x0, x in pairs)]
 
+    @property
+    def lost(self) -> list[str]:
+        """How many points could not be computed, and why the last of them; nothing where all could."""
+        why = [t.why for t in self.history if t.why]
+        return [f"{len(why)} of {len(self.history)} points could not be computed, the last: {why[-1]}"] if why else []
+
     def remarks(self) -> list[str]:
-        """What stands at a bound, and why it may be no optimum."""
+        """What stands at a bound, why it may be no optimum, and what could not be computed."""
         bounds = [f"{name} stands at its bound" for name in self.at_bounds]
-        return bounds if self.converged else [*bounds, f"not an optimum: {self.message}"]
+        return [*bounds, *([] if self.converged else [f"not an optimum: {self.message}"]), *self.lost]
 
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Draw cost and parameters over the points that were tried."""
@@ -116,7 +125,7 @@ class Optimum(Tabular):
             lines.append(f"  {name:36s} {self.start.constraints[name]:14.8g} -> {x:14.8g}{mark}")
         if not self.converged:
             lines.append(f"  not an optimum: {self.message}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"  {text}" for text in self.lost)])
 
 
 def _touches(x: float, low: float, high: float) -> bool:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, is_number
+from ...errors import InputError, MbdaeError, is_number
 from ...mechanism.callbacks import function_name
 from ...solution.signals import signals, units
 from ...solution.solution import Solution
@@ -34,6 +34,16 @@ class Signals(Mapping[str, Array]):
 
 
 Cost = Callable[[Mapping[str, Array]], tuple[float, Mapping[str, Array]]]
+
+
+class Told:
+    """A function of signals that messages call otherwise than a cost.
+
+    Attributes:
+        what: its name, for instance ``"constraint 'reach'"``.
+    """
+
+    what: str
 
 
 @dataclass(frozen=True)
@@ -80,30 +90,63 @@ class Squares:
 
 def _numbers(name: str, known: Any) -> Array:
     try:
-        return np.asarray(known, float)
+        return real(known)
     except (TypeError, ValueError):
         raise InputError(f"data of {name!r} are numbers, got {known!r:.60}") from None
+
+
+def real(x: Any) -> Array:
+    """Numbers as an array.
+
+    Raises:
+        TypeError, ValueError: for what are none; complex numbers and dates are none.
+    """
+    found = np.asarray(x)
+    if found.dtype.kind in "cmM":
+        raise TypeError(f"expected real numbers, got {found.dtype}")
+    return found.astype(float)
+
+
+def named(cost: Any) -> str:
+    """What messages call a cost."""
+    return cost.what if isinstance(cost, Told) else f"cost {function_name(cost)!r}"
+
+
+def called(what: str, function: Callable[..., Any], given: Any, values: Mapping[str, float] | None = None) -> Any:
+    """What a user's function says of what is given, with the parameters known.
+
+    Raises:
+        InputError: for a function that fails; names it and the parameters, and has the user's exception as its cause.
+    """
+    try:
+        return function(given)
+    except MbdaeError:
+        raise
+    except Exception as e:
+        at = ", ".join(f"{name} = {x:.9g}" for name, x in (values or {}).items())
+        raise InputError(f"{what} failed{at and f' at {at}'}: {type(e).__name__}: {e}") from e
 
 
 def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, dict[str, Array]]:
     """A cost of signals (n,) and its derivatives, checked.
 
     Raises:
-        InputError: for a cost that is not finite, or derivatives of the wrong shape.
+        InputError: for a cost that fails or is not finite, or derivatives of the wrong shape.
     """
-    name = "Squares" if isinstance(cost, Squares) else function_name(cost)
     if not callable(cost):
         raise InputError(f"a cost is a function of signals that returns (value, slopes), got {cost!r:.60}")
-    found = cost(signals)
+    found = called(what := named(cost), cost, signals)
     try:
-        value, table = found
-        value, slopes = float(value), {key: np.asarray(x, float) for key, x in table.items()}
+        given, table = found
+        value, slopes = float(real(given)), {key: real(x) for key, x in table.items()}
+        if given is None or isinstance(given, str | bool | np.bool_):
+            raise TypeError
     except (TypeError, ValueError, AttributeError):
-        what = f"cost {name!r} returns (value, {{signal: its derivative (n,)}})"
-        raise InputError(f"{what}, got {found!r:.60}") from None
+        expected = f"{what} returns (value, {{signal: its derivative (n,)}})"
+        raise InputError(f"{expected}, got {found!r:.60}") from None
     if not np.isfinite(value):
-        raise InputError(f"cost {name!r} is {value}")
+        raise InputError(f"{what} is {value}")
     for key, x in slopes.items():
         if x.shape != (n,) or not np.isfinite(x).all():
-            raise InputError(f"cost {name!r}: its derivative with respect to {key!r} must be {n} finite numbers")
+            raise InputError(f"{what}: its derivative with respect to {key!r} must be {n} finite numbers")
     return value, slopes

@@ -7,12 +7,17 @@ import numpy as np
 
 from ...differences import slope, slopes
 from ...errors import InputError
-from ...integrate.signal_events import parse
+from ...integrate.ending import event_value
+from ...integrate.events import Event
+from ...integrate.signal_events import TURN, parse
 from ...integrate.trace import LinearPart, Part, Trace
+from ...mechanism.callbacks import function_name
+from ...solution.signal_value import value as signal_value
 from ...system import Array
 from .signal_slopes import SignalSlopes
 
 WIDTH = 1e-3  # of differences of event functions, which are the user's
+LATE = 1e-6  # of the span: how far from its event a run ends at most
 
 
 @dataclass(frozen=True)
@@ -80,14 +85,33 @@ def ending(trace: Trace, event: Any) -> Ending | None:
     last, t, y = len(trace.ts) - 1, float(trace.ts[-1]), trace.ys[-1]
     parts = list(trace.parts(last - 1))
     if isinstance(given, str):
-        row = SignalSlopes(trace, [parse(given).signal]).rows(last, t, y)[0]
-        return Ending(parts, float(row[-1]), row[: s.ny], row[s.ny : -1])
+        signal, level, _ = parse(given)
+        row = (slopes_of := SignalSlopes(trace, [signal])).rows(last, t, y)[0]
+        there = signal_value(s, slopes_of.signals[0], t, y) - level
+        if slopes_of.signals[0].kind == "angle":
+            there -= TURN * round(there / TURN)
+        return _rising(trace, Ending(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), given, there)
     if not callable(given):
         raise InputError(f"an event is a signal or a function of (t, q, v), got {given!r:.60}")
 
     def value(t: float, y: Array) -> float:
-        return float(given(t, *s.split(y)))
+        return event_value(s, Event(given), t, y)
 
     by_t = slope(lambda x: value(t + x, y), WIDTH)
     by_y = slopes(lambda x: value(t, s.add(y, x)), s.ny, WIDTH)
-    return Ending(parts, by_t, by_y, np.zeros(trace.slopes.k))
+    return _rising(trace, Ending(parts, by_t, by_y, np.zeros(trace.slopes.k)), function_name(given), value(t, y))
+
+
+def _rising(trace: Trace, end: Ending, name: str, value: float) -> Ending:
+    """Refuse an event that has no time, or another one than the end of the run.
+
+    Raises:
+        InputError: names the event.
+    """
+    rise = end.by_t + (end.by_y @ end.by_size(np.zeros(trace.slopes.ny), np.zeros(trace.n_carry)))[0]
+    t, size = float(trace.ts[-1]), float(np.abs(trace.ts[-1] - trace.ts[0]))
+    if not rise:
+        raise InputError(f"event {name!r} does not change where the run ends, at t = {t:.9g} s: its time does not move")
+    if abs(value) > LATE * size * abs(rise):
+        raise InputError(f"event {name!r} is not that in which the run ended: it is {value:.3g} at t = {t:.9g} s")
+    return end

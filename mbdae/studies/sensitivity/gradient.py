@@ -77,6 +77,7 @@ def gradient(
         UnknownNameError: for names that lead nowhere.
     """
     require(sol, Solution, "gradient takes a Solution (see mbdae.solve)")
+    require(start, bool, "start is True or False")
     values, numbers = bound(sol, parameters, model)
     trace = Trace(sol, numbers)
     end, at = ending(trace, event), places(sol)

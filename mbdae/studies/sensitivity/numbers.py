@@ -1,7 +1,9 @@
 """The numbers of a mechanism by which a run is differentiated, by dotted names, and what makes mechanisms."""
 
-from collections.abc import Collection, Mapping, Sequence
+import inspect
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
+from numbers import Real
 from threading import get_ident
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
@@ -17,6 +19,7 @@ from ...mechanism.variations.parameters import Parameters
 from ...solution.solution import Solution
 from ...system import Array
 from ..sweep.run import Made
+from .cost import called
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()
 """The parameters by which a mechanism was differentiated last: workspaces of one thread."""
@@ -54,8 +57,14 @@ def bound(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], 
 
     Raises:
         UnknownNameError: for a name that leads nowhere.
-        InputError: for a name without a number, or a parameter without a derivative.
+        InputError: for a name without a number, a parameter without a derivative, or a force without direction there.
     """
+    values, parameters = _last_or_new(sol, names, model)
+    parameters.refuse_lost(float(sol.nodes[0][0]), sol.nodes[1][0][: sol.mechanism.nq])
+    return values, parameters
+
+
+def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], Parameters]:
     mech, t, y = sol.mechanism, float(sol.nodes[0][0]), sol.nodes[1][0]
     if isinstance(names, Collection) and not isinstance(names, str) and not names:
         return {}, Parameters(lambda values: mech, {})
@@ -95,6 +104,8 @@ def named_values(make: Makes, names: Names) -> dict[str, float]:
         if name in listed[:i]:
             raise InputError(f"parameter {name!r} is named twice")
     if isinstance(names, Mapping):
+        if isinstance(make, Made):
+            make.check(names)
         return {name: _value(name, value) for name, value in names.items()}
     if not isinstance(make, Template):
         raise InputError("the parameters of a function that makes a mechanism are given as name = value")
@@ -115,6 +126,43 @@ def scaled(given: Any, usual: Mapping[str, float]) -> Array:
         if not (is_number(x) and x > 0):
             raise InputError(f"the scale of parameter {name!r} is a positive number, got {x!r:.60}")
     return np.array([float(x) for x in {**usual, **(given or {})}.values()])
+
+
+def check_settings(function: Callable[..., Any], given: Mapping[str, Any], taken: Collection[str]) -> None:
+    """Refuse settings that a function does not have.
+
+    Args:
+        function: of mbdae.
+        given: settings by name.
+        taken: its arguments that are none.
+
+    Raises:
+        UnknownNameError: lists those that exist.
+    """
+    valid = [name for name in inspect.signature(function).parameters if name not in taken]
+    for name in given:
+        if name not in valid:
+            raise UnknownNameError(f"setting of {function.__name__}", name, valid)
+
+
+def teller(progress: Any) -> Callable[[str], None]:
+    """What tells the user's function what is done; nothing for None.
+
+    Raises:
+        InputError: for what is no function, and where it fails.
+    """
+    if progress is None:
+        return lambda text: None
+    if not callable(progress):
+        raise InputError(f"progress is a function of a text, got {progress!r:.60}")
+    return lambda text: called("progress", progress, text)
+
+
+def reals(given: Any) -> list[float]:
+    """The numbers of a list, which may be infinite; nothing where it is none."""
+    listed = list(given) if isinstance(given, list | tuple | np.ndarray) else []
+    fit = all(isinstance(x, Real) and not isinstance(x, bool) and not np.isnan(float(x)) for x in listed)
+    return [float(x) for x in listed] if fit else []
 
 
 def _value(name: str, value: Any) -> float:

@@ -150,6 +150,7 @@ def sensitivity(
         UnknownNameError: for a name that leads nowhere.
     """
     require(sol, Solution, "sensitivity takes a Solution (see mbdae.solve)")
+    require(start, bool, "start is True or False")
     values, numbers = bound(sol, parameters, model)
     if not values and not start:
         raise InputError("a sensitivity is by parameters, a list of dotted names, or by the start, start=True")

@@ -48,7 +48,10 @@ class Made:
 
     def __init__(self, function: Callable[..., Mechanism]) -> None:
         self.function, self.name = function, function_name(function)
-        found = inspect.signature(function).parameters.values()
+        try:
+            found = inspect.signature(function).parameters.values()
+        except (TypeError, ValueError):  # of what is written in C
+            raise InputError(f"model {self.name!r} does not tell its parameters: give a function of Python") from None
         self.parameters = tuple(p.name for p in found if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
         self.any = any(p.kind == p.VAR_KEYWORD for p in found)
 
@@ -68,7 +71,14 @@ class Made:
     def make(self, values: Mapping[str, Any]) -> Mechanism:
         """See `Maker`."""
         start = {name: x for name, x in values.items() if name.startswith(START)}
-        mech = self.function(**{name: x for name, x in values.items() if name not in start})
+        plain = {name: x for name, x in values.items() if name not in start}
+        try:
+            mech = self.function(**plain)
+        except MbdaeError:
+            raise
+        except Exception as e:
+            at = ", ".join(f"{name} = {x!r:.60}" for name, x in plain.items())
+            raise MbdaeError(f"model {self.name!r} failed{at and f' at {at}'}: {type(e).__name__}: {e}") from e
         require(mech, Mechanism, f"{self.name} must return a Mechanism")
         return with_start(mech, start)
 

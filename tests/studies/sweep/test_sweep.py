@@ -232,7 +232,7 @@ def test_failed_runs_are_rows():
     assert "for instance run 1: no consistent configuration" in str(result)
     cases = mbdae.sweep(fails_for_two, {"case": [2, 1]}, 0.1, executor="threads")
     assert list(cases["status"]) == ["error", "finished"]
-    assert cases.rows[0]["message"] == "ValueError: two is too many"
+    assert cases.rows[0]["message"] == "model 'fails_for_two' failed at case = 2: ValueError: two is too many"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,163 @@
+"""What sensitivities and gradients are given wrongly, in one line; forces without direction have no slope."""
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError, MbdaeError, StepError, UnknownNameError
+from mbdae.studies.optimize.motion import curves
+
+CRANK = mbdae.Event("q.crank = 1.0", terminal=True)
+MASS = ["joint.crank.mass"]
+
+
+@pytest.fixture(scope="module")
+def ended():
+    return mbdae.solve(mbdae.load("four_bar"), (0.0, 1.0), step=0.05, events=CRANK)
+
+
+@pytest.fixture(scope="module")
+def sol():
+    return mbdae.solve(mbdae.load("four_bar"), (0.0, 0.1), step=0.05)
+
+
+def broken(t, q, v):
+    return 1 / 0
+
+
+EVENTS = [
+    (broken, StepError, "event 'broken' failed at t = .*ZeroDivisionError"),
+    (lambda: 0.0, StepError, "event '<lambda>' failed at t = .*TypeError"),
+    (lambda t, q, v: None, StepError, "event '<lambda>' returned nan"),
+    (lambda t, q, v: q[:1], StepError, r"event '<lambda>' returned shape \(1,\), expected a number"),
+    (lambda t, q, v: 1j, StepError, "event '<lambda>' returned 1j"),
+    (lambda t, q, v: "a", StepError, "event '<lambda>' returned 'a'"),
+    (lambda t, q, v: np.nan, StepError, "event '<lambda>' returned nan"),
+    (lambda t, q, v: 0.0, InputError, "event '<lambda>' does not change where the run ends, at t = 0.33"),
+    (lambda t, q, v: q[0] - 1.1, InputError, r"event '<lambda>' is not that in which the run ended: it is -0\.1 "),
+    ("q.rocker = 2.0", InputError, r"event 'q\.rocker = 2\.0' is not that in which the run ended"),
+    ("q.crank = 0.5", InputError, r"event 'q\.crank = 0\.5' is not that .*: it is 0\.5 at t = 0\.33"),
+    ("nothing", UnknownNameError, "unknown signal 'nothing'"),
+    (["q.crank = 1.0"], InputError, "an event is a signal or a function"),
+    (None, InputError, "the run ended in a terminal event, whose time moves: give"),
+]
+
+
+@pytest.mark.parametrize(("event", "error", "words"), EVENTS)
+def test_an_event_that_is_not_that_of_the_run(ended, event, error, words):
+    with pytest.raises(error, match=words) as found:
+        mbdae.sensitivity(ended, MASS, event=event)
+    assert event is not broken or isinstance(found.value.__cause__, ZeroDivisionError)
+
+
+@pytest.mark.parametrize("event", [CRANK, "q.crank = 1.0", "q.crank > 1", lambda t, q, v: 1e3 * (q[0] - 1)])
+def test_the_event_of_the_run_is_known_in_other_words(ended, event):
+    found = mbdae.sensitivity(ended, MASS, event=event)
+    assert found.dt[-1] == pytest.approx(mbdae.sensitivity(ended, MASS, event=CRANK).dt[-1], rel=1e-6)
+
+
+def moved(mass):
+    if mass != 1.0:
+        raise ValueError("one alone")
+    return mbdae.load("four_bar")
+
+
+def other(mass, length):
+    return mbdae.load("four_bar")
+
+
+MODELS = [
+    (moved, {"mass": 1.0}, InputError,
+     "'mass' = 1 cannot be moved by .* to find its derivative: model 'moved' failed at mass = .*ValueError: one alone"),
+    (moved, {"mass": 2.0}, MbdaeError, r"model 'moved' failed at mass = 2\.0: ValueError: one alone"),
+    (other, {"mass": 2.0}, MbdaeError, r"model 'other' failed at mass = 2\.0: TypeError: .*length"),
+    (moved, {"length": 2.0}, UnknownNameError, "unknown parameter of moved 'length'.*valid: mass"),
+    (moved, ["mass"], InputError, "given as name = value"),
+    (int, {"mass": 2.0}, InputError, "model 'int' does not tell its parameters"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "parameters", "error", "words"), MODELS)
+def test_a_model_that_fails_is_named(sol, model, parameters, error, words):
+    for study in (mbdae.sensitivity, lambda *a, **named: mbdae.gradient(a[0], lambda s: (0.0, {}), *a[1:], **named)):
+        with pytest.raises(error, match=words):
+            study(sol, parameters, model=model)
+
+
+def test_start_is_a_yes_or_no(sol):
+    with pytest.raises(InputError, match="start is True or False, got 'a'"):
+        mbdae.sensitivity(sol, MASS, start="a")
+    with pytest.raises(InputError, match="start is True or False, got 1"):
+        mbdae.gradient(sol, lambda s: (0.0, {}), MASS, start=1)
+
+
+def test_a_cost_that_fails_is_the_cause(sol):
+    with pytest.raises(InputError, match=r"^cost 'broken' failed: TypeError: broken.* missing 2") as found:
+        mbdae.gradient(sol, broken, MASS)
+    assert isinstance(found.value.__cause__, TypeError)
+    with pytest.raises(InputError, match=r"data of 'q\.crank' are numbers"):
+        mbdae.gradient(sol, mbdae.Squares({"q.crank": np.array([1j, 0, 0])}), MASS)
+
+
+ARM = """
+title = "Arm under a spring"
+gravity = [0.0, 0.0, 0.0]
+[[body]]
+name = "arm"
+parent = "world"
+axis = [0.0, -1.0, 0.0]
+mass = 2.0
+com = [0.5, 0.0, 0.0]
+inertia = [0.0, 0.1, 0.1, 0.0, 0.0, 0.0]
+[[frame]]
+name = "top"
+parent = "world"
+xyz = [{}, 0.0, 0.0]
+[[frame]]
+name = "eye"
+parent = "arm"
+xyz = [0.4, 0.0, 0.0]
+[[force]]
+name = "spring"
+kind = "spring_damper"
+frames = ["top", "eye"]
+stiffness = 10.0
+{}
+"""
+LOST = "force 'spring' has no direction where its points coincide, and no slope there"
+
+
+@pytest.mark.parametrize("more", ["length = 0.3", "damping = 1.0", "force = 2.0"])
+@pytest.mark.parametrize("backend", ["python", pytest.param("native", marks=pytest.mark.native)])
+def test_a_spring_between_points_that_coincide_has_no_slope(tmp_path, more, backend):
+    path = tmp_path / "arm.toml"
+    path.write_text(ARM.format(0.4, more))
+    mech = mbdae.load(path)
+    run = mbdae.solve(mech, (0.0, 0.02), step=0.01, backend=backend)
+    with pytest.raises(InputError, match=LOST):
+        mbdae.sensitivity(run, start=True)
+    with pytest.raises(InputError, match=LOST):
+        mbdae.gradient(run, lambda s: (0.0, {}), ["force.spring.stiffness"])
+    for study in (mbdae.linearize, mbdae.modes):
+        with pytest.raises(InputError, match=LOST):
+            study(mech, np.zeros(1))
+    path.write_text(ARM.format(0.41, more))
+    apart = mbdae.sensitivity(mbdae.solve(mbdae.load(path), (0.0, 0.02), step=0.01, backend=backend), start=True)
+    assert np.abs(apart.dy).max() < 100
+
+
+def test_a_spring_without_length_has_a_slope_everywhere(tmp_path):
+    """F = -k (b - a): its stiffness is k in all directions; other lengths, forces and holding efforts have none."""
+    path = tmp_path / "arm.toml"
+    path.write_text(ARM.format(0.4, ""))
+    mech = mbdae.load(path)
+    assert mbdae.linearize(mech, np.zeros(1)).A[1, 0] == pytest.approx(-10 * 0.4**2 / (0.1 + 2 * 0.5**2))
+    run = mbdae.solve(mech, (0.0, 0.02), step=0.01)
+    assert np.abs(mbdae.sensitivity(run, ["force.spring.stiffness"], start=True).dy).max() < 10
+    with pytest.raises(InputError, match=LOST):
+        mbdae.sensitivity(run, {"force.spring.force": 0.0})
+    path.write_text(ARM.format(0.4, "length = 0.3"))
+    signals = curves(mbdae.studies.sensitivity.numbers.maker(None, str(path)), "arm", mbdae.load(path),
+                     {"span": (0.0, 0.5), "points": 3})({"force.spring.stiffness": 10.0}).signals  # fmt: skip
+    with pytest.raises(InputError, match=LOST):
+        signals.derivative("holding")
