@@ -1,13 +1,14 @@
 """A number of a mechanism as a direction in what it is made of, found from mechanisms with other values."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
-from ...differences import PLACES, quotient
+from ...differences import NARROWER, PLACES, TIMES, quotient, settled
 from ...errors import InputError
 from ...system import Array
 from ..closures.constraints import Constraints
@@ -17,6 +18,8 @@ from ..formulations.index2 import Index2System
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
+WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, where it is zero: places of centimetres are moved, too
+KNOT = 1e-5  # of the value, where it is a time between pieces of a curve
 FIRST = (-1, 1, 2)  # times h, and 0: third differences of these tell polynomials of degree 2
 ROUNDING = 1e-14  # of a number: what its third difference may be then
 
@@ -24,11 +27,11 @@ ROUNDING = 1e-14  # of a number: what its third difference may be then
 class Nearby(Mapping[int, "Mechanism"]):
     """The mechanisms with a parameter changed by k h, k = -3 .. 3 without 0, each made when it is asked for."""
 
-    def __init__(self, make: Callable[[int], "Mechanism"]) -> None:
-        self.make = cache(make)
+    def __init__(self, make: Callable[[float], "Mechanism"], h: float) -> None:
+        self.make, self.h = make, h
 
     def __getitem__(self, k: int) -> "Mechanism":
-        return self.make(k)
+        return self.make(k * self.h)
 
     def __iter__(self) -> Iterator[int]:
         return iter(PLACES)
@@ -43,13 +46,19 @@ class Parameter:
     Args:
         name: for messages.
         mech: the mechanism.
-        near: those with the parameter changed by k h, by k = -3 .. 3 without 0.
-        h: the width.
+        make: makes that with the parameter changed by so much.
+        width: the largest width of differences.
+
+    Attributes:
+        h: the width for laws and rows.
+        near: the mechanisms with the parameter changed by k h.
     """
 
-    def __init__(self, name: str, mech: "Mechanism", near: Mapping[int, "Mechanism"], h: float) -> None:
-        self.name, self.mech, self.near, self.h = name, mech, near, h
-        self.first, model = [near[k] for k in FIRST], mech.model
+    def __init__(self, name: str, mech: "Mechanism", make: Callable[[float], "Mechanism"], width: float) -> None:
+        self.name, self.mech, self.make = name, mech, cache(make)
+        self.width = self._possible(width)
+        self.use(self.width)
+        self.first, model = [self.near[k] for k in FIRST], mech.model
         for other in (m.model for m in self.first):
             same = [list(x.names) + [f.name for f in x.frames] for x in (model, other)]
             if same[0] != same[1] or (other.damping != model.damping).any():
@@ -69,6 +78,33 @@ class Parameter:
             if len({(getattr(x, "rate", 0), getattr(x, "offset", 0)) for x in own}) > 1:
                 raise InputError(f"parameter {name!r} moves the instants of {mech.forces[i].name!r}: no derivative")
         self.specs = self.changed(mech.constraints, lambda m: m.constraints)
+        for i in self.forces:
+            self._held(*(m.forces[i] for m in (mech, *self.first)))
+        for i in self.specs:
+            self._held(*(m.constraints[i] for m in (mech, *self.first)))
+
+    def use(self, h: float) -> None:
+        """Take differences of this width."""
+        self.h, self.near = h, self.beside(h)
+
+    def beside(self, h: float) -> Nearby:
+        """The mechanisms with it changed by k h."""
+        return Nearby(self.make, h)
+
+    def _possible(self, h: float) -> float:
+        """A width at which mechanisms exist: not all inertias of small bodies do."""
+        for i in range(TIMES):
+            with suppress(InputError):
+                _ = [self.make(k * h / NARROWER**i) for k in FIRST]
+                return h / NARROWER**i
+        return h
+
+    def _held(self, own: Any, *others: Any) -> None:
+        """Refuse what moves times at which a signal jumps; where it moves those between pieces, few points see both."""
+        if any(_times(x, "breaks") != _times(own, "breaks") for x in others):
+            raise InputError(f"parameter {self.name!r} moves the instants of {own.name!r}: no derivative")
+        if any(_times(x, "knots") != _times(own, "knots") for x in others):
+            self.use(min(self.h, KNOT * self.width / WIDTH))
 
     def changed(self, own: Sequence[Any], of: Callable[["Mechanism"], Sequence[Any]]) -> list[int]:
         """Numbers of the forces, or of the closures and drivers, that it changes."""
@@ -86,7 +122,7 @@ class Parameter:
         size = np.abs(here) + np.abs(after) + np.abs(further)
         if (np.abs(further - 3 * after + 3 * here - before) <= ROUNDING * size).all():
             return np.array((after - before) / (2 * self.h))
-        return self.quotient({k: value(m) for k, m in self.near.items()})
+        return settled(lambda h: {k: value(m) for k, m in self.beside(h).items()}, self.width).slope
 
     def each(self, n: int, value: Callable[["Mechanism", int], Array]) -> dict[int, Array]:
         """Derivatives of the parts 1 to n - 1 of a mechanism that change."""
@@ -103,17 +139,21 @@ class Parameter:
 class ChangedLaws:
     """The forces that a parameter changes, with their other numbers, in one workspace."""
 
-    def __init__(self, p: Parameter, s: Index2System) -> None:
+    def __init__(self, p: Parameter, s: Index2System, h: float | None = None) -> None:
         self.p, self.nv = p, s.nv
         spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        near = p.near.items() if p.forces else ()
+        near = (p.near if h is None else p.beside(h)).items() if p.forces else ()
         self.near = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.data) for k, m in near}
+
+    def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
+        """(tau, s', power) with the other numbers, (nv + ns + 1,)."""
+        return {k: np.concatenate(f.torque(t, q, v, s[self.at])) for k, f in self.near.items()}
 
     def add(self, to: Array, t: float, q: Array, v: Array, s: Array) -> None:
         """Add the slopes of (tau, s', power), (nv + ns + 1,)."""
         if self.near:
-            found = self.p.quotient({k: np.concatenate(f.torque(t, q, v, s[self.at])) for k, f in self.near.items()})
+            found = self.p.quotient(self.values(t, q, v, s))
             to[: self.nv] += found[: self.nv]
             to[self.nv + self.at] += found[self.nv : -1]
             to[-1] += found[-1]
@@ -122,34 +162,51 @@ class ChangedLaws:
 class ChangedRows:
     """The closures and drivers that a parameter changes, with their other numbers, in one workspace."""
 
-    def __init__(self, p: Parameter, s: Index2System) -> None:
+    def __init__(self, p: Parameter, s: Index2System, h: float | None = None) -> None:
         self.p, self.nv = p, s.nv
         spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        near = p.near.items() if p.specs else ()
+        near = (p.near if h is None else p.beside(h)).items() if p.specs else ()
         self.near = {k: Constraints(s.model, s.data, [m.constraints[i] for i in p.specs]) for k, m in near}
+
+    def forces(self, t: float, lam: Array) -> dict[int, Array]:
+        """(G^T lam, lam . u') with the other numbers, (nv + 1,)."""
+        own = lam[self.at]
+        return {k: np.append(own @ c.jacobian(), own @ c.motion(t)[1]) for k, c in self.near.items()}
+
+    def rates(self, t: float, v: Array) -> dict[int, Array]:
+        """G v + g_t and g with the other numbers, (2, r)."""
+        out = {}
+        for k, c in self.near.items():
+            value, G = c.value(t)
+            out[k] = np.array([G @ v - c.motion(t)[1], value])
+        return out
 
     def add_forces(self, to: Array, t: float, lam: Array) -> None:
         """Add the slopes of G^T lam and of the drivers' power lam . u'; J stands."""
         if self.near:
-            own = lam[self.at]
-            found = {k: np.append(own @ c.jacobian(), own @ c.motion(t)[1]) for k, c in self.near.items()}
-            slope = self.p.quotient(found)
+            slope = self.p.quotient(self.forces(t, lam))
             to[: self.nv] += slope[:-1]
             to[-1] += slope[-1]
 
     def add_rates(self, Q: Array, g: Array, t: float, v: Array) -> None:
         """Add the slopes of G v + g_t and of g; J stands."""
         if self.near:
-            found = {}
-            for k, c in self.near.items():
-                value, G = c.value(t)
-                found[k] = np.array([G @ v - c.motion(t)[1], value])
-            rate, value = self.p.quotient(found)
+            rate, value = self.p.quotient(self.rates(t, v))
             Q[self.at] += rate
             g[self.at] += value
 
     def add_bias(self, to: Array, t: float, v: Array) -> None:
         """Add the slope of gamma; velocities stand, with accelerations for v' = 0."""
         if self.near:
-            to[self.at] += self.p.quotient({k: c.bias(v) - c.motion(t)[2] for k, c in self.near.items()})
+            to[self.at] += self.p.quotient(self.biases(t, v))
+
+    def biases(self, t: float, v: Array) -> dict[int, Array]:
+        """Gamma with the other numbers, (r,)."""
+        return {k: c.bias(v) - c.motion(t)[2] for k, c in self.near.items()}
+
+
+def _times(x: Any, kind: str) -> list[float]:
+    """The breaks, or the knots, of the signals of a force, closure or driver."""
+    parts = x if isinstance(x, tuple) else vars(x).values()
+    return [t for signal in parts if hasattr(signal, kind) for t in getattr(signal, kind)]

@@ -7,17 +7,18 @@ from mechanisms made with other values. At a point
     inertial numbers             d(M v' + nle) = Y dpi with the bodies' regressors Y
     places and frames            columns of K, B, G and gamma_q of a frozen free joint there, times xi
     closures, drivers, forces    differences of these rows and laws alone, of order six: exact for numbers on which they
-                                 depend by polynomials, and to rounding for others
+                                 depend by polynomials; for others so narrow that narrower ones agree along a run
 """
 
-from collections.abc import Callable, Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
+from ...differences import PLACES, settled
 from ...errors import InputError, MbdaeError
 from ...system import Array
 from ..closures.constraints import Constraints
@@ -27,15 +28,16 @@ from ..formulations.sliding import Sliding
 from ..frames import support
 from ..modes.switches import Mode
 from .opened_tree import OpenedTree
-from .parameter import ChangedLaws, ChangedRows, Nearby, Parameter
+from .parameter import SMALL, WIDTH, ChangedLaws, ChangedRows, Parameter
 from .sliding_slopes import friction
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, where it is zero: places of centimetres are moved, too
-REACHED = 1e-7  # of |dg/dp|: what closures cannot follow
+REACHED, NOTHING = 1e-7, 1e-12  # of |dg/dp|: what closures cannot follow; and what is nothing but rounding
+APART = 1e-5  # of a slope: what differences of two widths differ by where there is none
 Make = Callable[[Mapping[str, float]], "Mechanism"]
+At = tuple[float, Array, Array, Array]  # (t, q, v, s)
 
 
 class ParameterSlopes(NamedTuple):
@@ -62,6 +64,7 @@ class Parameters:
         values: names and values of the parameters.
         native: the compiled core, for slopes of places and frames.
         own: the values are those that ``make`` gives of itself.
+        along: points where differences of laws and rows are to hold.
 
     Attributes:
         mech: the mechanism with these values.
@@ -72,16 +75,18 @@ class Parameters:
     """
 
     def __init__(
-        self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, own: bool = False
-    ) -> None:
+        self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, own: bool = False,
+        along: Sequence[At] = (),
+    ) -> None:  # fmt: skip
         self.mech = mech = make({} if own else values)
         rest = {} if own else values
         self.system = s = Index2System(mech)
         self.all: list[Parameter] = []
         for name, value in values.items():
-            h = WIDTH * abs(value) or SMALL
-            near = Nearby(lambda k, name=name, value=value, h=h: _moved(make, rest, name, value, k * h))  # type: ignore[misc]
-            self.all.append(Parameter(name, mech, near, h))
+            near = partial(_moved, make, rest, name, value)
+            self.all.append(p := Parameter(name, mech, near, WIDTH * abs(value) or SMALL))
+            if along and (p.forces or p.specs):
+                self._settle(p, along)
         self.laws = [ChangedLaws(p, s) for p in self.all]
         self.rows = [ChangedRows(p, s) for p in self.all]
         places = sorted({j for p in self.all for j in p.places})
@@ -93,6 +98,28 @@ class Parameters:
 
     def __len__(self) -> int:
         return len(self.all)
+
+    def _settle(self, p: Parameter, along: Sequence[At]) -> None:
+        """Let differences of laws and rows be so narrow that they hold along a run: a frequency acts with the time.
+
+        Raises:
+            InputError: where they hold with no width.
+        """
+        s, every = self.system, np.ones(self.system.ng)
+
+        def sampled(h: float) -> dict[int, Array]:
+            laws, rows, found = ChangedLaws(p, s, h), ChangedRows(p, s, h), []
+            for t, q, v, inner in along:
+                pin.forwardKinematics(s.model, s.data, q, v, np.zeros(s.nv))
+                pin.computeJointJacobians(s.model, s.data, q)
+                kinds = laws.values(t, q, v, inner), rows.forces(t, every), rows.rates(t, v), rows.biases(t, v)
+                found.append({k: np.concatenate([x[k].ravel() for x in kinds if x]) for k in PLACES})
+            return {k: np.array([x[k] for x in found]).T for k in PLACES}
+
+        held = settled(sampled, p.h)
+        if not held.apart <= APART:
+            raise InputError(f"parameter {p.name!r} has no derivative along this run: its differences do not settle")
+        p.use(held.h)
 
     def enter(self, mode: Mode) -> None:
         """Go on in another mode: rows that it leaves out are 0."""
@@ -222,7 +249,7 @@ class Parameters:
         g, G = self.of_rows(t, q, np.zeros(self.system.nv))[1][kept], self.system.jacobian(q)[kept]
         for p, column in zip(self.all, g.T, strict=True):
             left = column + G @ np.linalg.lstsq(G, -column, rcond=1e-9)[0]
-            if np.abs(left).max(initial=0.0) > REACHED * np.abs(column).max(initial=0.0):
+            if np.abs(left).max(initial=0.0) > max(REACHED * np.abs(column).max(initial=0.0), NOTHING):
                 raise InputError(f"parameter {p.name!r} opens closures that depend on each other: no derivative exists")
 
 

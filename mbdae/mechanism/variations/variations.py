@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ...differences import slopes
+from ...differences import settled, slopes
 from ...errors import AssemblyError, InputError
 from ...system import Array, StageEquations
 from ..formulations.derivatives import hidden_slopes, time_slopes
 from ..modes.switches import left_out
 from .corrections import Corrections
+from .parameters import APART
 from .sliding_slopes import with_friction_slopes
 from .stage_slopes import Saddle, StageSlopes
 
 if TYPE_CHECKING:
     from ..formulations.chart import Index2Chart
 
+ASSEMBLED = 1e-11  # m or rad: what assembly leaves
 JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are functions of the user
 
 
@@ -195,10 +197,17 @@ class IndexTwoVariations(Corrections):
             if decided and all(m.start_values == mech.start_values for m in p.first):
                 continue  # closures and what is held say all
             try:
-                out[:, i] = p.quotient({k: s.difference(base, m.point(t=t)) for k, m in p.near.items()})
+                found = settled(
+                    lambda h, p=p: {k: s.difference(base, m.point(t=t)) for k, m in p.beside(h).items()},  # type: ignore[misc]
+                    p.width, ASSEMBLED,
+                )  # fmt: skip
             except AssemblyError as e:  # as far apart as that
                 if p.name.startswith("start.") or not decided:
                     raise InputError(f"the start cannot be assembled beside this value of {p.name!r}: {e}") from None
+                continue
+            if not found.apart <= APART:
+                raise InputError(f"the start that is assembled jumps with {p.name!r}: no derivative")
+            out[:, i] = found.slope
         if not assembled:
             return out
         g = self.parameters.of_rows(t, q, np.zeros(nv))[1]

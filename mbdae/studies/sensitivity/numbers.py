@@ -25,6 +25,7 @@ _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameter
 """The parameters by which a mechanism was differentiated last: workspaces of one thread."""
 
 ALIKE = 1e-9  # of derivatives
+LOOKS = 9  # points of a run where differences are to hold
 
 Names = Sequence[str] | Mapping[str, float]
 Model = Any  # str | Maker | Callable[..., Mechanism] | None
@@ -68,10 +69,10 @@ def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, f
     mech, t, y = sol.mechanism, float(sol.nodes[0][0]), sol.nodes[1][0]
     if isinstance(names, Collection) and not isinstance(names, str) and not names:
         return {}, Parameters(lambda values: mech, {})
-    key = get_ident(), t, repr(names)
+    key = get_ident(), t, float(sol.nodes[0][-1]), repr(names)
     if model is None and key in _BOUND.get(mech, {}):
         return _BOUND[mech][key]
-    values, parameters = _bound(mech, names, maker(mech, model))
+    values, parameters = _bound(sol, names, maker(mech, model))
     if isinstance(names, Mapping) or model is not None:
         _moves_alike(parameters.mech, sol)
     if parameters.mech.ng:
@@ -81,10 +82,13 @@ def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, f
     return values, parameters
 
 
-def _bound(mech: Mechanism, names: Names, make: Makes) -> tuple[dict[str, float], Parameters]:
-    values = named_values(make, names)
+def _bound(sol: Solution, names: Names, make: Makes) -> tuple[dict[str, float], Parameters]:
+    values, mech, (ts, ys) = named_values(make, names), sol.mechanism, sol.nodes[:2]
     own = isinstance(make, Template) and not isinstance(names, Mapping)
-    parameters = Parameters(make.make, values, backend.load(), own=own)
+    cuts = np.cumsum([mech.nq, mech.nv, len(mech.states)])
+    some = np.linspace(0, len(ts) - 1, LOOKS).round().astype(int)
+    along = [(float(ts[i]), q, v, s) for i in np.unique(some) for q, v, s, _ in [np.split(ys[i], cuts)]]
+    parameters = Parameters(make.make, values, backend.load(), own=own, along=along)
     _compare(mech, parameters.mech)
     return values, parameters
 

@@ -119,7 +119,7 @@ def test_a_search_ends_with_what_it_has_where_progress_fails_or_slopes_end():
     assert found.cost <= found.start.cost
 
     def model(length):
-        if length < 2.4:  # the search ends above, quotients reach below
+        if length < 2.42:  # the search ends there, quotients reach below
             raise ValueError("too short")
         return mbdae.load("four_bar")
 

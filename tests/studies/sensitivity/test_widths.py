@@ -1,0 +1,167 @@
+"""Derivatives by numbers of which differences are taken: frequencies late in a run, starts that jump, small bodies."""
+
+import numpy as np
+import pytest
+from frozen import best
+
+import mbdae
+from mbdae.differences import settled
+from mbdae.errors import InputError
+from mbdae.mechanism.formats.remembered import number
+from mbdae.mechanism.formats.template import Template
+
+OMEGA = 10.0
+SLIDES = f"""
+title = "two slides"
+{{more}}
+[[body]]
+name = "driven"
+parent = "world"
+joint = "prismatic"
+mass = 1.0
+[[body]]
+name = "pushed"
+parent = "world"
+joint = "prismatic"
+mass = 2.0
+[[force]]
+name = "push"
+kind = "joint_torque"
+joint = "pushed"
+torque = {{torque}}
+[[driver]]
+name = "drive"
+joint = "driven"
+motion = {{{{kind = "harmonic", amplitude = 0.1, omega = {OMEGA}}}}}
+[start]
+v = {{{{driven = {0.1 * OMEGA}}}}}
+"""
+WAVE = f'{{kind = "harmonic", amplitude = 3.0, omega = {OMEGA}}}'
+LOOSE = """
+title = "a free body on a hinge, which its guess does not place"
+[[body]]
+name = "body"
+parent = "world"
+joint = "free"
+mass = 2.0
+com = [0.1, -0.05, 0.02]
+inertia = [0.22, 0.25, 0.24, 0.002, 0.01, -0.003]
+[[frame]]
+name = "socket"
+parent = "world"
+xyz = [0.1, -0.2, 0.3]
+rpy = [0.4, -0.3, 0.5]
+[[frame]]
+name = "plug"
+parent = "body"
+xyz = [0.2, 0.1, -0.1]
+rpy = [0.1, 0.2, -0.1]
+[[closure]]
+name = "hinge"
+frames = ["socket", "plug"]
+kind = "revolute"
+axis = [0.3, -0.5, 0.8]
+second_axis = [-0.4, 0.7, 0.2]
+[start]
+guess = {body = [-0.1, 0.1, 0.35, 0.25, -0.15, 0.2, 0.9]}
+guess_v = {body = [0.5, -0.3, 0.4, 1.0, -0.7, 0.6]}
+"""
+
+
+@pytest.fixture
+def slides(tmp_path):
+    def write(torque=WAVE, more=""):
+        (tmp_path / "slides.toml").write_text(SLIDES.format(torque=torque, more=more))
+        return Template(str(tmp_path / "slides.toml"))
+
+    return write
+
+
+@pytest.mark.usefixtures("back_end")
+def test_a_frequency_acts_with_the_time(slides):
+    """The motion's own derivative: x = a sin(w t), and v = (cos w t_0 - cos w t) 3/(2 w)."""
+    model, (t0, t) = slides(), (30.0, 30.4)
+    driven = [0.1 * np.sin(OMEGA * t0), 0.1 * OMEGA * np.cos(OMEGA * t0)]
+    mech = model.make({})
+    sol = mbdae.solve(mech, (t0, t), [driven[0], 0.0], [driven[1], 0.0], method="pherk6", step=0.005)
+    found = mbdae.sensitivity(sol, ["force.push.torque.omega", "driver.drive.motion.omega"], model=model)
+    phase0, phase = OMEGA * t0, OMEGA * t
+    expected = 1.5 * (
+        (t * np.sin(phase) - t0 * np.sin(phase0)) / OMEGA - (np.cos(phase0) - np.cos(phase)) / OMEGA**2
+    )
+    assert found.v[-1, 1, 0] == pytest.approx(expected, rel=1e-8)
+    assert found.q[-1, 0, 1] == pytest.approx(0.1 * t * np.cos(phase), rel=1e-8)
+
+
+def test_a_start_that_its_guess_does_not_decide(tmp_path):
+    """The way from the guess jumps between poses where the socket turns by some hundredths."""
+    (tmp_path / "loose.toml").write_text(LOOSE)
+    model, name = Template(str(tmp_path / "loose.toml")), "frame.socket.rpy.2"
+
+    def run(x):
+        return mbdae.solve(model.make({name: x}), (0.0, 0.02), step=0.01, method="pherk5")
+
+    value = number(model, name)
+    sol = run(value)
+    found = mbdae.sensitivity(sol, {name: value}, model=model).dy[..., 0]
+    assert best(found, lambda x: run(x).y, value, (1e-5, 1e-4, 1e-3), mech=sol.mechanism) < 1e-9
+
+
+def test_times_at_which_a_signal_jumps_are_refused(slides):
+    model = slides('{kind = "steps", points = [[0.0, 0.0], [0.5, 3.0]]}')
+    sol = mbdae.solve(model.make({}), (0.0, 1.0), step=0.1)
+    with pytest.raises(InputError, match=r"'force\.push\.torque\.points\.1\.0' moves the instants of 'push'"):
+        mbdae.sensitivity(sol, ["force.push.torque.points.1.0"], model=model)
+    assert mbdae.sensitivity(sol, ["force.push.torque.points.1.1"], model=model).q[-1, 1, 0] == pytest.approx(0.0625)
+
+
+def test_times_between_pieces_of_a_curve(slides):
+    model = slides('{kind = "table", points = [[0.0, 0.0], [0.5, 3.0], [0.52, -3.0], [3.0, 0.0]]}')
+    name = "force.push.torque.points.2.0"
+
+    def run(x):
+        return mbdae.solve(model.make({name: x}), (0.0, 1.0), step=0.05)
+
+    sol = run(0.52)
+    found = mbdae.sensitivity(sol, [name], model=model).dy[..., 0]
+    assert best(found, lambda x: run(x).y, 0.52, (1e-6, 1e-5, 1e-4), mech=sol.mechanism) < 1e-9
+
+
+def test_inertias_of_small_bodies():
+    """Products of inertia are 0, and stay below what is possible."""
+    model, name = Template("delta_robot"), "body.arm_1.inertia.3"
+
+    def run(x):
+        return mbdae.solve(model.make({name: x}), (0.0, 0.04), step=0.01, method="pherk5")
+
+    sol = run(0.0)
+    found = mbdae.sensitivity(sol, [name], model=model).dy[..., 0]
+    assert best(found, lambda x: run(x).y, 0.0, (1e-5, 1e-4), mech=sol.mechanism) < 1e-9
+
+
+@pytest.mark.parametrize(("model", "ends"), [("four_bar", ["coupler_tip"]), ("andrews_squeezer", ["P2", "P3", "P4"])])
+@pytest.mark.usefixtures("back_end")
+def test_what_opens_nothing_is_not_refused(model, ends):
+    """Closures in a point do not feel how their frames turn."""
+    sol = mbdae.solve(mbdae.load(model), (0.0, 1e-3), step=5e-4, method="pherk5")
+    names = [f"frame.{end}.rpy.{k}" for end in ends for k in range(3)]
+    assert np.abs(mbdae.sensitivity(sol, names).dy).max() < 1e-9
+
+
+def test_widths_shrink_until_differences_agree():
+    def values(of, h):
+        return {k: np.array([of(k * h), 2 * of(k * h)]) for k in (-3, -2, -1, 1, 2, 3)}
+
+    def edge(x):
+        if abs(x) > 0.01:
+            raise InputError("too far")
+        return 5 * x
+
+    assert settled(lambda h: values(lambda x: x**2 + 7 * x, h), 0.1).h == 0.1
+    waves = settled(lambda h: values(lambda x: np.sin(200 * x), h), 0.1)
+    np.testing.assert_allclose(waves.slope, [200, 400], rtol=1e-9)
+    assert waves.h < 0.01
+    np.testing.assert_allclose(settled(lambda h: values(edge, h), 1.0).slope, [5, 10], rtol=1e-12)
+    assert settled(lambda h: values(lambda x: float(x > 0), h), 0.1).apart > 0.1
+    with pytest.raises(InputError, match="too far"):
+        settled(lambda h: values(edge, h), 1e9)
