@@ -8,6 +8,7 @@ for.
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from types import ModuleType
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -76,7 +77,7 @@ class Trace:
         ts: times of the nodes, (n,).
         ys: points there, (n, ...).
         given: the first point before controllers looked at it, and modes and projections moved it.
-        system: a workspace.
+        system: a workspace, which runs with the same parameters share: each `hold` makes it this run's.
         slopes: what moves.
         n_carry: length of what the method carries.
         core: many steps at once in the compiled core, where it has them.
@@ -93,8 +94,12 @@ class Trace:
         q, v, _ = np.split(self.ys[0], [mech.nq, mech.nq + mech.nv])
         own = {"q": q, "v": v, "s": list(mech.states.values())}  # of files that do not say
         self.given = np.concatenate([*(settings.get(name) or x for name, x in own.items()), [0.0]])
-        stabilised = settings["formulation"] == "ggl" and isinstance(self.tableau, Tableau)
-        self.system = mech.system("ggl") if stabilised else _bound(mech, settings["formulation"])
+        formulation = settings["formulation"]
+        stabilised = formulation == "ggl" and isinstance(self.tableau, Tableau)
+        native = None if stabilised else backend.load()
+        self.system = parameters.once(
+            "workspace", (formulation, native), lambda: _workspace(parameters.mech, formulation, native)
+        )
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
         half_explicit = isinstance(self.tableau, Tableau) and not stabilised
@@ -291,8 +296,8 @@ class Trace:
         return f"{where}: not a step of the method, or one with other forces"
 
 
-def _bound(mech: Mechanism, formulation: str) -> Any:
+def _workspace(mech: Mechanism, formulation: str, native: ModuleType | None) -> Any:
     with suppress(NotCompiled):
-        if native := backend.load():
+        if native:
             return mech.system(formulation, native=native)
     return mech.system(formulation)

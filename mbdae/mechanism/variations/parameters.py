@@ -93,7 +93,7 @@ class Parameters:
         frames = sorted({i for p in self.all for i in p.frames})
         self.opened = OpenedTree(mech, places, frames, s, native) if places or frames else None
         self.plain: Any = None  # what the compiled core takes, see `compiled_parameters`
-        self._found: dict[str, tuple[Any, Array]] = {}
+        self._found: dict[str, tuple[Any, Any]] = {}
         self.motions = np.array([self.opened.motion(p) for p in self.all]).T if self.opened else np.empty((0, 0))
 
     def __len__(self) -> int:
@@ -133,8 +133,8 @@ class Parameters:
                     if isinstance(own, DryElement) and isinstance(other, DryElement):
                         other.sign[:] = own.sign
 
-    def once(self, name: str, key: Any, find: Callable[[], Array]) -> Array:
-        """Slopes at the start of runs: found last for the same key, or found now."""
+    def once(self, name: str, key: Any, find: Callable[[], Any]) -> Any:
+        """What runs share, a workspace or slopes at their start: found last for the same key, or found now."""
         if name not in self._found or self._found[name][0] != key:
             self._found[name] = key, find()
         return self._found[name][1]

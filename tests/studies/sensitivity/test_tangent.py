@@ -1,5 +1,6 @@
 """Derivatives of runs against Richardson differences of `solve` with fixed steps, and of runs with frozen steps."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -249,3 +250,18 @@ def test_what_has_no_derivative_is_refused_by_name():
             mbdae.sensitivity(sol, names)
     with pytest.raises(InputError, match="not read from files"):
         mbdae.sensitivity(mbdae.solve(mbdae.Mechanism(mech.model), (0.0, 0.1), step=0.05), ["gravity.2"])
+
+
+@pytest.mark.usefixtures("back_end")
+def test_runs_that_share_a_workspace_keep_their_rows():
+    """Multipliers are found when they are asked for: here after another run, which solves for other rows."""
+    sol = mbdae.solve(mbdae.load("bricard"), (0.0, 0.1), step=0.02, method="pherk5")
+    (_, rows), other = sol.in_use[0], (0, 1, 2, 3)
+    assert len(sol.in_use) == 1
+    assert rows != other
+    alone = mbdae.sensitivity(sol, ["gravity.2"]).lam
+    first = mbdae.sensitivity(sol, ["gravity.2"])
+    second = mbdae.sensitivity(replace(sol, in_use=[(0, other)]), ["gravity.2"])
+    assert first.trace.system is second.trace.system
+    assert (first.lam == alone).all()
+    np.testing.assert_allclose(second.lam, alone, rtol=0, atol=1e-10 * np.abs(alone).max())
