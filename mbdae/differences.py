@@ -43,23 +43,26 @@ class Settled(NamedTuple):
     apart: float
 
 
-def settled(values: Callable[[float], Mapping[int, Array]], h: float, noise: float = 0.0) -> Settled:
+def settled(
+    values: Callable[[float], Mapping[int, Array]], h: float, noise: float = 0.0, times: int = TIMES
+) -> Settled:
     """Return the slope of arrays with a width small enough for it: where narrower differences say the same.
 
     Args:
         values: the arrays (n, ...) at k h, by k in `PLACES`, for a width h.
         h: the widest.
         noise: error of each value, beside rounding.
+        times: how often the width shrinks at most.
 
     Raises:
         MbdaeError: what the narrowest values raise, where none can be computed.
     """
     last, best, least = None, None, np.inf  # type: Settled | None, Settled | None, float
-    for i in range(TIMES + 1):
+    for i in range(times + 1):
         try:
             found = values(h)
         except MbdaeError:
-            if i == TIMES and last is None:
+            if i == times and last is None:
                 raise
         else:
             slope = np.asarray(quotient(found, h))

@@ -7,15 +7,12 @@ for.
 """
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
-from types import ModuleType
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from .. import backend
 from ..errors import InputError, StepError
-from ..mechanism import Mechanism, NotCompiled
 from ..mechanism.variations.parameters import Parameters
 from ..mechanism.variations.stabilised_slopes import StabilisedVariations
 from ..mechanism.variations.variations import IndexTwoVariations
@@ -96,10 +93,7 @@ class Trace:
         self.given = np.concatenate([*(settings.get(name) or x for name, x in own.items()), [0.0]])
         formulation = settings["formulation"]
         stabilised = formulation == "ggl" and isinstance(self.tableau, Tableau)
-        native = None if stabilised else backend.load()
-        self.system = parameters.once(
-            "workspace", (formulation, native), lambda: _workspace(parameters.mech, formulation, native)
-        )
+        self.system: Any = parameters.workspace(formulation, None if stabilised else backend.load())
         self.mode = sol.mode(0) or self.system.mode
         self._enter(parameters)
         half_explicit = isinstance(self.tableau, Tableau) and not stabilised
@@ -294,10 +288,3 @@ class Trace:
     def _unlike(self, i: int) -> str:
         where = f"the step from t = {self.ts[i]:.9g} s cannot be repeated"
         return f"{where}: not a step of the method, or one with other forces"
-
-
-def _workspace(mech: Mechanism, formulation: str, native: ModuleType | None) -> Any:
-    with suppress(NotCompiled):
-        if native:
-            return mech.system(formulation, native=native)
-    return mech.system(formulation)

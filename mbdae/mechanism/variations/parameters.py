@@ -11,6 +11,7 @@ from mechanisms made with other values. At a point
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property, partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,14 +20,14 @@ import numpy as np
 import pinocchio as pin
 
 from ...differences import PLACES, settled
-from ...errors import InputError, MbdaeError
+from ...errors import InputError, MbdaeError, NotCompiled
 from ...system import Array
 from ..closures.constraints import Constraints
 from ..forces.joint_friction import DryElement
 from ..formulations.index2 import Index2System
 from ..formulations.sliding import Sliding
 from ..frames import support
-from ..modes.switches import Mode
+from ..modes.switches import Mode, left_out
 from .opened_tree import OpenedTree
 from .parameter import SMALL, WIDTH, ChangedLaws, ChangedRows, Parameter
 from .sliding_slopes import friction
@@ -65,6 +66,7 @@ class Parameters:
         native: the compiled core, for slopes of places and frames.
         own: the values are those that ``make`` gives of itself.
         along: points where differences of laws and rows are to hold.
+        mode: of the mechanism there; without one, all rows count.
 
     Attributes:
         mech: the mechanism with these values.
@@ -76,7 +78,7 @@ class Parameters:
 
     def __init__(
         self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, own: bool = False,
-        along: Sequence[At] = (),
+        along: Sequence[At] = (), mode: Mode = (),
     ) -> None:  # fmt: skip
         self.mech = mech = make({} if own else values)
         rest = {} if own else values
@@ -86,7 +88,7 @@ class Parameters:
             near = partial(_moved, make, rest, name, value)
             self.all.append(p := Parameter(name, mech, near, WIDTH * abs(value) or SMALL))
             if along and (p.forces or p.specs):
-                self._settle(p, along)
+                self._settle(p, along, mode)
         self.laws = [ChangedLaws(p, s) for p in self.all]
         self.rows = [ChangedRows(p, s) for p in self.all]
         places = sorted({j for p in self.all for j in p.places})
@@ -99,21 +101,25 @@ class Parameters:
     def __len__(self) -> int:
         return len(self.all)
 
-    def _settle(self, p: Parameter, along: Sequence[At]) -> None:
+    def _settle(self, p: Parameter, along: Sequence[At], mode: Mode) -> None:
         """Let differences of laws and rows be so narrow that they hold along a run: a frequency acts with the time.
 
         Raises:
             InputError: where they hold with no width.
         """
-        s, every = self.system, np.ones(self.system.ng)
+        s, kept = self.system, np.ones(self.system.ng)
+        if mode:
+            kept[left_out(s.mechanism.switches, mode)] = 0.0
 
         def sampled(h: float) -> dict[int, Array]:
             laws, rows, found = ChangedLaws(p, s, h), ChangedRows(p, s, h), []
             for t, q, v, inner in along:
                 pin.forwardKinematics(s.model, s.data, q, v, np.zeros(s.nv))
                 pin.computeJointJacobians(s.model, s.data, q)
-                kinds = laws.values(t, q, v, inner), rows.forces(t, every), rows.rates(t, v), rows.biases(t, v)
-                found.append({k: np.concatenate([x[k].ravel() for x in kinds if x]) for k in PLACES})
+                own, pulls = kept[rows.at], rows.forces(t, kept)
+                moves = [{k: x * own for k, x in kind.items()} for kind in (rows.rates(t, v), rows.biases(t, v))]
+                kinds = [x for x in (laws.values(t, q, v, inner), pulls, *moves) if x]
+                found.append({k: np.concatenate([x[k].ravel() for x in kinds]) for k in PLACES})
             return {k: np.array([x[k] for x in found]).T for k in PLACES}
 
         held = settled(sampled, p.h)
@@ -132,6 +138,17 @@ class Parameters:
                     own = self.system.laws.bound[i][0]
                     if isinstance(own, DryElement) and isinstance(other, DryElement):
                         other.sign[:] = own.sign
+
+    def workspace(self, formulation: str, native: ModuleType | None) -> Any:
+        """A workspace that runs share; in the core, where that is given and has the mechanism."""
+
+        def find() -> Any:
+            with suppress(NotCompiled):
+                if native:
+                    return self.mech.system(formulation, native=native)
+            return self.mech.system(formulation)
+
+        return self.once("workspace", (formulation, native), find)
 
     def once(self, name: str, key: Any, find: Callable[[], Any]) -> Any:
         """What runs share, a workspace or slopes at their start: found last for the same key, or found now."""

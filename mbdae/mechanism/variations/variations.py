@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..formulations.chart import Index2Chart
 
 ASSEMBLED = 1e-11  # m or rad: what assembly leaves
+SHORT = 3  # how often widths of starts shrink: what assembly tolerates must not pass for a start
 JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are functions of the user
 
 
@@ -199,7 +200,7 @@ class IndexTwoVariations(Corrections):
             try:
                 found = settled(
                     lambda h, p=p: {k: s.difference(base, m.point(t=t)) for k, m in p.beside(h).items()},  # type: ignore[misc]
-                    p.width, ASSEMBLED,
+                    p.width, ASSEMBLED, SHORT,
                 )  # fmt: skip
             except AssemblyError as e:  # as far apart as that
                 if p.name.startswith("start.") or not decided:

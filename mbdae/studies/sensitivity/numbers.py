@@ -69,7 +69,7 @@ def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, f
     mech, t, y = sol.mechanism, float(sol.nodes[0][0]), sol.nodes[1][0]
     if isinstance(names, Collection) and not isinstance(names, str) and not names:
         return {}, Parameters(lambda values: mech, {})
-    key = get_ident(), t, float(sol.nodes[0][-1]), repr(names)
+    key = get_ident(), t, float(sol.nodes[0][-1]), sol.mode(0), repr(names)
     if model is None and key in _BOUND.get(mech, {}):
         return _BOUND[mech][key]
     values, parameters = _bound(sol, names, maker(mech, model))
@@ -88,7 +88,7 @@ def _bound(sol: Solution, names: Names, make: Makes) -> tuple[dict[str, float], 
     cuts = np.cumsum([mech.nq, mech.nv, len(mech.states)])
     some = np.linspace(0, len(ts) - 1, LOOKS).round().astype(int)
     along = [(float(ts[i]), q, v, s) for i in np.unique(some) for q, v, s, _ in [np.split(ys[i], cuts)]]
-    parameters = Parameters(make.make, values, backend.load(), own=own, along=along)
+    parameters = Parameters(make.make, values, backend.load(), own=own, along=along, mode=sol.mode(0) or ())
     _compare(mech, parameters.mech)
     return values, parameters
 

@@ -165,3 +165,19 @@ def test_widths_shrink_until_differences_agree():
     assert settled(lambda h: values(lambda x: float(x > 0), h), 0.1).apart > 0.1
     with pytest.raises(InputError, match="too far"):
         settled(lambda h: values(edge, h), 1e9)
+
+
+def test_what_assembly_tolerates_is_no_start():
+    """Where wheels are tilted the start slips by 3 % of that: below some 1e-7 assembly does not see it."""
+    model = Template("mecanum_platform")
+    sol = mbdae.solve(model.make({}), (0.0, 0.1), step=0.05, method="pherk5")
+    with pytest.raises(InputError, match="start cannot be assembled beside this value"):
+        mbdae.sensitivity(sol, ["closure.front_left wheel.axis.2"], model=model)
+    tilted = mbdae.sensitivity(sol, ["body.platform.rpy.0"], model=model)  # slips by its square
+    assert np.abs(tilted.dy).max() > 0.1
+
+
+def test_rows_that_a_mode_leaves_out_do_not_count():
+    """The free pawl's gap jumps by a tooth where the run begins."""
+    sol = mbdae.solve(mbdae.load("ratchet"), (0.0, 0.03), step=0.01, method="pherk5")
+    assert not mbdae.sensitivity(sol, ["clutch.driving pawl.pitch", "clutch.driving pawl.tooth"]).dy.any()
