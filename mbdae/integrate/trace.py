@@ -146,7 +146,7 @@ class Trace:
             yield LinearPart(self.slopes.jumped(t, y), False)
             y = self.system.jump(t, y)
         if self.system.mechanism.switches:
-            y, struck = self.slopes.struck(t, y)
+            y, struck = self.at_start("struck", lambda: self.slopes.struck(t, y))
             yield LinearPart(struck, False)
         if self.project:
             yield LinearPart(self.at_start("restored", lambda: self.slopes.restored(t, y)), False)
@@ -155,7 +155,7 @@ class Trace:
         if self.n_carry:
             yield LinearPart(self.at_start("renewal", lambda: self.slopes.renewed(t, self.ys[0])), True)
 
-    def at_start(self, name: str, find: Callable[[], Array]) -> Array:
+    def at_start(self, name: str, find: Callable[[], Any]) -> Any:
         """Slopes at the first node, found once for runs from one start with the same parameters."""
         s = self.system
         key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.given.tobytes()

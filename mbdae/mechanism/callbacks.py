@@ -1,17 +1,42 @@
 """Python functions of the user: called with states they cannot change, and their values checked, by name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..errors import MbdaeError, StepError
+from ..errors import InputError, MbdaeError, StepError
 from ..system import Array
+
+FORCE = partial(StepError, "force")
 
 
 def function_name(function: Any) -> str:
     """The name under which a Python function is reported."""
     return getattr(function, "__name__", type(function).__name__)
+
+
+def attempted(
+    what: str, work: Callable[[], Any], where: Callable[[], str] = str, error: Callable[[str], MbdaeError] = InputError
+) -> Any:
+    """Do what a user's function does, and say where it fails: ``what``, and at which time or values if any.
+
+    Raises:
+        MbdaeError: ``error``, with the user's exception as its cause.
+    """
+    try:
+        return work()
+    except MbdaeError:
+        raise
+    except Exception as e:
+        at = where()
+        raise error(f"{what} failed{at and f' at {at}'}: {type(e).__name__}: {e}") from e
+
+
+def numbers(values: Mapping[str, float]) -> str:
+    """Numbers by name, in words."""
+    return ", ".join(f"{name} = {x:.9g}" for name, x in values.items())
 
 
 def called(what: str, function: Callable[..., Any], t: float | None, *arrays: Array) -> Any:
@@ -23,12 +48,7 @@ def called(what: str, function: Callable[..., Any], t: float | None, *arrays: Ar
     views = [x.view() for x in arrays]
     for x in views:
         x.flags.writeable = False
-    try:
-        return function(*(() if t is None else (t,)), *views)
-    except MbdaeError:
-        raise
-    except Exception as e:
-        raise StepError("force", f"{what} failed{_at(t)}: {type(e).__name__}: {e}") from e
+    return attempted(what, lambda: function(*(() if t is None else (t,)), *views), lambda: _time(t), FORCE)
 
 
 def checked(value: Any, shape: tuple[int, ...], t: float | None, what: str) -> Array:
@@ -55,5 +75,9 @@ def _words(shape: tuple[int, ...]) -> str:
     return f"shape {shape}" if shape else "a number"
 
 
+def _time(t: float | None) -> str:
+    return "" if t is None else f"t = {t:.17g}"
+
+
 def _at(t: float | None, comma: str = "") -> str:
-    return "" if t is None else f"{comma} at t = {t:.17g}"
+    return "" if t is None else f"{comma} at {_time(t)}"

@@ -139,12 +139,12 @@ class Parameter:
 class ChangedLaws:
     """The forces that a parameter changes, with their other numbers, in one workspace."""
 
-    def __init__(self, p: Parameter, s: Index2System, h: float | None = None) -> None:
+    def __init__(self, p: Parameter, s: Index2System, near: Nearby) -> None:
         self.p, self.nv = p, s.nv
         spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        near = (p.near if h is None else p.beside(h)).items() if p.forces else ()
-        self.near = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.data) for k, m in near}
+        beside = near.items() if p.forces else ()
+        self.near = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.data) for k, m in beside}
 
     def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
         """(tau, s', power) with the other numbers, (nv + ns + 1,)."""
@@ -162,12 +162,12 @@ class ChangedLaws:
 class ChangedRows:
     """The closures and drivers that a parameter changes, with their other numbers, in one workspace."""
 
-    def __init__(self, p: Parameter, s: Index2System, h: float | None = None) -> None:
+    def __init__(self, p: Parameter, s: Index2System, near: Nearby) -> None:
         self.p, self.nv = p, s.nv
         spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
-        near = (p.near if h is None else p.beside(h)).items() if p.specs else ()
-        self.near = {k: Constraints(s.model, s.data, [m.constraints[i] for i in p.specs]) for k, m in near}
+        beside = near.items() if p.specs else ()
+        self.near = {k: Constraints(s.model, s.data, [m.constraints[i] for i in p.specs]) for k, m in beside}
 
     def forces(self, t: float, lam: Array) -> dict[int, Array]:
         """(G^T lam, lam . u') with the other numbers, (nv + 1,)."""

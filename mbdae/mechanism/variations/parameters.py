@@ -89,8 +89,8 @@ class Parameters:
             self.all.append(p := Parameter(name, mech, near, WIDTH * abs(value) or SMALL))
             if along and (p.forces or p.specs):
                 self._settle(p, along, mode)
-        self.laws = [ChangedLaws(p, s) for p in self.all]
-        self.rows = [ChangedRows(p, s) for p in self.all]
+        self.laws = [ChangedLaws(p, s, p.near) for p in self.all]
+        self.rows = [ChangedRows(p, s, p.near) for p in self.all]
         places = sorted({j for p in self.all for j in p.places})
         frames = sorted({i for p in self.all for i in p.frames})
         self.opened = OpenedTree(mech, places, frames, s, native) if places or frames else None
@@ -112,7 +112,8 @@ class Parameters:
             kept[left_out(s.mechanism.switches, mode)] = 0.0
 
         def sampled(h: float) -> dict[int, Array]:
-            laws, rows, found = ChangedLaws(p, s, h), ChangedRows(p, s, h), []
+            near, found = p.beside(h), []
+            laws, rows = ChangedLaws(p, s, near), ChangedRows(p, s, near)
             for t, q, v, inner in along:
                 pin.forwardKinematics(s.model, s.data, q, v, np.zeros(s.nv))
                 pin.computeJointJacobians(s.model, s.data, q)

@@ -16,14 +16,14 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2 as chi2_distribution
 
 from ...errors import InputError, MbdaeError, require, several
-from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.formats.remembered import number
 from ...mechanism.formats.template import Template
 from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
-from ..sensitivity.numbers import Makes, check_settings, maker, named_values, reals, scaled, teller
+from ..sensitivity.numbers import Makes, maker, named_values, reals, scaled, teller
+from ..sweep.run import check_settings
 from .data import records
 from .misfit import Misfit
 from .result import TIED, Attempt, Fit
@@ -99,7 +99,7 @@ def fit(
     for name in ("t_eval", "events"):
         if name in settings:
             raise InputError(f"a fit takes no {name}: the times of the data are those of its runs")
-    check_settings(solve, settings, ("problem", "t_span", "t_eval", "events", "progress"))
+    check_settings(settings, others=("problem", "t_span", "t_eval", "events", "progress"))
     told = teller(progress)
     found = records(data, several(signals, "signals are names of columns"))
     loaded = model if isinstance(model, Mechanism) else None

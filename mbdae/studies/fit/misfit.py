@@ -10,6 +10,7 @@ from ...integrate.defaults import with_tolerance
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
+from ...mechanism.callbacks import numbers
 from ...solution.signals import signals as computed_signals
 from ...solution.solution import uninterrupted
 from ...system import Array
@@ -77,8 +78,8 @@ class Misfit:
                 run = times[-1] > self.start
                 sol = uninterrupted(solve(mech, span, t_eval=times, **settings)) if run else None
                 if sol is None or not sol.ended:
-                    at = ", ".join(f"{name} = {x:.9g}" for name, x in values.items())
-                    raise InputError(f"{record.name}: {f'with {at}, {sol.message}' if sol else 'no time passes'}")
+                    why = f"with {numbers(values)}, {sol.message}" if sol else "no time passes"
+                    raise InputError(f"{record.name}: {why}")
                 self.runs += 1
                 out.append(sol)
             self._last = key, out

@@ -12,6 +12,7 @@ from ...errors import InputError, is_number
 from ...integrate.defaults import with_tolerance
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
+from ...mechanism.callbacks import attempted, numbers
 from ...mechanism.variations.parameters import Parameters
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
@@ -19,9 +20,10 @@ from ..fit.misfit import RTOL
 from ..kinematics.driven import driven
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
-from ..sensitivity.cost import Cost, Told, called, evaluated, named
+from ..sensitivity.cost import Cost, Told, evaluated, named
 from ..sensitivity.gradient import gradient
-from ..sensitivity.numbers import Makes, check_settings
+from ..sensitivity.numbers import Makes
+from ..sweep.run import check_settings
 from .curve_slopes import CurveSignals, check_whole
 
 
@@ -55,7 +57,8 @@ class _OfSignals(Told):
         self.cost, self.values, self.own, self.what = cost, values, np.zeros(len(values)), what or named(cost)
 
     def __call__(self, signals: Mapping[str, Array]) -> Any:
-        found = called(self.what, self.cost, WithNumbers(signals, self.values), self.values)
+        known = WithNumbers(signals, self.values)
+        found = attempted(self.what, lambda: self.cost(known), lambda: numbers(self.values))
         if not (isinstance(found, tuple | list) and len(found) == 2 and isinstance(found[1], Mapping)):
             return found
         own = {name: x for name, x in found[1].items() if name in self.values}
@@ -129,7 +132,7 @@ def runs(make: Makes, t_span: tuple[float, float] | None, settings: Mapping[str,
         UnknownNameError: for a setting that does not exist.
         InputError: of a run that does not come to its end; KeyboardInterrupt of one that was stopped.
     """
-    check_settings(solve, settings, ("problem", "t_span", "progress"))
+    check_settings(settings, others=("problem", "t_span", "progress"))
 
     def run(values: dict[str, float]) -> RunMotion:
         mech = make.make(values)
@@ -149,7 +152,7 @@ def curves(make: Makes, drive: str, first: Mechanism, options: Mapping[str, Any]
         UnknownNameError: for a setting that does not exist.
         InputError: of a drive that turns back on its way, and of a parameter that opens dependent rows.
     """
-    check_settings(kinematics, options, ("mech", "drive"))
+    check_settings(options, kinematics, ("mech", "drive"))
     begin = kinematics(first, drive, **options)
     span = options.get("span") or (float(begin.u[0]), float(begin.u[-1]))
     check_whole(begin, span)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, MbdaeError, is_number
-from ...mechanism.callbacks import function_name
+from ...errors import InputError, is_number
+from ...mechanism.callbacks import attempted, function_name
 from ...solution.signals import signals, units
 from ...solution.solution import Solution
 from ...system import Array
@@ -112,21 +112,6 @@ def named(cost: Any) -> str:
     return cost.what if isinstance(cost, Told) else f"cost {function_name(cost)!r}"
 
 
-def called(what: str, function: Callable[..., Any], given: Any, values: Mapping[str, float] | None = None) -> Any:
-    """What a user's function says of what is given, with the parameters known.
-
-    Raises:
-        InputError: for a function that fails; names it and the parameters, and has the user's exception as its cause.
-    """
-    try:
-        return function(given)
-    except MbdaeError:
-        raise
-    except Exception as e:
-        at = ", ".join(f"{name} = {x:.9g}" for name, x in (values or {}).items())
-        raise InputError(f"{what} failed{at and f' at {at}'}: {type(e).__name__}: {e}") from e
-
-
 def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, dict[str, Array]]:
     """A cost of signals (n,) and its derivatives, checked.
 
@@ -135,7 +120,7 @@ def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, 
     """
     if not callable(cost):
         raise InputError(f"a cost is a function of signals that returns (value, slopes), got {cost!r:.60}")
-    found = called(what := named(cost), cost, signals)
+    found = attempted(what := named(cost), lambda: cost(signals))
     try:
         given, table = found
         value, slopes = float(real(given)), {key: real(x) for key, x in table.items()}

@@ -1,6 +1,5 @@
 """The numbers of a mechanism by which a run is differentiated, by dotted names, and what makes mechanisms."""
 
-import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from numbers import Real
@@ -13,13 +12,13 @@ import numpy as np
 from ... import backend
 from ...errors import InputError, StepError, UnknownNameError, is_number, require
 from ...mechanism import Mechanism
+from ...mechanism.callbacks import attempted
 from ...mechanism.formats.remembered import Remembered, number
 from ...mechanism.formats.template import Template
 from ...mechanism.variations.parameters import Parameters
 from ...solution.solution import Solution
 from ...system import Array
 from ..sweep.run import Made
-from .cost import called
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()
 """The parameters by which a mechanism was differentiated last: workspaces of one thread."""
@@ -132,23 +131,6 @@ def scaled(given: Any, usual: Mapping[str, float]) -> Array:
     return np.array([float(x) for x in {**usual, **(given or {})}.values()])
 
 
-def check_settings(function: Callable[..., Any], given: Mapping[str, Any], taken: Collection[str]) -> None:
-    """Refuse settings that a function does not have.
-
-    Args:
-        function: of mbdae.
-        given: settings by name.
-        taken: its arguments that are none.
-
-    Raises:
-        UnknownNameError: lists those that exist.
-    """
-    valid = [name for name in inspect.signature(function).parameters if name not in taken]
-    for name in given:
-        if name not in valid:
-            raise UnknownNameError(f"setting of {function.__name__}", name, valid)
-
-
 def teller(progress: Any) -> Callable[[str], None]:
     """What tells the user's function what is done; nothing for None.
 
@@ -159,7 +141,7 @@ def teller(progress: Any) -> Callable[[str], None]:
         return lambda text: None
     if not callable(progress):
         raise InputError(f"progress is a function of a text, got {progress!r:.60}")
-    return lambda text: called("progress", progress, text)
+    return lambda text: attempted("progress", lambda: progress(text))
 
 
 def reals(given: Any) -> list[float]:

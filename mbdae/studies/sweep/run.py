@@ -1,7 +1,7 @@
 """One run of a sweep: from parameter values to a row, here, in another thread, in another process or machine."""
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from time import perf_counter
@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import AssemblyError, InputError, MbdaeError, UnknownNameError, require
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
-from ...mechanism.callbacks import function_name
+from ...mechanism.callbacks import attempted, function_name
 from ...mechanism.formats.template import START, Template, check_start, with_start
 from ...system import Counts
 from ..workers import Stop
@@ -21,7 +21,6 @@ from .plan import Task
 
 SOLVE = "solve."
 NOT_SETTINGS = ("problem", "t_span", "q", "v", "s", "t_eval", "progress")
-SETTINGS = tuple(name for name in inspect.signature(solve).parameters if name not in NOT_SETTINGS)
 COUNTS = ("steps", "rejected", *Counts().to_dict())
 FAILURES = {  # statuses of runs that did not come to a solution
     "input": "a value does not fit",
@@ -72,13 +71,11 @@ class Made:
         """See `Maker`."""
         start = {name: x for name, x in values.items() if name.startswith(START)}
         plain = {name: x for name, x in values.items() if name not in start}
-        try:
-            mech = self.function(**plain)
-        except MbdaeError:
-            raise
-        except Exception as e:
-            at = ", ".join(f"{name} = {x!r:.60}" for name, x in plain.items())
-            raise MbdaeError(f"model {self.name!r} failed{at and f' at {at}'}: {type(e).__name__}: {e}") from e
+
+        def at() -> str:
+            return ", ".join(f"{name} = {x!r:.60}" for name, x in plain.items())
+
+        mech = attempted(f"model {self.name!r}", lambda: self.function(**plain), at, MbdaeError)
         require(mech, Mechanism, f"{self.name} must return a Mechanism")
         return with_start(mech, start)
 
@@ -177,12 +174,15 @@ def _teller(stop: Stop) -> Callable[[float], None]:
     return tell
 
 
-def check_settings(settings: Sequence[str]) -> None:
-    """Refuse names that are no settings of a run.
+def check_settings(
+    settings: Iterable[str], function: Callable[..., Any] = solve, others: Collection[str] = NOT_SETTINGS
+) -> None:
+    """Refuse names that are no settings of a run, or of another function, whose ``others`` are none.
 
     Raises:
         UnknownNameError: lists those that are.
     """
+    valid = [name for name in inspect.signature(function).parameters if name not in others]
     for name in settings:
-        if name not in SETTINGS:
-            raise UnknownNameError("setting of solve", name, SETTINGS)
+        if name not in valid:
+            raise UnknownNameError(f"setting of {function.__name__}", name, valid)

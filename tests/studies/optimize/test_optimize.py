@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from sprung_arm import ARM
 
 import mbdae
 from mbdae import differences
@@ -11,29 +12,6 @@ from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.template import Template
 from mbdae.studies.optimize.motion import curves, runs
 
-ARM = """
-title = "Arm under a spring"
-[[body]]
-name = "arm"
-parent = "world"
-axis = [0.0, -1.0, 0.0]
-mass = 2.0
-com = [0.5, 0.0, 0.0]
-inertia = [0.0, 0.1, 0.1, 0.0, 0.0, 0.0]
-[[frame]]
-name = "top"
-parent = "world"
-xyz = [0.0, 0.0, 0.6]
-[[frame]]
-name = "eye"
-parent = "arm"
-xyz = [0.4, 0.0, 0.0]
-[[force]]
-name = "spring"
-kind = "spring_damper"
-frames = ["top", "eye"]
-stiffness = 10.0
-"""
 STIFFNESS = {"force.spring.stiffness": 10.0}
 BALANCE = 2.0 * 9.81 * 0.5 / (0.6 * 0.4)  # k h a = m g r: a spring without rest length carries the arm everywhere
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sprung_arm import ARM
 
 import mbdae
 from mbdae.errors import InputError, MbdaeError, StepError, UnknownNameError
@@ -99,31 +100,11 @@ def test_a_cost_that_fails_is_the_cause(sol):
         mbdae.gradient(sol, mbdae.Squares({"q.crank": np.array([1j, 0, 0])}), MASS)
 
 
-ARM = """
-title = "Arm under a spring"
-gravity = [0.0, 0.0, 0.0]
-[[body]]
-name = "arm"
-parent = "world"
-axis = [0.0, -1.0, 0.0]
-mass = 2.0
-com = [0.5, 0.0, 0.0]
-inertia = [0.0, 0.1, 0.1, 0.0, 0.0, 0.0]
-[[frame]]
-name = "top"
-parent = "world"
-xyz = [{}, 0.0, 0.0]
-[[frame]]
-name = "eye"
-parent = "arm"
-xyz = [0.4, 0.0, 0.0]
-[[force]]
-name = "spring"
-kind = "spring_damper"
-frames = ["top", "eye"]
-stiffness = 10.0
-{}
-"""
+def hung(x, more):
+    """The arm without weight, its spring held at (x, 0, 0)."""
+    return f"gravity = [0.0, 0.0, 0.0]{ARM.replace('[0.0, 0.0, 0.6]', f'[{x}, 0.0, 0.0]')}{more}"
+
+
 LOST = "force 'spring' has no direction where its points coincide, and no slope there"
 
 
@@ -131,7 +112,7 @@ LOST = "force 'spring' has no direction where its points coincide, and no slope 
 @pytest.mark.parametrize("backend", ["python", pytest.param("native", marks=pytest.mark.native)])
 def test_a_spring_between_points_that_coincide_has_no_slope(tmp_path, more, backend):
     path = tmp_path / "arm.toml"
-    path.write_text(ARM.format(0.4, more))
+    path.write_text(hung(0.4, more))
     mech = mbdae.load(path)
     run = mbdae.solve(mech, (0.0, 0.02), step=0.01, backend=backend)
     with pytest.raises(InputError, match=LOST):
@@ -141,7 +122,7 @@ def test_a_spring_between_points_that_coincide_has_no_slope(tmp_path, more, back
     for study in (mbdae.linearize, mbdae.modes):
         with pytest.raises(InputError, match=LOST):
             study(mech, np.zeros(1))
-    path.write_text(ARM.format(0.41, more))
+    path.write_text(hung(0.41, more))
     apart = mbdae.sensitivity(mbdae.solve(mbdae.load(path), (0.0, 0.02), step=0.01, backend=backend), start=True)
     assert np.abs(apart.dy).max() < 100
 
@@ -149,14 +130,14 @@ def test_a_spring_between_points_that_coincide_has_no_slope(tmp_path, more, back
 def test_a_spring_without_length_has_a_slope_everywhere(tmp_path):
     """F = -k (b - a): its stiffness is k in all directions; other lengths, forces and holding efforts have none."""
     path = tmp_path / "arm.toml"
-    path.write_text(ARM.format(0.4, ""))
+    path.write_text(hung(0.4, ""))
     mech = mbdae.load(path)
     assert mbdae.linearize(mech, np.zeros(1)).A[1, 0] == pytest.approx(-10 * 0.4**2 / (0.1 + 2 * 0.5**2))
     run = mbdae.solve(mech, (0.0, 0.02), step=0.01)
     assert np.abs(mbdae.sensitivity(run, ["force.spring.stiffness"], start=True).dy).max() < 10
     with pytest.raises(InputError, match=LOST):
         mbdae.sensitivity(run, {"force.spring.force": 0.0})
-    path.write_text(ARM.format(0.4, "length = 0.3"))
+    path.write_text(hung(0.4, "length = 0.3"))
     signals = curves(mbdae.studies.sensitivity.numbers.maker(None, str(path)), "arm", mbdae.load(path),
                      {"span": (0.0, 0.5), "points": 3})({"force.spring.stiffness": 10.0}).signals  # fmt: skip
     with pytest.raises(InputError, match=LOST):
