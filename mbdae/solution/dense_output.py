@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -107,3 +108,24 @@ class DenseOutput:
         """Return z (nz,) at any time of the run from the hidden constraint; the first ng are lam."""
         y, i = self.point(t), int(self.before(np.array([t]))[0])
         return self.at(i).derivative(t, y, self.nodes[2][i])[1]
+
+    def resampled(self, times: Array) -> Self:
+        """Return the solution at other times (m,) within its span, interpolated between the steps.
+
+        Multipliers of the method's own are those of the step's start.
+
+        Raises:
+            InputError: for a time outside.
+        """
+        points = np.array(list(self.points(times))).reshape(len(times), self.y.shape[1])
+        return self._view(times, points, self.nodes[2][self.before(times)], self.nodes)
+
+    def at_nodes(self) -> Self:
+        """Return the solution at the ends of all steps, whatever ``t_eval`` asked for."""
+        return self if self.steps is None else self._view(*self.steps, None)
+
+    def _view(self, t: Array, y: Array, z_own: Array, steps: tuple[Array, Array, Array] | None) -> Self:
+        """The same run at other times; workspace and rates at the nodes are shared."""
+        other: Any = replace(cast(Any, self), t=np.asarray(t), y=np.asarray(y), z_own=np.asarray(z_own), steps=steps)
+        other.__dict__["system"], other.rates = self.system, self.rates
+        return other

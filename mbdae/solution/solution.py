@@ -22,6 +22,7 @@ from .dense_output import DenseOutput
 from .impact import Impact
 from .sampling import at_times
 from .signals import signals, units
+from .statistics import Statistics, statistics
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -201,6 +202,18 @@ class Solution(DenseOutput, Tabular):
         m, times = self.mechanism, np.asarray(t, float)
         y = np.array(list(self.points(times.ravel()))).reshape(*times.shape, self.y.shape[1])
         return Sample(y[..., : m.nq], y[..., m.nq : m.nq + m.nv])
+
+    def statistics(self, names: str | Sequence[str]) -> Statistics:
+        """Return extrema, means, RMS values and integrals of signals, from the solution between the steps.
+
+        Args:
+            names: of `signals`, a name or several; the beginning of several names stands for all of them.
+
+        Raises:
+            UnknownNameError: for a signal that does not exist.
+            InputError: for a textbook problem, or a solution without times.
+        """
+        return statistics(self, names)
 
     def signals(self) -> dict[str, Array]:
         """Named columns of equal length, see `mbdae.solution.signals`, y and z of a textbook problem."""

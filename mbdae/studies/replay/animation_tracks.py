@@ -10,7 +10,6 @@ from ...mechanism.contacts import path, rolling
 from ...mechanism.frames import joint_paths, paths
 from ...system import Array
 from ..figures import COLOURS
-from .plot_panels import resampled
 from .threejs import node, typed
 
 if TYPE_CHECKING:
@@ -145,7 +144,7 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
     joined = {c.name: c.frames for c in mech.constraints if c.frames}
     if names is True and not joined:
         raise InputError(f"{mech.title!r} has no closures between frames: there are no forces to draw; name a joint")
-    sample = resampled(sol, times)
+    sample = sol.resampled(times)
     chosen = joined if names is True else several(names, "arrows is True, or a list of closures and joints")
     found = [sample.reaction(name) for name in chosen]
     wheels = {c.name for c in rolling(mech)}

@@ -153,7 +153,7 @@ def _table(sol: "Solution", own: Mapping[str, Signal], wanted: Sequence[str]) ->
     """Curves of a solution by name, smooth ones at uniform times, the others at its steps; those that are wanted."""
     few = np.unique(np.linspace(0, len(sol.t) - 1, min(len(sol.t), POINTS)).astype(int))
     steps = replace(sol, t=sol.t[few], y=sol.y[few], z_own=sol.z_own[few], steps=sol.nodes)
-    smooth = resampled(sol, np.linspace(sol.t[0], sol.t[-1], POINTS)) if len(sol.t) > 1 else steps
+    smooth = sol.resampled(np.linspace(sol.t[0], sol.t[-1], POINTS)) if len(sol.t) > 1 else steps
     table = {name: Curve(name, smooth.t, values) for name, values in signals(smooth, wanted).items()}
     table |= {name: Curve(name, steps.t, values) for name, values in signals(steps, STEPPED).items()}
     for name, signal in own.items():
@@ -176,10 +176,3 @@ def _own(name: str, signal: Any, sol: "Solution", smooth: "Solution") -> Curve:
         raise InputError(f"signal {name!r} has shape {y.shape}, expected ({len(t)},), one number for each time")
     return Curve(name, t, y)
 
-
-def resampled(sol: "Solution", times: Array) -> "Solution":
-    """The solution at other times (m,) within its span, interpolated between the steps."""
-    ts, _, zs = sol.nodes
-    rising = slice(None) if ts[-1] >= ts[0] else slice(None, None, -1)
-    near = np.arange(len(ts))[rising][np.searchsorted(ts[rising], times).clip(max=len(ts) - 1)]
-    return replace(sol, t=times, y=np.array([sol.point(t) for t in times]), z_own=zs[near], steps=sol.nodes)

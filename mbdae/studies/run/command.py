@@ -42,7 +42,8 @@ SHOWN = 5  # times of an event
 @click.option("--plots", multiple=True, help="A signal in the replay, or several on common axes: q.crank,q.rod.")
 @replay_options
 @click.option("--plot", type=click.Path(dir_okay=False), help="Draw the run as .png, .svg or .pdf.")
-@click.option("--signal", "names", multiple=True, help="Plot these, by name or beginning: force.crank, power.motor, q.")
+@click.option("--signal", "names", multiple=True,
+              help="Print extrema, mean and RMS of these, and plot them: force.crank, power.motor, q.")  # fmt: skip
 @as_json
 def run(
     model: ChosenModel,
@@ -86,8 +87,8 @@ def run(
     if (html or video or glb) and not isinstance(mech, Mechanism):
         raise InputError(f"{mech.title!r} has no bodies to replay: --plot run.png draws y and z over time")
     names = tuple(find(mech, listed(names)) if isinstance(mech, Mechanism) else listed(names))
-    if names and not plot:
-        raise InputError("--signal says what --plot draws: give both")
+    if names and not plot and not isinstance(mech, Mechanism):
+        raise InputError(f"{mech.title!r} has no bodies: --signal names what --plot run.png draws, y and z")
     sol = simulate(mech, events=watched, **options)
     if output:
         sol.save(output)
@@ -99,6 +100,7 @@ def run(
     if plot:
         sol.plot(plot, names)
     found = measure_drift(sol)
+    extremes = sol.statistics(names) if names and isinstance(mech, Mechanism) else None
     data = {
         "status": sol.status,
         "message": sol.message,
@@ -108,6 +110,7 @@ def run(
         "events": {text: sol.events[i][0].tolist() for i, text in enumerate([*events, *until])},
         "singular": [x.to_dict() for x in sol.singular],
         "impacts": [x._asdict() for x in sol.impacts],
+        **({"signals": extremes.to_dict()} if extremes else {}),
     }
     lines = [
         str(sol),
@@ -115,6 +118,7 @@ def run(
         *(f"  {text}: {_times(sol.events[i][0])}" for i, text in enumerate([*events, *until])),
         *(f"  singular configuration: {x}" for x in sol.singular),
         *([_impacts(sol)] if sol.impacts else []),
+        *([str(extremes)] if extremes else []),
         *(f"wrote {p}" for p in written),
     ]
     emit({**data, "written": written}, "\n".join(lines), as_json)

@@ -1,13 +1,15 @@
 """What is kept of each run of a sweep: signals at given times, and single numbers.
 
 "q.slider"                     a signal, kept at the times of the sweep
-"final q.slider"               its value at the end; max, min, mean over time, and peak, the largest magnitude
+"final q.slider"               its value at the end; max, min, and peak, the largest magnitude
+"rms effort.motor"             over time; also mean and integral
 "peak force.wrist pin"         of a joint or closure: force in N and torque in N m, magnitudes or components
 "max effort.motor"             of a coupling or a driver; power of a driver or a force
 "min normal.front"             of a rolling body; also longitudinal, lateral and friction, the coefficient that it takes
 a function of the Solution     returns a table of numbers: {"period": 1.2}
 
-Where the sweep has times, signals are taken there; else at the ends of steps, between which a maximum may hide.
+Extrema and integrals come from the solution between the steps, `mbdae.solution.statistics`: they depend on the error of
+the run alone, not on where its steps or the sweep's times are.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,17 +22,17 @@ from ...mechanism import Mechanism
 from ...mechanism.callbacks import function_name
 from ...solution.signals import signals, units
 from ...solution.solution import Solution
+from ...solution.statistics import Extremum, Integrals, extrema, integrals
 from ...system import Array
 
 Function = Callable[[Solution], Mapping[str, float]]
 Output = str | Function
-REDUCTIONS: dict[str, Callable[[Array, Array], float]] = {
-    "final": lambda t, x: x[-1],
-    "max": lambda t, x: x.max(),
-    "min": lambda t, x: x.min(),
-    "peak": lambda t, x: np.abs(x).max(),
-    "mean": lambda t, x: np.trapezoid(x, t) / (t[-1] - t[0]) if len(t) > 1 else x[0],
+EXTREMA: dict[str, Callable[[tuple[Extremum, Extremum]], float]] = {
+    "min": lambda x: x[0].value,
+    "max": lambda x: x[1].value,
+    "peak": lambda x: max(abs(x[0].value), abs(x[1].value)),
 }
+REDUCTIONS = ("final", *EXTREMA, *Integrals._fields)
 
 
 class Wanted(NamedTuple):
@@ -86,9 +88,17 @@ def evaluate(
         InputError: for a function that fails, or returns what is no table of numbers.
     """
     wanted = [parse(x) for x in outputs if isinstance(x, str)]
-    found = signals(sol, [w.signal for w in wanted])
-    numbers = {w.text: float(REDUCTIONS[w.reduction](sol.t, found[w.signal])) for w in wanted if w.reduction}
-    samples = {}
+    found = signals(sol, [w.signal for w in wanted if w.reduction in (None, "final")])
+    extreme = extrema(sol, [w.signal for w in wanted if w.reduction in EXTREMA])
+    summed = integrals(sol, [w.signal for w in wanted if w.reduction in Integrals._fields])
+    numbers, samples = {}, {}
+    for w in wanted:
+        if w.reduction in EXTREMA:
+            numbers[w.text] = EXTREMA[w.reduction](extreme[w.signal])
+        elif w.reduction in Integrals._fields:
+            numbers[w.text] = getattr(summed[w.signal], w.reduction)
+        elif w.reduction:
+            numbers[w.text] = float(found[w.signal][-1])
     for w in wanted:
         if w.reduction is None and n is not None:
             samples[w.text] = np.full(n, np.nan)

@@ -88,8 +88,9 @@ def test_outputs_are_those_of_the_solution():
     sol = mbdae.solve(mech, (0, 1), rtol=1e-8, t_eval=times)
     signals, reaction = sol.signals(), sol.reaction("wrist pin")
     assert result["final q.slider"][0] == signals["q.slider"][-1]
-    assert result["max v.crank"][0] == signals["v.crank"].max()
-    assert result["min energy"][0] == signals["energy"].min()
+    found = sol.statistics(["v.crank", "energy"])
+    assert result["max v.crank"][0] == found.maximum["v.crank"].value >= signals["v.crank"].max()
+    assert result["min energy"][0] == pytest.approx(found.minimum["energy"].value, rel=1e-14)
     assert result["mean t"][0] == pytest.approx(0.5, abs=1e-12)
     assert result["peak torque.wrist pin"][0] == pytest.approx(np.linalg.norm(reaction.torque, axis=1).max(), abs=1e-9)
     np.testing.assert_array_equal(result["q.crank"], signals["q.crank"][None])
@@ -276,7 +277,7 @@ def test_wrong_arguments_are_refused_before_anything_runs(arguments, words):
     ("options", "words"),
     [
         ({"outputs": ["final q.crnk"]}, "did you mean 'q.crank'"),
-        ({"outputs": ["maximum q.crank"]}, "(did you mean 'max'?); valid: final, max, min, peak, mean"),
+        ({"outputs": ["maximum q.crank"]}, "(did you mean 'max'?); valid: final, min, max, peak, mean, rms, integral"),
         ({"outputs": ["q.crank"]}, "kept at times"),
         ({"outputs": ["final t", "final t"]}, "stands twice"),
         ({"outputs": "final t"}, "outputs is a list"),

@@ -1,0 +1,260 @@
+"""Extrema, means and integrals of signals over a run, from the solution between its steps.
+
+On each step a signal is smooth. It is sampled there at Chebyshev-Lobatto points theta_k = (1 - cos(pi k/n))/2 of the
+dense output, n = 4, 8, 16, 32 until the last coefficients of its Chebyshev series are small (Trefethen, Approximation
+Theory and Approximation Practice, chapters 3 and 19). Both ends are limits from within the step, so that a value just
+before an impact or a change of mode counts. Extrema are roots of the derivative of the series, evaluated once more by
+the signal itself; integrals are those of the series (Clenshaw-Curtis).
+"""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from functools import cache
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from ..errors import InputError
+from ..system import Array
+from ..tabular import Tabular
+from .signals import find, signals, units
+
+if TYPE_CHECKING:
+    from .solution import Solution
+
+DEGREES = (4, 8, 16, 32)
+EXTREMUM_TOLERANCE = 1e-9  # of the range of a signal: last coefficients of a series that has extrema to rounding
+INTEGRAL_TOLERANCE = 1e-5  # likewise of one whose integral is right to some 1e-10: those left out oscillate
+UNRESOLVED = 0.05  # of the range: last coefficients that do not decay are rounding of a signal that is constant
+RESIDUALS, DISCRETE = ("g", "Gv"), ("impulse", "mode")  # taken at the ends of steps, to which they belong
+FINE = 64  # points at which a series is compared before its derivative's roots are found
+
+
+class Extremum(NamedTuple):
+    """An extreme value and when it is taken, in s."""
+
+    value: float
+    t: float
+
+
+class Integrals(NamedTuple):
+    """The mean, the root of the mean square, and the integral over time (unit times s) of a signal."""
+
+    mean: float
+    rms: float
+    integral: float
+
+
+@dataclass(frozen=True)
+class Statistics(Tabular):
+    """Extrema, means and integrals of signals over a run.
+
+    Attributes:
+        minimum: by signal.
+        maximum: by signal.
+        integrals: by signal.
+        units: by signal.
+    """
+
+    minimum: dict[str, Extremum]
+    maximum: dict[str, Extremum]
+    integrals: dict[str, Integrals]
+    units: dict[str, str]
+
+    def peak(self, name: str) -> Extremum:
+        """The value of largest magnitude of a signal, with its sign."""
+        return max(self.minimum[name], self.maximum[name], key=lambda x: abs(x.value))
+
+    def cells(self) -> list[list[str]]:
+        """A row for each signal."""
+        heads = ["signal", "unit", "min", "at s", "max", "at s", "mean", "RMS", "integral"]
+        return [heads] + [
+            [name, self.units[name], *(f"{x:.7g}" for x in (*low, *self.maximum[name], *self.integrals[name]))]
+            for name, low in self.minimum.items()
+        ]
+
+    def __str__(self) -> str:
+        rows = self.cells()
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        return "\n".join("  ".join(x.ljust(w) for x, w in zip(row, widths, strict=True)).rstrip() for row in rows)
+
+    def to_dict(self) -> dict[str, dict[str, float | str]]:
+        """By signal: ``unit``, ``min``, ``t_min``, ``max``, ``t_max``, ``mean``, ``rms``, ``integral``."""
+        return {
+            name: {"unit": self.units[name], "min": low.value, "t_min": low.t, "max": self.maximum[name].value,
+                   "t_max": self.maximum[name].t, **self.integrals[name]._asdict()}
+            for name, low in self.minimum.items()
+        }  # fmt: skip
+
+
+def statistics(sol: "Solution", names: str | Collection[str]) -> Statistics:
+    """Return extrema, means and integrals of signals, see `mbdae.solution.signals.find` for their names.
+
+    Raises:
+        UnknownNameError: for a signal that does not exist.
+        InputError: for a solution of a textbook problem, or one without times.
+    """
+    wanted, known = find(sol.mechanism, names), units(sol.mechanism)
+    found = extrema(sol, wanted)
+    low, high = ({name: found[name][i] for name in wanted} for i in (0, 1))
+    return Statistics(low, high, integrals(sol, wanted), {name: known[name] for name in wanted})
+
+
+def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum, Extremum]]:
+    """Return the least and the largest value of signals over a run, located to rounding of the value.
+
+    Residuals g and Gv, modes and impulses are those of the steps. Only steps that can hold an extremum are sampled:
+    those whose ends reach the extreme of all ends by the variation of the ends around.
+    """
+    ends, t = _at_nodes(sol, names)
+    out = {name: (_first(x, t, np.argmin), _first(x, t, np.argmax)) for name, x in ends.items()}
+    smooth = [name for name in names if not _at_steps(name)]
+    run = _Steps(sol, smooth)
+    if not smooth or not len(run.steps):  # nothing between the steps
+        return out
+    nodes = np.array([ends[name] for name in smooth])
+    span, steps = np.ptp(nodes, axis=1)[:, None], run.candidates(nodes)
+    last = np.full((len(smooth), len(t)), np.inf)
+    for degree in DEGREES:
+        if not len(steps):
+            break
+        times, values, series = run.sample(steps, degree)
+        tail, fine = np.abs(series[..., -2:]).max(axis=2), series @ _grid(degree)
+        curves = zip(series, fine, strict=True)
+        turns = np.concatenate([_turning_points(c, f, run.t[steps], run.h[steps]) for c, f in curves])
+        for name, x, y in zip(smooth, values, run.at(turns), strict=True):
+            out[name] = _wider(out[name], np.append(x.ravel(), y), np.append(times.ravel(), turns))
+        low, high = np.array([[[out[name][i].value] for name in smooth] for i in (0, 1)])
+        reaches = (fine.max(axis=2) + tail >= high) | (fine.min(axis=2) - tail <= low)
+        constant = (tail > UNRESOLVED * span) & (tail > last[:, steps] / 2)
+        last[:, steps] = tail
+        steps = steps[((tail > EXTREMUM_TOLERANCE * span) & reaches & ~constant).any(axis=0)]
+    return out
+
+
+def integrals(sol: "Solution", names: Collection[str]) -> dict[str, Integrals]:
+    """Return means, roots of mean squares and integrals of signals over a run, from its first time to its last.
+
+    Residuals g and Gv are integrated from step to step; impulses have no values in time, and give nan.
+    """
+    ends, t = _at_nodes(sol, names)
+    out = {name: _sums(name, x, t) for name, x in ends.items() if _at_steps(name)}
+    return out | _integrals(sol, {name: x for name, x in ends.items() if name not in out}, t)
+
+
+def _integrals(sol: "Solution", ends: dict[str, Array], t: Array) -> dict[str, Integrals]:
+    """Integrals of smooth signals with these values at the ends of steps."""
+    if not ends:
+        return {}
+    run, length = _Steps(sol, ends), float(t[-1] - t[0])
+    if not len(run.steps):
+        return {name: Integrals(float(x[0]), float(abs(x[0])), 0.0) for name, x in ends.items()}
+    span = np.array([[np.ptp(x)] for x in ends.values()])
+    total, squares = np.zeros(len(ends)), np.zeros(len(ends))
+    steps = run.steps
+    for degree in DEGREES:
+        _, _, series = run.sample(steps, degree)
+        tail = np.abs(series[..., -2:]).max(axis=2)
+        open_ = (tail > INTEGRAL_TOLERANCE * span).any(axis=0) & (degree < DEGREES[-1])
+        x, weights = np.polynomial.legendre.leggauss(degree + 1)
+        inside = series[:, ~open_] @ chebyshev.chebvander(x, degree).T
+        total += (inside @ weights / 2) @ run.h[steps[~open_]]
+        squares += (inside**2 @ weights / 2) @ run.h[steps[~open_]]
+        steps = steps[open_]
+        if not len(steps):
+            break
+    return {
+        name: Integrals(float(s / length), float(np.sqrt(max(s2 / length, 0.0))), float(s))
+        for name, s, s2 in zip(ends, total, squares, strict=True)
+    }
+
+
+class _Steps:
+    """The steps of a run that have a length, and signals on them."""
+
+    def __init__(self, sol: "Solution", names: Collection[str]) -> None:
+        self.sol, self.names = sol, list(names)
+        self.t = np.asarray(sol.nodes[0])
+        self.h = np.diff(self.t)
+        self.steps = np.flatnonzero(np.abs(self.h) > 8 * np.spacing(np.abs(self.t[1:])))
+
+    def candidates(self, nodes: Array) -> Array:
+        """Steps that can hold an extremum of a signal with these values at the nodes, (names, n)."""
+        around = np.pad(nodes, ((0, 0), (1, 1)), mode="edge")
+        windows = np.lib.stride_tricks.sliding_window_view(around, 4, axis=1)
+        variation, pairs = np.ptp(windows, axis=2), windows[..., 1:3]
+        high = pairs.max(axis=2) + variation >= nodes.max(axis=1, keepdims=True)
+        low = pairs.min(axis=2) - variation <= nodes.min(axis=1, keepdims=True)
+        possible = (high | low).any(axis=0)
+        return self.steps[possible[self.steps]]
+
+    def sample(self, steps: Array, degree: int) -> tuple[Array, Array, Array]:
+        """Times (m, n + 1) and signals (names, m, n + 1) at the points of steps, and their Chebyshev series."""
+        theta = (1 - np.cos(np.pi * np.arange(degree + 1) / degree)) / 2
+        times = self.t[steps, None] + self.h[steps, None] * theta
+        times[:, -1] = np.nextafter(self.t[steps + 1], self.t[steps])  # in the mode of the step
+        values = self.at(times.ravel()).reshape(len(self.names), *times.shape)
+        return times, values, values @ _to_series(degree)
+
+    def at(self, times: Array) -> Array:
+        """The signals at times, (names, k)."""
+        if not len(times):
+            return np.empty((len(self.names), 0))
+        found = signals(self.sol.resampled(times), self.names)
+        return np.array([found[name] for name in self.names])
+
+
+def _at_nodes(sol: "Solution", names: Collection[str]) -> tuple[dict[str, Array], Array]:
+    """Signals at the ends of all steps, and their times."""
+    if not len(sol.t):
+        title = sol.mechanism.title
+        raise InputError(f"the solution of {title!r} has no times: the run ended before the first of t_eval")
+    whole = sol.at_nodes()
+    return signals(whole, names), np.asarray(whole.t)
+
+
+def _at_steps(name: str) -> bool:
+    return name in RESIDUALS or name.partition(".")[0] in DISCRETE
+
+
+def _sums(name: str, x: Array, t: Array) -> Integrals:
+    """Integrals of what is known at the ends of steps only."""
+    length = float(t[-1] - t[0])
+    if name.startswith("impulse") or not length:
+        return Integrals(np.nan, np.nan, np.nan)
+    total, squares = float(np.trapezoid(x, t)), float(np.trapezoid(x * x, t))
+    return Integrals(total / length, float(np.sqrt(squares / length)), total)
+
+
+def _first(x: Array, t: Array, which: Callable[[Array], Any]) -> Extremum:
+    return Extremum(float(x[which(x)]), float(t[which(x)]))
+
+
+def _wider(found: tuple[Extremum, Extremum], x: Array, t: Array) -> tuple[Extremum, Extremum]:
+    low, high = _first(x, t, np.argmin), _first(x, t, np.argmax)
+    return min(found[0], low, key=itemgetter(0)), max(found[1], high, key=itemgetter(0))
+
+
+@cache
+def _to_series(degree: int) -> Array:
+    """The matrix from values at the points of `_Steps.sample` to Chebyshev coefficients, from the right."""
+    return np.linalg.inv(chebyshev.chebvander(-np.cos(np.pi * np.arange(degree + 1) / degree), degree)).T
+
+
+@cache
+def _grid(degree: int) -> Array:
+    """From coefficients to values at `FINE` points, from the right."""
+    return chebyshev.chebvander(np.linspace(-1, 1, FINE), degree).T
+
+
+def _turning_points(series: Array, fine: Array, t: Array, h: Array) -> Array:
+    """Times of the extrema within the steps that come highest and lowest."""
+    out = []
+    for i in {int(fine.max(axis=1).argmax()), int(fine.min(axis=1).argmin())}:
+        rate = np.trim_zeros(chebyshev.chebder(series[i]), "b")
+        roots = chebyshev.chebroots(rate) if len(rate) > 1 else np.empty(0)
+        inside = roots[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1)].real
+        out.append(t[i] + h[i] * (1 + inside) / 2)
+    return np.concatenate(out)

@@ -1,0 +1,130 @@
+"""Extrema, means and integrals of signals against closed forms, over loose and tight runs."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.integrate import quad
+
+import mbdae
+from mbdae.__main__ import cli
+from mbdae.errors import InputError, UnknownNameError
+from mbdae.textbook.problems import hessenberg_a
+
+OSCILLATOR = """
+gravity = [0, 0, 0]
+[[body]]
+name = "mass"
+parent = "world"
+joint = "prismatic"
+axis = [1, 0, 0]
+mass = 2.0
+[[force]]
+kind = "joint_spring"
+joint = "mass"
+stiffness = 50.0
+[start]
+q = { mass = 0.3 }
+"""
+W = 5.0  # sqrt(50 N/m / 2 kg)
+
+
+@pytest.fixture(scope="module")
+def oscillator(tmp_path_factory):
+    path = tmp_path_factory.mktemp("oscillator") / "oscillator.toml"
+    path.write_text(OSCILLATOR)
+    return mbdae.load(path)
+
+
+@pytest.fixture(scope="module")
+def found(oscillator):
+    """q = 0.3 cos 5t over 2 s."""
+    return mbdae.solve(oscillator, (0, 2), rtol=1e-11, atol=1e-13).statistics(["q.mass", "v", "kinetic"])
+
+
+def test_extrema_are_located_between_steps(found):
+    assert found.maximum["v.mass"].value == pytest.approx(1.5, rel=1e-10)
+    assert found.maximum["v.mass"].t == pytest.approx(0.3 * np.pi, abs=1e-5)
+    assert found.minimum["v.mass"].value == pytest.approx(-1.5, rel=1e-10)
+    assert found.minimum["v.mass"].t % (0.4 * np.pi) == pytest.approx(0.1 * np.pi, abs=1e-5)
+    assert found.peak("q.mass").value == pytest.approx(0.3, rel=1e-10)
+
+
+def test_integrals_are_closed_forms(found):
+    s = found.integrals
+    assert s["q.mass"].integral == pytest.approx(0.3 * np.sin(10) / W, abs=1e-10)
+    assert s["q.mass"].mean == pytest.approx(0.15 * np.sin(10) / W, abs=1e-10)
+    assert s["q.mass"].rms == pytest.approx(0.3 * np.sqrt(0.5 + np.sin(20) / 40), rel=1e-9)
+    assert s["kinetic"].integral == pytest.approx(2.25 * (1 - np.sin(20) / 20), rel=1e-9)  # of 2.25 sin^2 5t
+
+
+def test_backwards_the_integral_has_the_other_sign(oscillator):
+    s = mbdae.solve(oscillator, (0, -2), rtol=1e-11, atol=1e-13).statistics("q.mass")
+    assert s.integrals["q.mass"].integral == pytest.approx(-0.3 * np.sin(10) / W, abs=1e-10)
+    assert s.integrals["q.mass"].mean == pytest.approx(0.15 * np.sin(10) / W, abs=1e-10)
+    assert s.minimum["q.mass"].value == pytest.approx(-0.3, rel=1e-9)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
+def test_a_peak_depends_on_the_error_of_the_run_not_on_its_steps(rtol):
+    # the largest force of this pin is between steps: at the ends of steps it is missed by 6.9 % at 1e-4
+    sol = mbdae.solve(mbdae.load("four_bar"), (0, 2), rtol=rtol)
+    assert sol.statistics("force.crank").maximum["force.crank"].value == pytest.approx(209.7408129, rel=max(rtol, 2e-8))
+
+
+def test_the_peak_is_the_value_at_the_end_of_a_run_to_it():
+    def force(end):
+        return mbdae.solve(mbdae.load("four_bar"), (0, end), rtol=1e-12, atol=1e-12).signals()["force.crank"][-1]
+
+    before, there, after = (force(0.5786564 + dt) for dt in (-1e-3, 0.0, 1e-3))
+    assert there == pytest.approx(209.7408129, rel=1e-9)
+    assert max(before, after) < there
+
+
+def test_a_value_just_before_an_impact_counts():
+    # a point on a rod of 1 m falls from 1.2 rad to the stop at 0.3 rad, with restitution 0.7 or what the file says
+    sol = mbdae.solve(mbdae.load("pendulum_on_stop"), (0, 0.8), rtol=1e-10, atol=1e-12)
+    s = sol.statistics(["v.rod", "impulse.rod stop", "gap.rod stop"])
+    speed = np.sqrt(2 * 9.81 * (np.cos(0.3) - np.cos(1.2)))
+    assert s.minimum["v.rod"].value == pytest.approx(-speed, rel=1e-9)
+    change = s.maximum["v.rod"].value - s.minimum["v.rod"].value  # of a mass of 1 kg on an arm of 1 m
+    assert s.maximum["impulse.rod stop"].value == pytest.approx(change, rel=1e-9)
+    assert abs(s.minimum["gap.rod stop"].value) < 1e-12
+    assert np.isnan(s.integrals["impulse.rod stop"].integral)
+
+
+def test_mean_is_that_of_quadrature():
+    sol = mbdae.solve(mbdae.load("four_bar"), (0, 0.5), rtol=1e-9)
+    exact = sum(quad(lambda t: sol(t).v[0], a, b, epsabs=1e-13)[0] for a, b in itertools.pairwise(sol.t))
+    name = f"v.{sol.mechanism.joint_names[0]}"
+    assert sol.statistics(name).integrals[name].integral == pytest.approx(exact, rel=1e-9)
+
+
+def test_times_asked_for_do_not_matter(oscillator):
+    few = mbdae.solve(oscillator, (0, 2), rtol=1e-9, t_eval=[0.0, 1.0, 2.0]).statistics("v.mass")
+    all_ = mbdae.solve(oscillator, (0, 2), rtol=1e-9).statistics("v.mass")
+    assert few.to_dict() == all_.to_dict()
+
+
+def test_they_are_a_table(found):
+    text = str(found).splitlines()
+    assert text[0].split() == ["signal", "unit", "min", "at", "s", "max", "at", "s", "mean", "RMS", "integral"]
+    assert text[2].split()[:3] == ["v.mass", "m/s", "-1.5"]
+    assert found.to_dict()["v.mass"]["max"] == found.maximum["v.mass"].value
+
+
+def test_wrong_names_and_empty_solutions_are_refused(oscillator):
+    sol = mbdae.solve(oscillator, (0, 0.1), t_eval=[0.05])
+    with pytest.raises(UnknownNameError, match=r"did you mean 'v\.mass'"):
+        sol.statistics("v.mas")
+    with pytest.raises(InputError, match="a textbook problem"):
+        mbdae.solve(hessenberg_a(), (0, 0.1)).statistics("y.1")
+
+
+def test_the_command_line_prints_them():
+    result = CliRunner().invoke(cli, ["run", "four_bar", "-t", "1", "--signal", "force.crank", "--json"])
+    assert json.loads(result.output)["signals"]["force.crank"]["max"] == pytest.approx(209.7408129, rel=1e-7)
+    result = CliRunner().invoke(cli, ["run", "circle", "-t", "1", "--signal", "y.1"])
+    assert isinstance(result.exception, InputError)
