@@ -1,13 +1,17 @@
 """The pictures of the pages: replays, and figures of studies.
 
 Everything is drawn by mbdae itself: a browser without a window draws the replay pages, matplotlib the figures. Run it
-to make them anew after a change; it takes some minutes.
+after a change of what draws them; it takes some minutes. Each picture carries a digest of the code that drew it (style
+sheets and scripts as they are, Python without docstrings and comments), by which a test finds those that are older.
 """
 
-from collections.abc import Sequence
+import ast
+import hashlib
+from collections.abc import Iterable, Sequence
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
-from PIL import Image
+from PIL import Image, PngImagePlugin
 
 import mbdae
 from mbdae.studies import figures
@@ -25,7 +29,19 @@ REPLAYS = {  # model: end (s), share of it that is shown
 }
 METHODS = ("herk3", "herk5", "pherk5", "pherk6", "radau5", "ggl:pherk5", "index1:dop853")
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
-FOLDER = Path(__file__).parent / "pictures"
+EXAMPLES, PACKAGE = Path(__file__).parent, Path(mbdae.__file__).parent
+FOLDER = EXAMPLES / "pictures"
+KEY = "drawn by"
+REPLAY = ("studies/replay/*.[jch]*", "studies/replay/*.py", "mechanism/scene/*.py")
+FIGURE = ("studies/figures.py", "studies/{}/figure.py")
+SOURCES = {  # patterns of the files that draw a picture; work_precision_peers.png belongs to its measurements
+    "replays.png": [PACKAGE / x for x in REPLAY],
+    "replay_page.png": [PACKAGE / x for x in REPLAY],
+    "work_precision.png": [PACKAGE / x.format("comparison") for x in FIGURE],
+    "convergence.png": [PACKAGE / x.format("order") for x in FIGURE],
+    "drift.png": [PACKAGE / x.format("drift") for x in FIGURE],
+    "foot_path.png": [EXAMPLES / "foot_path.py"],
+}
 
 
 def main(folder: Path = FOLDER) -> dict[str, int]:
@@ -35,6 +51,7 @@ def main(folder: Path = FOLDER) -> dict[str, int]:
     work_precision(folder)
     convergence(folder)
     drift(folder)
+    foot_path(folder)
     return {path.name: path.stat().st_size for path in sorted(folder.glob("*.png"))}
 
 
@@ -45,7 +62,7 @@ def replays(folder: Path, names: Sequence[str] = tuple(REPLAYS)) -> None:
     sheet = Image.new("RGB", (3 * width, -(-len(tiles) // 3) * height), "white")
     for k, tile in enumerate(tiles):
         sheet.paste(tile, (k % 3 * width, k // 3 * height))
-    small(sheet, folder / "replays.png")
+    write(sheet, folder / "replays.png")
 
 
 def replay(name: str, end: float, share: float) -> Image.Image:
@@ -61,7 +78,7 @@ def replay_page(folder: Path) -> None:
     sol = mbdae.solve(mech, (0, 5), rtol=1e-8)
     coarse = mbdae.solve(mech, (0, 5), method="herk1", step=0.01)
     text = page(sol, traces=["rod_tip"], ghosts={"herk1, h = 0.01 s": coarse}, arrows=["wrist pin"])
-    small(video.still(text, 0.74, (1200, 675)), folder / "replay_page.png")
+    write(video.still(text, 0.74, (1200, 675)), folder / "replay_page.png")
 
 
 def work_precision(
@@ -88,15 +105,57 @@ def drift(folder: Path, end: float = 10.0, methods: Sequence[str] = ("herk3", "h
     reduce(folder / "drift.png")
 
 
+def foot_path(folder: Path) -> None:
+    """The path of a walker's foot before and after the optimisation of its lengths."""
+    spec = spec_from_file_location("foot_path", EXAMPLES / "foot_path.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.main(plot=folder / "foot_path.png")
+    reduce(folder / "foot_path.png")
+
+
 def reduce(path: Path) -> None:
-    """Write a picture anew with few colours."""
+    """Write a picture again with few colours."""
     with Image.open(path) as image:
-        small(image.convert("RGB"), path)
+        image.load()
+    write(image, path)
 
 
-def small(image: Image.Image, path: Path) -> None:
-    """Write a picture with a palette of its own."""
-    image.quantize(256, kmeans=2).save(path, optimize=True)
+def write(image: Image.Image, path: Path) -> None:
+    """Write a picture with few colours, and the digest of the code that drew it."""
+    info = PngImagePlugin.PngInfo()
+    info.add_text(KEY, digest(path.name))
+    image.convert("RGB").quantize(256, kmeans=2).save(path, optimize=True, pnginfo=info)
+
+
+def digest(name: str) -> str:
+    """A digest of the code that draws a picture."""
+    found = hashlib.sha256()
+    for path in (x for pattern in SOURCES[name] for x in sorted(pattern.parent.glob(pattern.name))):
+        text = path.read_text("utf-8")
+        found.update((without_docstrings(text) if path.suffix == ".py" else text).encode())
+    return found.hexdigest()[:16]
+
+
+def without_docstrings(text: str) -> str:
+    """The syntax tree of a module, which has no comments, without docstrings."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False):
+            node.body = node.body[1:]
+    return ast.dump(tree)
+
+
+def outdated(pictures: Iterable[Path]) -> list[str]:
+    """Names of pictures that other code than today's drew."""
+    names = []
+    for path in pictures:
+        with Image.open(path) as image:
+            if path.name in SOURCES and image.info.get(KEY) != digest(path.name):
+                names.append(path.name)
+    return sorted(names)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The script that draws the pictures of the pages runs, and the pictures that stand there are small."""
+"""The script that draws the pictures of the pages runs; the committed pictures are current and small."""
 
 from pathlib import Path
 
@@ -7,7 +7,8 @@ from browser import Chromium
 from PIL import Image
 from test_examples import example
 
-PICTURES = list((Path(__file__).parent.parent / "examples" / "pictures").iterdir())
+FOLDER = Path(__file__).parent.parent / "examples" / "pictures"
+PICTURES = list(FOLDER.iterdir())
 
 
 def test_the_gallery_is_drawn(tmp_path):
@@ -28,3 +29,16 @@ def test_the_gallery_is_drawn(tmp_path):
 
 def test_the_pictures_are_small():
     assert sum(p.stat().st_size for p in PICTURES) < 400_000
+
+
+def test_the_pictures_are_those_of_today_s_code():
+    assert example("gallery").outdated(PICTURES) == [], "run python examples/gallery.py"
+
+
+def test_a_picture_of_other_code_is_noticed(tmp_path):
+    gallery, picture = example("gallery"), tmp_path / "drift.png"
+    with Image.open(FOLDER / "drift.png") as image:
+        gallery.write(image, picture)
+        assert gallery.outdated([picture]) == []
+        image.save(picture)
+    assert gallery.outdated([picture]) == ["drift.png"]
