@@ -1,5 +1,6 @@
 """What a mechanism is at a point: M, G, frames, forces of inertia and weight, energies."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -7,12 +8,18 @@ import pinocchio as pin
 
 from ..errors import InputError
 from ..system import Array
+from .characteristic_length import characteristic_length
 from .frames import place
 from .workspace import make_data
 
 
 class Quantities:
     """The terms of M(q) v' + nle(q, v) = tau + G(q)^T lam at a configuration (nq,) and a velocity (nv,)."""
+
+    @cached_property
+    def characteristic_length(self: Any) -> float:
+        """The longest distance in m, l > 0, between joints and places where closures act; lengths compare with it."""
+        return characteristic_length(self)
 
     @property
     def gravity(self: Any) -> Array:

@@ -1,0 +1,82 @@
+"""The characteristic length of a mechanism, by which lengths and angles are compared with each other.
+
+Thresholds and steps of the searches are numbers of rad. What is a length is divided by l first: the coordinates of
+joints that slide, and the rows of closures whose g is in m. So a mechanism in millimetres or kilometres is searched
+alike.
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..system import Array
+from .frames import anchor
+from .joints import lengths
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+LENGTHS = ("length", "radius", "tyre", "radii", "semi_axes", "centre", "surface_radius", "lead")  # of closures, in m
+ROUNDING = 1e-9  # of the size of the bodies: joints placed nearer to each other coincide
+
+
+def characteristic_length(mech: "Mechanism") -> float:
+    """Return l > 0 in m, see `Mechanism.characteristic_length`.
+
+    It is the longest of: distances of joints, and of the frames of closures and drivers, from the joint that carries
+    them (on the ground, from its first joint); lengths, radii and profiles of closures. Where there are none, the
+    largest distance of a frame or a centre of mass from its joint, or radius of gyration; 1 where there is none either.
+    """
+    longest, bodies = max(_linkage(mech), default=0.0), max(_bodies(mech), default=0.0)
+    return (longest if longest > ROUNDING * bodies else bodies) or 1.0
+
+
+def row_scales(mech: "Mechanism") -> Array:
+    """What 1 of each row's g is in its unit, (ng,): l for lengths, 1 for angles and cosines."""
+    return np.where(mech.row_units == "m", mech.characteristic_length, 1.0)
+
+
+def coordinate_scales(mech: "Mechanism") -> Array:
+    """What 1 of each tangent component is in its unit, (nv,): l for slides, 1 for angles."""
+    return np.where(lengths(mech.model), mech.characteristic_length, 1.0)
+
+
+def _linkage(mech: "Mechanism") -> Iterator[float]:
+    """Lengths between joints and the places where closures act."""
+    model = mech.model
+    ground = model.jointPlacements[min(1, model.njoints - 1)].translation
+
+    def size(joint: int, p: Array) -> float:
+        return float(np.linalg.norm(p if joint else p - ground))
+
+    for parent, placement in list(zip(model.parents, model.jointPlacements, strict=True))[1:]:
+        yield size(parent, placement.translation)
+    for spec in mech.constraints:
+        for name in spec.frames or ():
+            found = anchor(model, name)
+            yield size(found.joint, found.p)
+        yield from (abs(x) for key in LENGTHS for x in _numbers(getattr(spec, key, None)))
+        profile = getattr(spec, "profile", None)
+        yield from (abs(x) for x in _numbers(profile.model_dump() if profile else None))
+
+
+def _bodies(mech: "Mechanism") -> Iterator[float]:
+    """Sizes of the bodies."""
+    model = mech.model
+    yield from (float(np.linalg.norm(f.placement.translation)) for f in model.frames if f.parentJoint)
+    for body in list(model.inertias)[1:]:
+        yield float(np.linalg.norm(body.lever))
+        if body.mass > 0:
+            yield float(np.sqrt(np.abs(body.inertia).max() / body.mass))
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    """All numbers in a value of a table."""
+    if isinstance(value, dict):
+        value = tuple(value.values())
+    if isinstance(value, tuple | list):
+        for x in value:
+            yield from _numbers(x)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield float(value)
