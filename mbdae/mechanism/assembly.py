@@ -1,4 +1,7 @@
-"""Consistent states: g(t, q) = 0 by damped Gauss-Newton on the manifold, then G v + g_t = 0 in the mass metric."""
+"""Consistent states: g(t, q) = 0 by damped Gauss-Newton on the manifold, then G v + g_t = 0 in the mass metric.
+
+All thresholds are of rad and of characteristic lengths of the mechanism.
+"""
 
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
@@ -11,7 +14,6 @@ from ..errors import AssemblyError, InputError, StepError
 from ..system import Array
 from .assembly_mode import Residuals, closures, turned_over, with_directions
 from .closures.closure_error import ClosureError, largest_error
-from .joints import lengths
 from .start import normalized
 from .workspace import make_data
 
@@ -20,14 +22,14 @@ if TYPE_CHECKING:
     from .mechanism import Mechanism
 
 TOLERANCE = 1e-12
-NEARLY = 1e-3  # m or rad: a gap that numbers with few digits leave
+NEARLY = 1e-3  # a gap that numbers with few digits leave
 ACCEPT = 1e-10
 START = 1e-6  # what a start given by the user may leave open; more would show in the result
 TRUNCATION = 1e-7
 ITERATIONS = 100
-WIDTHS = (0.1, 0.4, 1.5, 3.0)  # rad: displacements of the guess when it leads nowhere, or far
+WIDTHS = (0.1, 0.4, 1.5, 3.0)  # displacements of the guess when it leads nowhere, or far
 STARTS = 6  # of each width
-NEAR = 0.05  # rad or m: what counts as near the guess in any case
+NEAR = 0.05  # what counts as near the guess in any case
 SLIDES = 10
 DAMPING = 0.1
 
@@ -106,8 +108,8 @@ def close_position(system: "Index2System", q: Array, held: Array, t: float) -> A
 
 
 def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: Residuals = closures) -> Array:
-    """Damped steps with line search, at most one radian or metre at a time: stay on the branch."""
-    m = system.manifold
+    """Damped steps with line search, at most one radian or characteristic length at a time: stay on the branch."""
+    m, scales = system.manifold, system.mechanism.coordinate_scales
     g, G = rows(system, q, t)
     for _ in range(ITERATIONS):
         if np.linalg.norm(g) <= TOLERANCE or not np.isfinite(G).all():
@@ -115,7 +117,7 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
         x = _newton(G, g, free)
         x /= max(1.0, np.abs(x).max())
         for _halving in range(12):
-            q_new = m.integrate(q, x)
+            q_new = m.integrate(q, scales * x)
             g_new, G_new = rows(system, q_new, t)
             if np.linalg.norm(g_new) < np.linalg.norm(g):
                 break
@@ -130,14 +132,14 @@ def _slide(system: "Index2System", guess: Array, q: Array, free: Array, t: float
     """Move a closed configuration that lies far from the guess along what is left of freedom, towards the guess."""
     mech = system.mechanism
     for _ in range(SLIDES):
-        d = mech.manifold.difference(q, guess)[free]
+        d = (mech.manifold.difference(q, guess) / mech.coordinate_scales)[free]
         G = closures(system, q, t)[1][:, free]
         along = d - np.linalg.lstsq(G, G @ d, rcond=TRUNCATION)[0]
         if np.linalg.norm(d) < NEAR or np.linalg.norm(along) < 0.1 * np.linalg.norm(d):
             break
         x = np.zeros(mech.nv)
         x[free] = along / max(1.0, 2 * np.abs(along).max())
-        new = gauss_newton(system, mech.manifold.integrate(q, x), free, t)
+        new = gauss_newton(system, mech.manifold.integrate(q, mech.coordinate_scales * x), free, t)
         if not is_closed(system, new, t) or _distance(mech, guess, new) >= _distance(mech, guess, q):
             break
         q = new
@@ -154,22 +156,20 @@ def _newton(G: Array, g: Array, free: Array) -> Array:
 
 
 def _displaced(mech: "Mechanism", q: Array, free: Array, width: float) -> Iterator[Array]:
-    """The same displacements every time: at most ``width`` radians, and as much of the mechanism's size."""
+    """The same displacements every time: at most ``width`` radians or characteristic lengths."""
     rng = np.random.default_rng(0)
-    places = [np.linalg.norm(p.translation) for p in mech.model.jointPlacements]
-    size = min(1.0, max(places, default=1.0)) or 1.0
     for _ in range(STARTS):
         x = np.zeros(mech.nv)
-        x[free] = width * rng.uniform(-1, 1, len(free)) * np.where(lengths(mech.model)[free], size, 1.0)
-        yield mech.manifold.integrate(q, x)
+        x[free] = width * rng.uniform(-1, 1, len(free))
+        yield mech.manifold.integrate(q, mech.coordinate_scales * x)
 
 
 def _distance(mech: "Mechanism", q0: Array, q1: Array) -> float:
-    return float(np.linalg.norm(mech.manifold.difference(q0, q1)))
+    return float(np.linalg.norm(mech.manifold.difference(q0, q1) / mech.coordinate_scales))
 
 
 def _open(system: "Index2System", q: Array, t: float) -> float:
-    residual = float(np.linalg.norm(system.closures(q, t)[0]))
+    residual = float(np.linalg.norm(closures(system, q, t)[0]))
     return residual if np.isfinite(residual) else np.inf
 
 
@@ -193,11 +193,13 @@ def close_velocity(system: "Index2System", q: Array, v: Array, held: Array, t: f
     if info:
         joint = mech.coordinate_joint(int(free[abs(info) - 1]))
         raise InputError(f"the mass matrix is singular at joint {joint!r}: a body without inertia")
-    scaled = np.linalg.solve(U.T, G[:, free].T).T  # G M^{-1/2}
+    rows = mech.row_scales
+    speeds = np.linalg.norm(v / mech.coordinate_scales) + np.linalg.norm(g_t / rows)
+    scaled = np.linalg.solve(U.T, (G[:, free] / rows[:, None]).T).T  # G M^{-1/2}
     for _ in range(2):  # the second pass removes rounding
         v = v.copy()
-        v[free] -= np.linalg.solve(U, np.linalg.lstsq(scaled, G @ v + g_t, rcond=TRUNCATION)[0])
-    if not np.linalg.norm(G @ v + g_t) <= ACCEPT * (1 + np.linalg.norm(v)):
+        v[free] -= np.linalg.solve(U, np.linalg.lstsq(scaled, (G @ v + g_t) / rows, rcond=TRUNCATION)[0])
+    if not np.linalg.norm((G @ v + g_t) / rows) <= ACCEPT * speeds:
         raise open_closure(mech, largest_error(mech, G @ v + g_t, "/s"), held, "velocity")
     return v
 
@@ -205,15 +207,18 @@ def close_velocity(system: "Index2System", q: Array, v: Array, held: Array, t: f
 def refuse_inconsistent(mech: "Mechanism", q: Array, v: Array, t: float, most: float = START) -> None:
     """Refuse a start at time t that leaves a closure or a driver open by more than ``most``, 1e-6 when left out.
 
+    Of g this is in rad and characteristic lengths; of G v + g_t relative to 1/s and the largest velocity.
+
     Raises:
         InputError: names the closure that is open the most, and by how much.
     """
     if not mech.ng:
         return
     g, Gv = mech.residual(q, v, t)
-    for residual, per, allowed in ((g, "", most), (Gv, "/s", most * (1 + np.abs(v).max()))):
+    speed = np.abs(v / mech.coordinate_scales).max()
+    for residual, per, allowed in ((g, "", most), (Gv, "/s", most * (1 + speed))):
         gap = largest_error(mech, residual, per)
-        if gap.size > allowed:
+        if gap.relative > allowed:
             raise InputError(
                 f"the start is not consistent: {gap.says()}; "
                 f"make it so with q, v = mechanism.assemble(q, v{f', t={t:g}' if t else ''})"
@@ -229,6 +234,6 @@ def open_closure(mech: "Mechanism", gap: ClosureError, held: Array, what: str) -
     """The error that says which closure stays open the most, by how much, and what was held."""
     joints = ", ".join(dict.fromkeys(mech.coordinate_joint(int(i)) for i in held)) or "nothing"
     text = f"no consistent {what}: {gap.says('stays open')} (held: {joints})"
-    if gap.size < NEARLY:
+    if gap.relative < NEARLY:
         text += "; a gap as small as that: axes that are not quite parallel? give all digits, or keep fewer rows"
     return AssemblyError(text, gap.name, gap.size)

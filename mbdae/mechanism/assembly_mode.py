@@ -15,10 +15,10 @@ Residuals = Callable[["Index2System", Array, float], tuple[Array, Array]]
 
 
 def closures(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
-    """Return g and G of the rows that have a g."""
+    """Return g and G of the rows that have a g; lengths, of rows and of coordinates, are divided by that of the mechanism."""
     g, G = system.closures(q, t)
-    kept = system.constraints.positional
-    return g[kept], G[kept]
+    kept, rows, columns = system.constraints.positional, system.mechanism.row_scales, system.mechanism.coordinate_scales
+    return (g / rows)[kept], (G * columns / rows[:, None])[kept]
 
 
 def with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
@@ -35,7 +35,8 @@ def with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, 
             continue
         cosines, W = DotProduct1(*closure.agreeing()).value(part.pair)
         values.append(cosines - 1)
-        slopes.append(np.array([part.pair.torque(w) for w in W.T]).reshape(-1, system.nv))
+        by_q = np.array([part.pair.torque(w) for w in W.T]).reshape(-1, system.nv)
+        slopes.append(by_q * system.mechanism.coordinate_scales)
     return np.concatenate(values), np.vstack(slopes)
 
 

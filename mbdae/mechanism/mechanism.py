@@ -279,7 +279,7 @@ class Mechanism(Quantities):
     ) -> Array:
         """Return y = (q, v, s, w = 0) at time t; the start state where q or v is left out, start values for s.
 
-        Closures may stand open by ``gap``, in m or rad.
+        Closures may stand open by ``gap``, in rad or characteristic lengths.
 
         Raises:
             InputError: for wrong shapes, values that are not finite, or a state that is not consistent.

@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from ..errors import InputError
 from ..system import Array
-from .characteristic_length import characteristic_length
+from .characteristic_length import characteristic_length, coordinate_scales, row_scales
 from .frames import place
 from .workspace import make_data
 
@@ -20,6 +20,16 @@ class Quantities:
     def characteristic_length(self: Any) -> float:
         """The longest distance in m, l > 0, between joints and places where closures act; lengths compare with it."""
         return characteristic_length(self)
+
+    @cached_property
+    def row_scales(self: Any) -> Array:
+        """What 1 of each row's g is in its unit, (ng,): the characteristic length, or 1 rad."""
+        return row_scales(self)
+
+    @cached_property
+    def coordinate_scales(self: Any) -> Array:
+        """What 1 of each velocity component's coordinate is in its unit, (nv,): the characteristic length, or 1 rad."""
+        return coordinate_scales(self)
 
     @property
     def gravity(self: Any) -> Array:

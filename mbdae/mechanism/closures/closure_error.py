@@ -16,12 +16,14 @@ class ClosureError(NamedTuple):
     Attributes:
         name: its name.
         size: norm of its residual.
+        relative: the same with lengths in characteristic lengths of the mechanism, of all the largest.
         text: the residual with units, lengths apart from angles.
         slips: it is one of rows of velocity only, which do not open but slip.
     """
 
     name: str
     size: float
+    relative: float
     text: str
     slips: bool = False
 
@@ -32,7 +34,8 @@ class ClosureError(NamedTuple):
 
 def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureError:
     """Return the closure or driver with the largest residual (ng,); ``per`` follows the units, for instance "/s"."""
-    sizes = {c.name: float(np.linalg.norm(residual[mech.rows_of(c.name)])) for c in mech.constraints}
+    scaled = residual / mech.row_scales
+    sizes = {c.name: float(np.linalg.norm(scaled[mech.rows_of(c.name)])) for c in mech.constraints}
     worst = max(sizes, key=lambda n: sizes[n] if np.isfinite(sizes[n]) else np.inf)
     rows = mech.rows_of(worst)
     of_it, units = residual[rows], mech.row_units[rows]
@@ -42,4 +45,4 @@ def largest_error(mech: "Mechanism", residual: Array, per: str = "") -> ClosureE
         if (size := float(np.linalg.norm(of_it[units == unit])))
     ]
     slips = bool(per) and not mech.positional[rows[int(np.abs(of_it).argmax())]]
-    return ClosureError(worst, sizes[worst], " and ".join(parts) or "0", slips)
+    return ClosureError(worst, float(np.linalg.norm(of_it)), sizes[worst], " and ".join(parts) or "0", slips)

@@ -143,7 +143,7 @@ def _read(found: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismF
 def _remark_open(mech: Mechanism, name: str) -> None:
     """Warn where a source says how every joint stands and leaves a closure open; assembly will move the joints."""
     gap = mech.gap_as_given
-    if gap and gap.size > START:
+    if gap and gap.relative > START:
         warnings.warn(f"{name}: closure {gap.name!r} is open by {gap.text} as given: assembly closes it", stacklevel=3)
 
 
