@@ -15,7 +15,7 @@ Residuals = Callable[["Index2System", Array, float], tuple[Array, Array]]
 
 
 def closures(system: "Index2System", q: Array, t: float) -> tuple[Array, Array]:
-    """Return g and G of the rows that have a g; lengths, of rows and of coordinates, are divided by that of the mechanism."""
+    """Return g and G of the rows that have a g; lengths, of rows and coordinates, are in characteristic lengths."""
     g, G = system.closures(q, t)
     kept, rows, columns = system.constraints.positional, system.mechanism.row_scales, system.mechanism.coordinate_scales
     return (g / rows)[kept], (G * columns / rows[:, None])[kept]

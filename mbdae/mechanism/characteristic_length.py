@@ -28,7 +28,7 @@ def characteristic_length(mech: "Mechanism") -> float:
     them (on the ground, from its first joint); lengths, radii and profiles of closures. Where there are none, the
     largest distance of a frame or a centre of mass from its joint, or radius of gyration; 1 where there is none either.
     """
-    longest, bodies = max(_linkage(mech), default=0.0), max(_bodies(mech), default=0.0)
+    longest, bodies = max(linkage_lengths(mech), default=0.0), max(_bodies(mech), default=0.0)
     return (longest if longest > ROUNDING * bodies else bodies) or 1.0
 
 
@@ -42,8 +42,8 @@ def coordinate_scales(mech: "Mechanism") -> Array:
     return np.where(lengths(mech.model), mech.characteristic_length, 1.0)
 
 
-def _linkage(mech: "Mechanism") -> Iterator[float]:
-    """Lengths between joints and the places where closures act."""
+def linkage_lengths(mech: "Mechanism") -> Iterator[float]:
+    """Lengths in m between joints and the places where closures act, and of closures."""
     model = mech.model
     ground = model.jointPlacements[min(1, model.njoints - 1)].translation
 
@@ -58,7 +58,7 @@ def _linkage(mech: "Mechanism") -> Iterator[float]:
             yield size(found.joint, found.p)
         yield from (abs(x) for key in LENGTHS for x in _numbers(getattr(spec, key, None)))
         profile = getattr(spec, "profile", None)
-        yield from (abs(x) for x in _numbers(profile.model_dump() if profile else None))
+        yield max((abs(x) for x in _numbers(profile.model_dump())), default=0.0) if profile else 0.0
 
 
 def _bodies(mech: "Mechanism") -> Iterator[float]:

@@ -7,7 +7,7 @@ from ...system import Array
 from .crossing import BranchPoint
 from .curve import NEAR, TURN, PoseCurve
 
-STEP = 0.02  # from a branch point onto a branch, rad and m
+STEP = 0.02  # from a branch point onto a branch
 
 
 def leave(curve: PoseCurve, point: BranchPoint, direction: Array) -> PoseCurve | None:
@@ -15,13 +15,13 @@ def leave(curve: PoseCurve, point: BranchPoint, direction: Array) -> PoseCurve |
     other, step = PoseCurve(curve.system, curve.turning), STEP
     other.r = curve.r
     for _ in range(6):
-        q = curve.manifold.integrate(point.q, step * direction)
+        q = curve.integrate(point.q, step * direction)
         try:
             first = other.begin(q, point.u + step * float(_input_row(curve, point) @ direction), direction)
         except StepError:
             first = None
         if first is not None and abs(first.tau @ direction) > TURN:
-            away = curve.manifold.difference(point.q, first.q)
+            away = curve.difference(point.q, first.q)
             if away @ direction > 0.5 * step and np.linalg.norm(away) < 2 * step:
                 return other
         step /= 2
@@ -29,9 +29,9 @@ def leave(curve: PoseCurve, point: BranchPoint, direction: Array) -> PoseCurve |
 
 
 def _input_row(curve: PoseCurve, point: BranchPoint) -> Array:
-    return curve.system.closures(point.q, point.u)[1][-1]
+    return curve.closures(point.q, point.u)[1][-1]
 
 
 def same(curve: PoseCurve, a: BranchPoint, b: BranchPoint) -> bool:
     """Whether two branch points are one pose at one value of the input."""
-    return abs(a.u - b.u) < 100 * NEAR and bool(np.abs(curve.wrapped(a.q, b.q)).max() < 100 * NEAR)
+    return abs(a.u - b.u) < 100 * NEAR * curve.unit and bool(np.abs(curve.wrapped(a.q, b.q)).max() < 100 * NEAR)

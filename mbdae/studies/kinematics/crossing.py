@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from .curve import CurvePoint, PoseCurve
 
 POLISH = 6  # Newton steps onto a branch point
-LONGEST = 0.05  # rad and m: how far it may lie from where the sign changes
-MEET = 1e-10  # rad and m: branches that pass each other at less cross
+LONGEST = 0.05  # how far it may lie from where the sign changes
+MEET = 1e-10  # branches that pass each other at less cross
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class BranchPoint:
     Attributes:
         u: the input, in rad or m.
         q: configuration, (nq,).
-        directions: unit tangents of the branches, (k, nv); each may be left to both sides.
+        directions: tangents of the branches, (k, nv); each may be left to both sides. They are of length 1, measured in
+            rad and characteristic lengths.
     """
 
     u: float
@@ -51,21 +52,21 @@ def branch_point(curve: "PoseCurve", i: int) -> BranchPoint | None:
     """
     h = curve.nodes[i + 1].s - curve.nodes[i].s
     at = _nearest(curve, i, h)
-    q, u, system, r = at.q, at.u, curve.system, curve.r
+    q, u, r = at.q, at.u, curve.r
     for _ in range(POLISH):
-        g, G = system.closures(q, u)
+        g, G = curve.closures(q, u)
         left, sizes, right = np.linalg.svd(G[:-1])
         if r > 1 and sizes[r - 2] < 1e-6 * sizes[0]:
             return None
         N, new = right[r - 1 :].T, _new_null(left[:, r - 1 :], curve.nodes[i].left)
-        K = system.constraints.slopes(np.zeros(system.nv), np.append(new, 0.0))[0]
+        K = curve.bending(np.append(new, 0.0))
         rows = np.vstack([right[: r - 1], N.T @ K])
         rest = np.concatenate([left[:, : r - 1].T @ g[:-1] / sizes[: r - 1], N.T @ (G[:-1].T @ new)])
         x = -np.linalg.lstsq(rows, rest, rcond=1e-10)[0]
-        q, u = curve.manifold.integrate(q, x), u + float(g[-1] + G[-1] @ x)
+        q, u = curve.integrate(q, x), u + float(g[-1] + G[-1] @ x)
         if np.abs(x).max() < 1e-13:
             break
-    if np.abs(curve.manifold.difference(at.q, q)).max() > LONGEST or abs(new @ g[:-1]) > MEET:
+    if np.abs(curve.difference(at.q, q)).max() > LONGEST or abs(new @ g[:-1]) > MEET:
         raise StepError("newton", f"two branches pass each other near {u:.9g}")
     if abs(sizes[r - 1]) > 1e-9 * sizes[0]:
         return None

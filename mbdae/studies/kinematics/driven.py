@@ -101,12 +101,13 @@ def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str,
             move.
     """
     u = input_at(mech, system, q)
-    G = system.jacobian(q)
+    columns = mech.coordinate_scales
+    G = system.jacobian(q) * columns / mech.row_scales[:, None]
     rows, e = G[:-1], G[-1]
     left, sizes, right = np.linalg.svd(rows) if len(rows) else (np.eye(0), np.zeros(0), np.eye(system.nv))
     r = int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)))
     Z = right[r:].T
-    if r < min(rows.shape) and _is_singular(system, left[:, r:], Z):
+    if r < min(rows.shape) and _is_singular(system, G, left[:, r:], Z):
         raise InputError("the closures lose rank in this pose, from which several branches lead: start beside it")
     held = ", ".join(hold)
     if not Z.shape[1]:
@@ -118,17 +119,18 @@ def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str,
         raise InputError(f"{n + 1} freedoms are left: {which}")
     tau = Z[:, 0]
     if abs(e @ tau) < RANK:
-        gamma = system.gamma(q, tau, u)
+        gamma = system.gamma(q, columns * tau, u) / mech.row_scales
         kappa = -np.linalg.lstsq(rows, gamma[:-1], rcond=RANK)[0]
         if abs(gamma[-1] + e @ kappa) < RANK * (1 + np.abs(kappa).max()):
             raise InputError(f"{drive!r} cannot move: the closures and what is held keep it where it is")
 
 
-def _is_singular(system: "Index2System", left: Array, Z: Array) -> bool:
+def _is_singular(system: "Index2System", G: Array, left: Array, Z: Array) -> bool:
     """Whether dependent rows depend on each other in this pose only: then they bend along the null space Z (nv, k)."""
+    columns, rows = system.mechanism.coordinate_scales, system.mechanism.row_scales
     for u in left.T:
-        K = system.constraints.slopes(np.zeros(system.nv), np.append(u, 0.0))[0]
-        if np.abs(Z.T @ K @ Z).max() > 1e-6 * np.abs(system.constraints.W).max(initial=1.0):
+        K = columns[:, None] * system.constraints.slopes(np.zeros(system.nv), np.append(u, 0.0) / rows)[0] * columns
+        if np.abs(Z.T @ K @ Z).max() > 1e-6 * np.abs(G).max(initial=1.0):
             return True
     return False
 

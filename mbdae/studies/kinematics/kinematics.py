@@ -1,6 +1,7 @@
 """Kinematics of mechanisms with one freedom: all poses over the range of an input, followed over their arclength."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +22,8 @@ from .transmission import default_output, transmission
 __all__ = ["kinematics"]
 
 MOST_BRANCHES = 32
-NEXT = 0.1  # rad or m: a step of the input on the way to its first value
-BOUNDED = 1e3  # rad or m: an input that is followed further without end needs a span
+NEXT = 0.1  # rad or characteristic lengths: a step of the input on the way to its first value
+BOUNDED = 1e3  # rad or characteristic lengths: an input that is followed further without end needs a span
 
 
 def kinematics(
@@ -76,7 +77,7 @@ def kinematics(
     first, u = _first(moved, begin, span)
     held = [d.joint or d.name for d in moved.drivers[:-1]]
     check_freedom(moved, system, first, drive, held)
-    low, high = _range(u, span, turns, unit=str(moved.row_units[-1]), drive=drive)
+    low, high = _range(moved, u, span, turns)
     curve = PoseCurve(system, turning(mech.model))
     curve.begin(first, u, None if span is None or span[1] > span[0] else _falling(curve, first, u))
     found = [Followed(curve.follow(low, high), events(curve))]
@@ -100,7 +101,7 @@ def _first(moved: Mechanism, q: Array, span: tuple[float, float] | None) -> tupl
     if not (len(listed) == 2 and all(is_number(u) for u in listed) and listed[0] != listed[1]):
         raise InputError(f"span is two different numbers, from and to, got {span!r:.60}")
     first = float(span[0])
-    for u in np.linspace(here, first, int(abs(first - here) / NEXT) + 2)[
+    for u in np.linspace(here, first, int(abs(first - here) / (NEXT * moved.row_scales[-1])) + 2)[
         1:
     ]:  # there in small steps, as the drive would
         try:
@@ -116,12 +117,12 @@ def _falling(curve: PoseCurve, q: Array, u: float) -> Array:
     return -first.tau
 
 
-def _range(u: float, span: tuple[float, float] | None, turns: float, unit: str, drive: str) -> tuple[float, float]:
+def _range(moved: Mechanism, u: float, span: tuple[float, float] | None, turns: float) -> tuple[float, float]:
     if span is not None:
         return min(span), max(span)
     if not (is_number(turns) and turns > 0):
         raise InputError(f"turns must be a positive number, got {turns!r:.60}")
-    reach = 2 * np.pi * turns if unit == "rad" else BOUNDED
+    reach = 2 * np.pi * turns if moved.row_units[-1] == "rad" else BOUNDED * moved.row_scales[-1]
     return u - reach, u + reach
 
 
@@ -129,7 +130,7 @@ def _unfinished(curve: PoseCurve, drive: str, mech: Mechanism) -> str:
     at = curve.nodes[-1].u
     if curve.ended == "stuck":
         return f"the curve over {drive!r} cannot be followed beyond {at:.9g}: several branches meet there, or a corner"
-    way = np.abs(curve.manifold.difference(curve.nodes[0].q, curve.nodes[-1].q)) * ~curve.turning
+    way = np.abs(curve.difference(curve.nodes[0].q, curve.nodes[-1].q)) * ~curve.turning
     if way.max() > BOUNDED:
         slides = mech.coordinate_joint(int(way.argmax()))
         return f"{slides!r} slides on without end as {drive!r} comes to {at:.6g}: give a span that ends before"
@@ -163,7 +164,7 @@ def _others(first: Followed, low: float, high: float) -> list[Followed]:
         """Note the ways gone; cut the curve where it has come upon one gone before."""
         for i in range(len(curve.nodes) - 1):
             if curve is not first.curve and any(
-                (again := curve.passing(i, pose)) is not None and abs(again.u - start.u) < NEAR
+                (again := curve.passing(i, pose)) is not None and abs(again.u - start.u) < NEAR * curve.unit
                 for pose in (start, start._replace(tau=-start.tau))
             ):
                 _cut(curve, i, again)  # type: ignore[arg-type]
@@ -230,13 +231,13 @@ def _result(
     crossings: list[BranchPoint] = []
     for curve, seen, *_ in found:
         crossings += [b for b in seen.branches.values() if not any(same(curve, b, c) for c in crossings)]
-    tau = np.array([p.tau for p in points])
+    curve = found[0].curve
+    tau = np.array([p.tau for p in points]) * curve.columns
     q = np.array([p.q for p in points])
-    system = found[0].curve.system
     angles = np.full(len(q), np.nan)
     if output is not None:
         crossing = np.array([p.sigma == 0 for p in points])
-        angles = transmission(mech, system, q, tau, crossing, output)
+        angles = transmission(mech, curve.system, q, tau, crossing, output)
     return Kinematics(
         mechanism=mech,
         drive=drive,
@@ -247,12 +248,12 @@ def _result(
         s=np.array([p.s for p in points]),
         q=q,
         tangent=tau,
-        curvature=np.array([p.kappa for p in points]),
+        curvature=np.array([p.kappa for p in points]) * curve.columns,
         speed=np.array([p.speed for p in points]),
         bend=np.array([p.bend for p in points]),
         transmission=angles,
         dead_points=tuple((p.u, p.q) for p in dead),
-        branch_points=tuple(crossings),
+        branch_points=tuple(replace(b, directions=b.directions * curve.columns) for b in crossings),
         stretches=tuple(stretches),
         hidden=tuple(u for f in found for u in f.events.hidden),
     )

@@ -1,32 +1,26 @@
 """Assembly modes: all poses in which a mechanism with one freedom can be put together at one value of its input.
 
-They are looked for from random starts until no new one has turned up for long. Modes that the mechanism reaches from
-each other by moving belong to one circuit (Chase, Mirth, J. Mech. Design 115 (1993)).
+They are searched from random starts. Modes that the mechanism reaches from each other by moving belong to one circuit
+(Chase, Mirth, J. Mech. Design 115 (1993)), which is followed from each new mode.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, StepError, require, several
+from ...errors import InputError, require, several
 from ...mechanism import Mechanism
-from ...mechanism.assembly import gauss_newton, is_closed
 from ...mechanism.frames import find_joints
-from ...mechanism.joints import lengths, turning
 from ...mechanism.units import PARTS
 from ...system import Array
 from ...tabular import Tabular
-from .curve import NEAR, PoseCurve
 from .driven import Hold, check_freedom, driven, input_at, start_pose
+from .mode_search import Search
 
 __all__ = ["assembly_modes"]
-
-STARTS, FOR_EACH = 60, 40  # random starts, and more for each mode that was found
-BESIDE = 1e-6  # of the largest singular value: modes that coincide
-LONGEST = 100.0  # rad and m: how far a circuit is followed
 
 
 @dataclass(frozen=True)
@@ -39,6 +33,7 @@ class AssemblyMode:
         q: configuration, (nq,).
         rising: whether the input rises along the circuit here, seen from its first mode.
         margin: smallest singular value of all rows over the largest: zero where two modes coincide.
+        hits: how many random starts led to it.
     """
 
     label: str
@@ -46,6 +41,7 @@ class AssemblyMode:
     q: Array
     rising: bool
     margin: float
+    hits: int
 
 
 @dataclass(frozen=True)
@@ -58,6 +54,8 @@ class AssemblyModes(Tabular):
         u: its value in rad or m.
         modes: sorted by circuit.
         starts: from how many random starts.
+        closed: how many of them led to a mode.
+        doubts: why there may be more, in words.
     """
 
     mechanism: Mechanism
@@ -65,19 +63,28 @@ class AssemblyModes(Tabular):
     u: float
     modes: tuple[AssemblyMode, ...]
     starts: int
+    closed: int
+    doubts: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         modes = [{**vars(m), "q": m.q.tolist()} for m in self.modes]
-        return {"title": self.mechanism.title, "drive": self.drive, "u": self.u, "starts": self.starts, "modes": modes}
+        found = {"starts": self.starts, "closed": self.closed, "doubts": list(self.doubts), "modes": modes}
+        return {"title": self.mechanism.title, "drive": self.drive, "u": self.u, **found}
 
     def __str__(self) -> str:
         n, circuits = len(self.modes), len({m.circuit for m in self.modes})
-        text = f"{self.mechanism.title}: {n} assembly modes at {self.drive} = {self.u:.6g}, on {circuits} circuits"
-        lines = [f"{text}, from {self.starts} starts"]
+        on = f"{circuits} circuit{'s' if circuits > 1 else ''}"
+        text = f"{self.mechanism.title}: {n} assembly modes at {self.drive} = {self.u:.6g}, on {on}"
+        lines = [f"{text}, from {self.starts} starts of which {self.closed} closed"]
+        if self.closed:
+            rarest = min(m.hits for m in self.modes)
+            lines[0] += f"; the rarest came up {rarest} times; a mode that fewer than 1 in {max(1, self.closed // 3)} "
+            lines[0] += "of the closed starts lead to may be missing"
         for m in self.modes:
             sense = "rises" if m.rising else "falls"
             lines.append(f"  {m.label}: {_words(self.mechanism, m.q)}; {self.drive} {sense}, margin {m.margin:.2g}")
+        lines += [f"  doubtful: {doubt}" for doubt in self.doubts]
         return "\n".join(lines)
 
 
@@ -92,8 +99,9 @@ def assembly_modes(
 ) -> AssemblyModes:
     """Find all poses of a mechanism with one freedom at one value of its input: the solutions of g(q) = 0, q_drive = u.
 
-    They are looked for from random starts; those that move into each other belong to one circuit. Source: Chase,
-    Mirth, J. Mech. Design 115 (1993).
+    They are searched from random starts, and along the circuits of those found, until each has come up three times and
+    one more that is as easy to reach would be missed once in a hundred times. Modes that move into each other belong to
+    one circuit. Source: Chase, Mirth, J. Mech. Design 115 (1993).
 
     Args:
         mech: the mechanism.
@@ -117,72 +125,25 @@ def assembly_modes(
     if at is not None and not np.isfinite(at):
         raise InputError(f"the input must be a number, got {at!r}")
     u = here if at is None else float(at)
-    curve = PoseCurve(system, turning(mech.model))
     names = several(apart, "apart is a list of joints") or mech.joint_names
     counts = np.zeros(mech.nv, bool)
     for joint in find_joints(mech.model, names):
         counts[joint.idx_v : joint.idx_v + joint.nv] = True
-    poses, starts = _search(curve, q0, u, counts, most)
-    if not poses:
-        raise InputError(f"no pose was found at {drive!r} = {u:.6g} from {starts} starts: it may not reach there")
-    return AssemblyModes(mech, drive, u, _labelled(curve, poses, u), starts)
+    search = Search(moved, q0, u, counts).run(most)
+    if not search.modes:
+        text = f"no pose was found at {drive!r} = {u:.6g} from {search.starts} starts: it may not reach there"
+        raise InputError(text)
+    return AssemblyModes(mech, drive, u, _labelled(search), search.starts, search.closed, tuple(search.doubts))
 
 
-def _search(curve: PoseCurve, q0: Array, u: float, counts: Array, most: int) -> tuple[list[Array], int]:
-    """Closed poses from the given one and from random ones, each once."""
-    system, rng = curve.system, np.random.default_rng(0)
-    model = system.model
-    size = max([1e-3, *(float(np.linalg.norm(p.translation)) for p in model.jointPlacements)])
-    widths = np.where(lengths(model), 2 * size, np.pi)
-    poses: list[Array] = []
-    found_at = 0
-    for n in range(most):
-        x = rng.uniform(-1, 1, system.nv) * widths if n else np.zeros(system.nv)
-        q = gauss_newton(system, curve.manifold.integrate(q0, x), np.arange(system.nv), u)
-        if is_closed(system, q, u) and not any(np.abs(curve.wrapped(p, q)[counts]).max() < 100 * NEAR for p in poses):
-            poses.append(_unwound(curve, q0, q))
-            found_at = n
-        if n >= STARTS and n - found_at >= FOR_EACH * max(1, len(poses)):
-            return poses, n + 1
-    return poses, most
-
-
-def _unwound(curve: PoseCurve, q0: Array, q: Array) -> Array:
-    """The same pose with its angles within half a turn of the start's."""
-    return curve.manifold.integrate(q0, curve.wrapped(q0, q))
-
-
-def _labelled(curve: PoseCurve, poses: list[Array], u: float) -> tuple[AssemblyMode, ...]:
-    left, modes, circuit = dict(enumerate(poses)), [], 0
-    while left:
-        first = next(iter(left))
-        circuit += 1
-        others = {k: rising for k, rising in _reached(curve, left, first, u).items() if k != first}
-        for letter, (k, rising) in zip(_letters(), {first: True, **others}.items(), strict=False):
-            sizes = np.linalg.svd(curve.system.closures(left[k], u)[1], compute_uv=False)[: curve.system.nv]
-            label = f"{circuit}{letter}"
-            modes.append(AssemblyMode(label, circuit, left.pop(k), rising, float(sizes[-1] / sizes[0])))
+def _labelled(search: Search) -> tuple[AssemblyMode, ...]:
+    curve, modes = search.curve, []
+    for number, of_it in groupby(search.modes, key=lambda m: m.circuit):
+        for letter, m in zip(_letters(), of_it, strict=False):
+            sizes = np.linalg.svd(curve.closures(m.q, search.u)[1], compute_uv=False)[: curve.system.nv]
+            margin = float(sizes[-1] / sizes[0])
+            modes.append(AssemblyMode(f"{number}{letter}", number, m.q, m.rising, margin, m.hits))
     return tuple(modes)
-
-
-def _reached(curve: PoseCurve, poses: dict[int, Array], first: int, u: float) -> dict[int, bool]:
-    """Which poses the circuit of one passes, and whether the input rises there."""
-    out: dict[int, bool] = {}
-    way = PoseCurve(curve.system, curve.turning)
-    try:
-        way.begin(poses[first], u)
-        way.follow(u - LONGEST, u + LONGEST)
-        for i, (a, b) in enumerate(pairwise(way.nodes)):
-            for k, q in poses.items():
-                ahead = way.wrapped(a.q, q)
-                if np.abs(ahead).max() > 2 * (b.s - a.s) or not 0 <= ahead @ a.tau <= b.s - a.s:
-                    continue
-                at = way.at(i, float(ahead @ a.tau))
-                if np.abs(way.wrapped(at.q, q)).max() < 0.01 * (b.s - a.s):
-                    out.setdefault(k, at.speed > 0)
-    except (StepError, ValueError):
-        pass  # a singular pose: what was reached before it counts
-    return out
 
 
 def _letters() -> list[str]:

@@ -50,9 +50,9 @@ class Kinematics(Tabular):
         output: joint of the transmission angle; empty for none.
         unit: of the input, ``"rad"`` or ``"m"``.
         u: input, (n,).
-        s: arclength along each curve, (n,).
+        s: arclength along each curve in rad and characteristic lengths, (n,), see `Mechanism.characteristic_length`.
         q: configurations, (n, nq).
-        tangent: unit tangents dq/ds, (n, nv), finite at dead points too.
+        tangent: tangents dq/ds, (n, nv), in rad and m, finite at dead points too.
         curvature: their rates, (n, nv); nan at branch points.
         speed: du/ds, (n,): zero at dead points.
         bend: gamma_in + e_in . curvature, by which du/ds changes, (n,).

@@ -11,7 +11,7 @@ from .crossing import BranchPoint
 from .curve import CurvePoint, PoseCurve
 
 SMALL, TOUCH = 0.5, 1.5  # of the largest sigma, and of its change over a step: smaller ones are looked at
-CLOSE = 1e-5  # rad and m of the input: a value so near a branch point is the branch point
+CLOSE = 1e-5  # of the input: a value so near a branch point is the branch point
 STANDS = 1e-9  # of the arclength's rate: a smaller one of the input is a dead point
 
 
@@ -37,7 +37,8 @@ def events(curve: PoseCurve) -> Events:
     branches: dict[int, BranchPoint] = {}
     hidden = _touching(curve)
     nodes = curve.nodes
-    if abs(nodes[0].speed) < STANDS:
+    stands = STANDS * curve.unit
+    if abs(nodes[0].speed) < stands:
         dead.append(OnCurve(0, 0.0, nodes[0]))
     for i, (a, b) in enumerate(pairwise(nodes)):
         if a.sigma * b.sigma < 0:
@@ -46,7 +47,7 @@ def events(curve: PoseCurve) -> Events:
                 branches[i] = found
             else:
                 hidden.append(curve.at(i, (b.s - a.s) * a.sigma / (a.sigma - b.sigma), roughly=True).u)
-        at_start = (b is nodes[-1] and curve.ended == "closed" and abs(b.speed) < STANDS) or abs(a.speed) < STANDS
+        at_start = (b is nodes[-1] and curve.ended == "closed" and abs(b.speed) < stands) or abs(a.speed) < stands
         if a.speed * b.speed < 0 and i not in branches and not at_start:
             sigma = curve.zero(i, lambda p: p.speed)
             dead.append(OnCurve(i, sigma, curve.at(i, sigma)))
@@ -105,14 +106,14 @@ def _sampled(curve: PoseCurve, found: Events, start: OnCurve, end: OnCurve, i: i
     """The point behind node i with the input u, between two places."""
     a, b = curve.nodes[i : i + 2]
     crossing = found.branches.get(i)
-    if crossing is not None and abs(crossing.u - u) < CLOSE:
+    if crossing is not None and abs(crossing.u - u) < CLOSE * curve.unit:
         return at_crossing(curve, crossing, a)
     low = start.sigma if start.node == i else 0.0
     high = end.sigma if end.node == i else b.s - a.s
     if low or high < b.s - a.s:  # beside a dead point
         sigma = brentq(lambda x: curve.at(i, x).u - u, low, high, xtol=1e-9)
     else:
-        sigma = _inverse(a, b, u)
+        sigma = _inverse(a, b, u, 1e-12 * curve.unit)
     near = curve.at(i, sigma, roughly=True)
     return curve.landed(near, u) or _by_arclength(curve, i, low, high, u)
 
@@ -129,15 +130,15 @@ def at_crossing(curve: PoseCurve, crossing: BranchPoint, beside: CurvePoint, *, 
     along = crossing.directions @ beside.tau
     k = int(np.abs(along).argmax())
     tau = crossing.directions[k] * np.sign(along[k])
-    e = curve.system.closures(crossing.q, crossing.u)[1][-1]
-    away = float(np.linalg.norm(curve.manifold.difference(beside.q, crossing.q)))
+    e = curve.closures(crossing.q, crossing.u)[1][-1]
+    away = float(np.linalg.norm(curve.difference(beside.q, crossing.q)))
     s, unknown = beside.s + (-away if behind else away), np.full_like(tau, np.nan)
     return beside._replace(
         s=s, q=crossing.q, u=crossing.u, tau=tau, kappa=unknown, speed=float(e @ tau), bend=np.nan, sigma=0.0
     )
 
 
-def _inverse(a: CurvePoint, b: CurvePoint, u: float) -> float:
+def _inverse(a: CurvePoint, b: CurvePoint, u: float, near: float) -> float:
     """The arclength behind a where the input, a cubic between a and b, has the value u."""
     h, low, high = b.s - a.s, 0.0, 1.0
     d, x = b.u - a.u, (u - a.u) / (b.u - a.u)
@@ -149,6 +150,6 @@ def _inverse(a: CurvePoint, b: CurvePoint, u: float) -> float:
         x -= value / (m0 + x * (2 * c2 + 3 * x * c3))
         if not low <= x <= high:
             x = (low + high) / 2
-        if abs(value) < 1e-12:
+        if abs(value) < near:
             break
     return x * h
