@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from chains import JOINTS, random_q, tree
 
+from mbdae.mechanism import workspace
 from mbdae.mechanism.workspace import make_data
 
 resource = pytest.importorskip("resource")  # Unix
@@ -63,8 +64,37 @@ def test_too_little_memory_is_one_line():
     assert done.stderr.count("\n") == 1
 
 
+USES = """
+import mbdae, numpy as np, pinocchio as pin
+from mbdae.mechanism.workspace import LARGEST
+for name in ("four_bar", "n_four_bar?N=24"):
+    mech = mbdae.load(name)
+    s, (q, v) = mech.system(), mech.assemble()
+    assert s.nv <= LARGEST
+    pin.framesForwardKinematics(s.model, s.data, q)
+    tip = s.data.oMf[s.model.nframes - 1].translation
+    C = pin.computeCoriolisMatrix(s.model, s.data, q, v)
+    assert np.isfinite(tip).all()
+    weight = pin.computeGeneralizedGravity(s.model, s.data, q).copy()
+    np.testing.assert_allclose(C @ v + weight, pin.nonLinearEffects(s.model, s.data, q, v), atol=1e-9)
+    pin.computeAllTerms(s.model, s.data, q, v)
+    pin.computeABADerivatives(s.model, s.data, q, v, v)
+    pin.computeJointKinematicHessians(s.model, s.data, q)
+    pin.computeJointTorqueRegressor(s.model, s.data, q, v, v)
+    F, z = s.derivative(0.0, mech.point())
+    assert np.array_equal(F, mech.system().derivative(0.0, mech.point())[0])
+"""
+
+
+def test_users_may_call_other_algorithms_on_the_workspace_of_a_system():
+    """In a process of its own: without room for their results these write anywhere."""
+    done = child(USES)
+    assert not done.returncode, done.stderr
+
+
 @pytest.mark.parametrize("kinds", [JOINTS, ["revolute"], ["free"]], ids=len)
-def test_workspace_serves_the_algorithms(kinds):
+def test_workspace_serves_the_algorithms(kinds, monkeypatch):
+    monkeypatch.setattr(workspace, "LARGEST", 0)
     model, rng, found = tree(kinds, PARENTS[: len(kinds)]), np.random.default_rng(3), []
     q, (v, a) = random_q(model, rng), rng.uniform(-1, 1, (2, model.nv))
     for data in (make_data(model), model.createData()):
