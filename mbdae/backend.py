@@ -5,6 +5,7 @@ built for, it crashes. So the versions are compared before it is imported.
 """
 
 import platform
+import re
 import warnings
 from functools import cache
 from importlib import import_module
@@ -101,9 +102,12 @@ def _not_built(package: Path) -> str:
 
 def _built_for(file: Path) -> str:
     try:
-        return file.read_text().strip().partition("\n")[0] or f"unknown ({file.name} is empty)"
+        found = file.read_text("ascii", errors="replace").strip().partition("\n")[0]
     except OSError:
         return f"unknown ({file.name} is missing)"
+    if not found:
+        return f"unknown ({file.name} is empty)"
+    return found if re.fullmatch(r"[\w.+!-]{1,80}", found) else f"unknown ({file.name} holds no version)"
 
 
 def _installed() -> str:

@@ -70,6 +70,17 @@ def test_a_core_without_its_version_is_never_imported(core):
     assert f"built for Pinocchio unknown ({backend.BUILT_FOR} is missing) but {HERE}" in backend.status()
 
 
+@pytest.mark.parametrize("text", [b"\xff\xfe4\x001\x00", "4.1.0 \u00e9".encode("latin-1"), b"\0" * 9, b"4.1.0\x1b[2J"])
+def test_a_version_file_that_holds_no_version_is_named_in_one_line(core, tmp_path, text):
+    core()
+    (tmp_path / backend.BUILT_FOR).write_bytes(text)
+    assert backend.load() is None
+    assert f"built for Pinocchio unknown ({backend.BUILT_FOR} holds no version) but {HERE}" in backend.status()
+    done = CliRunner().invoke(cli, ["info"])
+    assert not done.exit_code
+    assert done.output.splitlines()[-1] == f"back end: {backend.status()}"
+
+
 @pytest.mark.parametrize("imported", ["3.9.0", "4.10.0"])
 def test_a_pinocchio_from_elsewhere_is_noticed(core, monkeypatch, imported):
     core()
