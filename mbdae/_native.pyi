@@ -10,6 +10,8 @@ Array = np.ndarray
 
 def version() -> str: ...
 
+class UnknownKind(ValueError): ...
+
 class Limits:
     def __init__(
         self,

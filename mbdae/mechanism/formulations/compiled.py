@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...errors import NotCompiled
 from ...system import Array, Counts, State, Step
 from ..closures.independent_rows import probe
 from ..forces.joint_friction import DryElement
@@ -52,7 +53,10 @@ class Compiled(Index2System):
         lists = self.place.tolist(), probe(self.nv).tolist()
         tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, m.angles, *lists
         form = self.formulation, *self.baumgarte
-        self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables, *form)
+        try:
+            self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables, *form)
+        except native.UnknownKind as e:
+            raise NotCompiled(str(e)) from None
         self.core.sample(samplers_of(self.laws))
         self.core.slide(self.sliding.plain(), self.sliding.acts, self.sliding.headings)
         self._leave_out()

@@ -144,6 +144,7 @@ void use(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool h
 NB_MODULE(_native, m) {
   m.doc() = "The compiled core of mbdae.";
   m.def("version", [] { return MBDAE_PINOCCHIO_VERSION; }, "Version of Pinocchio that the core was built for.");
+  nb::exception<UnknownKind>(m, "UnknownKind", PyExc_ValueError);
   bind_limits(m), bind_tableau(m), bind_radau(m), bind_events(m), bind_run(m);
 
   nb::class_<Counts>(m, "Counts", "Work done so far.")

@@ -236,7 +236,7 @@ SlidingPlace sliding_place(const nb::dict& d, const Constraints& constraints) {
 Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Callbacks& callbacks) {
   Law out;
   const auto name = get<std::string>(d, "kind");
-  if (!(out.kind = law_kind(name))) refuse("unknown kind " + name);
+  if (!(out.kind = law_kind(name))) throw UnknownKind(name);
   auto maybe = [&](const char* key, auto& target) {
     if (d.contains(key)) target = nb::cast<std::decay_t<decltype(target)>>(d[key]);
   };

@@ -24,6 +24,12 @@ using Headings = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 
 [[noreturn]] inline void refuse(const std::string& text) { throw std::invalid_argument(text); }
 
+// A kind of row, law or signal that Python has and this core does not: it was built before the kind was written.
+struct UnknownKind : std::invalid_argument {
+  explicit UnknownKind(const std::string& name)
+      : std::invalid_argument("kind '" + name + "': it was built before that was written") {}
+};
+
 // What the C++ side of a core holds of Python: functions, which the garbage collector must see, for they may lead back
 // to the core; and whether one of them was interrupted.
 struct Callbacks {
@@ -46,7 +52,7 @@ T get(const nb::dict& d, const char* key) {
 template <class K>
 K kind(const std::map<std::string, K>& known, const std::string& name) {
   auto it = known.find(name);
-  if (it == known.end()) refuse("unknown kind " + name);
+  if (it == known.end()) throw UnknownKind(name);
   return it->second;
 }
 

@@ -1,6 +1,7 @@
 // Force laws, as the files of mbdae/mechanism/forces define them; each kind is a file of laws/.
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <string>
 #include <vector>
@@ -47,11 +48,23 @@ struct LawSlopes {
   void add(const PairSlopes& here, const Turning& t, bool conservative) const;
 };
 
+// What a file of laws/ defines. Implicit methods, equilibria and gradients take the derivatives of every law: a kind
+// without them does not compile.
 struct LawKind {
-  bool (*fits)(Law& law, const Sizes& n);  // whether its numbers do; it may work out more
-  void (*add)(const Law& law, const ForcePoint& p, const Forces& f);
-  void (*slopes)(const Law& law, const ForcePoint& p, const LawSlopes& out);  // the same of what `add` adds
-  double (*potential)(const Law& law, const ForcePoint& p) = nullptr;         // in J; of q alone
+  using Fits = bool (*)(Law& law, const Sizes& n);  // whether its numbers do; it may work out more
+  using Add = void (*)(const Law& law, const ForcePoint& p, const Forces& f);
+  using Slopes = void (*)(const Law& law, const ForcePoint& p, const LawSlopes& out);  // the same of what `add` adds
+  using Potential = double (*)(const Law& law, const ForcePoint& p);                   // in J; of q alone
+
+  constexpr LawKind(Fits fits, Add add, Slopes slopes, Potential potential = nullptr)
+      : fits(fits), add(add), slopes(slopes), potential(potential) {}
+  LawKind(Fits, Add) = delete;
+  LawKind(Fits, Add, std::nullptr_t, Potential = nullptr) = delete;
+
+  Fits fits;
+  Add add;
+  Slopes slopes;
+  Potential potential;
 };
 
 // One of the kinds that the files of laws/ define, by the name of the file; nullptr for another name.

@@ -1,0 +1,94 @@
+"""The C++ of CONTRIBUTING's force: its derivatives, the same law without them, and a core that was built before it."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae import backend
+from mbdae.errors import InputError, NotCompiled
+from mbdae.mechanism.forces.linear import Linear
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / ".github" / "CONTRIBUTING.md").read_text("utf-8")
+(LAW,) = re.findall(r"^```cpp\n(.*?)^```$", PAGE, re.S | re.M)
+COMPILER = shutil.which("c++") or shutil.which("g++") or shutil.which("clang++")
+HARNESS = """
+#include <cstdio>
+
+#include "drag.cpp"
+
+// Four velocities; the law needs no kinematics.
+mbdae::Mechanics::Mechanics(const void*, const Limits& limits) : limits(limits), nq(4), nv(4), joints(5) {}
+struct mbdae::Mechanics::Workspace {};
+mbdae::Mechanics::~Mechanics() {}
+
+int main() {
+  const mbdae::Mechanics m(nullptr, {});
+  mbdae::Law law;
+  law.rows = {2}, law.a = {0.7};
+  const mbdae::LawKind& kind = mbdae::laws::drag;
+  if (!kind.fits(law, {4, 4, 5})) return 1;
+  for (double v2 : {-3.0, -0.2, 0.5, 4.0}) {
+    double q[4] = {}, v[4] = {1, 2, v2, 3}, out[8] = {}, by[80] = {};
+    kind.add(law, {m, 0, q, v, nullptr}, {out, out + 4, nullptr});
+    kind.slopes(law, {m, 0, q, v, nullptr}, {by, by + 40, nullptr, 10, 8});
+    for (double x : out) std::printf("%.17g ", x);
+    for (double x : by) std::printf("%.17g ", x);
+    std::puts("");
+  }
+  law.rows = {4};
+  return kind.fits(law, {4, 4, 5}) ? 2 : 0;
+}
+"""
+
+compiler = pytest.mark.skipif(not COMPILER, reason="needs a C++ compiler")
+
+
+def compiled(tmp_path, law):
+    (tmp_path / "drag.cpp").write_text(law)
+    (tmp_path / "try.cpp").write_text(HARNESS)
+    words = [COMPILER, "-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", "-I", str(ROOT / "mbdae" / "native")]
+    return subprocess.run([*words, "try.cpp", "-o", "try"], cwd=tmp_path, capture_output=True, text=True)
+
+
+@compiler
+def test_the_law_has_the_derivatives_of_its_force(tmp_path):
+    done = compiled(tmp_path, LAW)
+    assert not done.returncode, done.stderr
+    lines = subprocess.run([tmp_path / "try"], capture_output=True, text=True, check=True).stdout.splitlines()
+    for line, v in zip(lines, (-3.0, -0.2, 0.5, 4.0), strict=True):
+        numbers = np.array(line.split(), float)
+        force, by = numbers[:8].reshape(2, 4), numbers[8:].reshape(2, 4, 10)
+        expected, slope = np.zeros((2, 4)), np.zeros((2, 4, 10))
+        expected[1, 2], slope[1, 2, 4 + 2] = -0.7 * abs(v) * v, -2 * 0.7 * abs(v)
+        np.testing.assert_allclose(force, expected, rtol=1e-15)
+        np.testing.assert_allclose(by, slope, rtol=1e-15)
+
+
+@compiler
+@pytest.mark.parametrize("kind", ["{fits, add}", "{fits, add, nullptr}"])
+def test_a_law_without_derivatives_does_not_compile(tmp_path, kind):
+    done = compiled(tmp_path, LAW.replace("{fits, add, slopes}", kind).replace("static void slopes", "void slopes"))
+    assert done.returncode
+    assert re.search(r"(use of|call to) deleted", done.stderr), done.stderr
+    assert "LawKind" in done.stderr
+
+
+@pytest.mark.native
+@pytest.mark.parametrize("method", ["pherk5", "radau5"])
+def test_a_law_that_the_core_was_built_without_runs_in_python(monkeypatch, method):
+    mech = mbdae.load("four_bar", forces=[mbdae.JointDamping(joint="rocker", damping=0.3)])
+    expected = mbdae.solve(mech, (0, 0.2), method=method)
+    monkeypatch.setattr(Linear, "plain", lambda self: {"kind": "drag", "rows": [0], "a": [1.0]})
+    with pytest.raises(NotCompiled, match=r"kind 'drag': it was built before"):
+        mech.system(native=backend.load())
+    sol = mbdae.solve(mech, (0, 0.2), method=method)
+    assert sol.stats["backend"] == "python"
+    np.testing.assert_allclose(sol.q[-1], expected.q[-1], rtol=1e-9)
+    with pytest.raises(InputError, match=r"^backend='native' does not have kind 'drag': it was built before that was"):
+        mbdae.solve(mech, (0, 0.2), method=method, backend="native")
