@@ -186,10 +186,7 @@ class Mechanism(Quantities):
         baumgarte: tuple[float, float] | None = None,
         native: ModuleType | None = None,
     ) -> Index2System:
-        """Bind the mechanism to a workspace of its own, ``system.model`` and ``system.data``.
-
-        Algorithms of Pinocchio that are your own take ``mech.model.createData()`` above 50 degrees of freedom, where
-        ``data`` has no room for most of them (`mbdae.mechanism.workspace`).
+        """Bind the mechanism to a workspace of its own, with ``data`` of `mbdae.mechanism.workspace`.
 
         Args:
             formulation: ``"index2"``, ``"ggl"`` (positions of the closures kept too) or ``"index1"`` (accelerations).
