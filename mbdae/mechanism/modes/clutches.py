@@ -7,9 +7,10 @@ import numpy as np
 
 from ..closures.clutch import Clutch
 from ..frames import find_joint
-from .switch import Candidate, Guard, OneSidedRow, Strike, Switch, Value
+from .switch import Candidate, Guard, Margins, OneSidedRow, Strike, Switch, Value
 
 if TYPE_CHECKING:
+    from ...system import Array
     from ..mechanism import Mechanism
     from .point import ModePoint
 
@@ -34,6 +35,11 @@ class OneWay(OneSidedRow):
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
         alone, _ = _one_way(mechanism)
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in alone]
+
+    def margins(self, motion: Margins) -> "tuple[Array, Array | None]":  # noqa: D102
+        speed = self.sign * motion.rate[:, self.row]
+        ahead = np.append(0.0, np.cumsum(np.diff(motion.x) * (speed[1:] + speed[:-1]) / 2))
+        return ahead - np.maximum.accumulate(ahead), None
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == LOCKED:
@@ -107,6 +113,10 @@ class Ratchet(OneWay):
     def place(self, point: "ModePoint") -> float:
         """Return how far it stands ahead, in pitches."""
         return self.sign * (float(self.shares @ point.q[self.columns]) - self.tooth) / self.pitch
+
+    def margins(self, motion: Margins) -> "tuple[Array, Array | None]":  # noqa: D102
+        place = self.sign * (motion.q[:, self.columns] @ self.shares - self.tooth) / self.pitch
+        return (place - np.floor(np.maximum.accumulate(place) + AT_TOOTH)) * self.pitch, None
 
     def gap(self) -> Value:
         """Return the way back to the last tooth, of the place where it is asked first."""

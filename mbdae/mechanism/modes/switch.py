@@ -88,6 +88,22 @@ class Candidate(NamedTuple):
         return bool(np.isfinite(self.upper - self.lower))
 
 
+class Margins(NamedTuple):
+    """A motion over x, time or arclength, as switches judge it that do not act on it.
+
+    Attributes:
+        x: rising, (n,).
+        q: configurations, (n, nq).
+        g: of all rows whatever the mode, (n, ng).
+        rate: G dq/dx, (n, ng).
+    """
+
+    x: "Array"
+    q: "Array"
+    g: "Array"
+    rate: "Array"
+
+
 class Switch:
     """What switches.
 
@@ -144,6 +160,22 @@ class Switch:
             held: the multiplier of the first lies within its box.
         """
         return int(held)
+
+    def prescribed(self, t: float, v: "Array") -> int:
+        """Return the state in a motion that is prescribed, where nothing that may open carries load.
+
+        Args:
+            t: time.
+            v: velocity, (nv,).
+        """
+        return 0
+
+    def margins(self, motion: "Margins") -> "tuple[Array, Array | None] | None":
+        """Return how far a motion stays from what it does not let pass, negative beyond, (n,), and the rate of that.
+
+        None where it lets everything pass, or has no sides.
+        """
+        return None
 
     def enter(self, system: "Index2System", state: int) -> None:
         """Set what else depends on the state in a workspace."""

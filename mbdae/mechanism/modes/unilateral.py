@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ...system import Array
 from ..closures.closure import Closure
 from ..closures.one_sided import REST, OneSided, Stop
 from ..forces.coulomb_friction import CoulombFriction
-from .switch import Candidate, Guard, OneSidedRow, Strike, Switch
+from .switch import Candidate, Guard, Margins, OneSidedRow, Strike, Switch
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -54,6 +55,9 @@ class Unilateral(OneSidedRow):
     def gap(self, point: "ModePoint") -> float:
         """Return the gap, positive where it is open."""
         return self.sign * float(point.g[self.row])
+
+    def margins(self, motion: Margins) -> tuple[Array, Array]:  # noqa: D102
+        return self.sign * motion.g[:, self.row], self.sign * motion.rate[:, self.row]
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         if state == OPEN:

@@ -3,8 +3,8 @@
 Its rows are those of the closures, one for each coordinate that is held and, last, 0 = c(q) - u of the drive.
 """
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import qr
@@ -12,6 +12,8 @@ from scipy.linalg import qr
 from ...errors import InputError, UnknownNameError, several
 from ...mechanism import Driver, Mechanism
 from ...mechanism.assembly import close_position
+from ...mechanism.forces import held_joints
+from ...mechanism.forces.coulomb_friction import CoulombFriction
 from ...mechanism.frames import find_joint
 from ...system import Array
 
@@ -35,29 +37,51 @@ def driven(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
         UnknownNameError: for a joint that does not exist.
         InputError: for a joint of several coordinates, or one that is both driven and held.
     """
-    if not mech.positional.all():
-        name = mech.row_names[int(np.flatnonzero(~mech.positional)[0])]
-        raise InputError(f"{name!r} has rows of velocity: where it rolls to depends on the way, not on the input alone")
+    for closure in mech.closures:
+        if not (closure.unilateral or mech.positional[mech.rows_of(closure.name)].all()):
+            raise InputError(
+                f"{closure.name!r} has rows of velocity: where it rolls to depends on the way, not on the input alone"
+            )
     own = {d.name: d for d in mech.drivers}
     if drive not in own and drive not in mech.joint_names:
         raise UnknownNameError("drive", drive, [*own, *single(mech)])
     values = dict(hold) if isinstance(hold, Mapping) else dict.fromkeys(several(hold, "hold is a list of joints"))
     clock = {"kind": "polynomial", "coefficients": (0.0, 1.0)}
     if drive in own:
-        target = {k: v for k, v in own[drive].model_dump().items() if k not in ("motion", "name") and v is not None}
+        target = _target(own[drive])
         moved: tuple[str, ...] = own[drive].between
     else:
         target, moved = {"joint": drive}, (drive,)
         _coordinate(mech, drive, q)
-    rows = [Driver(**{**d.model_dump(), "motion": d.follow(0.0)[0]}) for d in mech.drivers
-            if d.name != drive and (d.joint or "") not in (drive, *values)]  # fmt: skip
+    rows = [Driver.model_validate({**_target(d), "motion": _standing(mech, d, q), "name": d.name})
+            for d in mech.drivers if d.name != drive and (d.joint or "") not in (drive, *values)]  # fmt: skip
     for name, value in values.items():
         if name in moved:
             raise InputError(f"{name!r} is driven: it cannot be held too")
         here = _coordinate(mech, name, q)
         rows.append(Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}"))
     rows.append(Driver.model_validate({**target, "motion": clock, "name": f"drive {drive}"}))
-    return Mechanism(mech.model, mech.closures, mech.forces, drivers=rows, start=mech.start_values, title=mech.title)
+    forces = [f for f in mech.forces if not (isinstance(f, CoulombFriction) or held_joints(mech.model, [f]))]
+    closures = [c for c in mech.closures if not c.unilateral]
+    return Mechanism(mech.model, closures, forces, drivers=rows, start=mech.start_values, title=mech.title)
+
+
+def left_open(mech: Mechanism) -> list[str]:
+    """Names of closures that press on one side, and of clutches: `driven` leaves them out."""
+    return [c.name for c in mech.closures if c.unilateral] + [c.name for c in mech.clutches]
+
+
+def _target(d: Driver) -> dict[str, Any]:
+    """What a driver moves."""
+    return {k: v for k, v in d.model_dump().items() if k not in ("motion", "speed", "name") and v is not None}
+
+
+def _standing(mech: Mechanism, d: Driver, q: Array) -> float:
+    """Where a driver stands at t = 0; one of speed, which has no position of its own, where q (nq,) is."""
+    if d.speed is None:
+        return d.follow(0.0)[0]
+    alone = Mechanism(mech.model, drivers=[Driver.model_validate({**_target(d), "motion": 1.0})])
+    return input_at(alone, alone.system(), q)
 
 
 def start_pose(mech: Mechanism) -> Array:
@@ -77,7 +101,8 @@ def start_pose(mech: Mechanism) -> Array:
 def input_at(moved: Mechanism, system: "Index2System", q: Array) -> float:
     """The input of a driven mechanism at a configuration."""
     any_value = 1.0 if moved.drivers[-1].frames else 0.0  # lengths are positive
-    return any_value + float(system.closures(q, any_value)[0][-1])
+    given = moved.drivers[-1].follow(any_value)[0]
+    return given + float(system.closures(q, any_value)[0][-1])
 
 
 def single(mech: Mechanism) -> list[str]:
@@ -93,8 +118,9 @@ def _coordinate(mech: Mechanism, name: str, q: Array) -> float:
     return float(x[0]) if joint.nq == 1 else float(np.arctan2(x[1], x[0]))
 
 
-def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str, hold: Iterable[str]) -> None:
-    """Refuse a mechanism that has not one freedom at a closed configuration q.
+def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str, hold: Iterable[str],
+                  opens: Sequence[str] = ()) -> None:  # fmt: skip
+    """Refuse a mechanism that has not one freedom at a closed configuration q, with what is held and what is open.
 
     Raises:
         InputError: no freedom is left; too many are, with the joints to hold; q is a singular pose; the drive does not
@@ -116,7 +142,8 @@ def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str,
         n = Z.shape[1] - 1
         names = to_hold(mech, Z, e, n)
         which = f"hold {n} of them besides {drive!r}" + (f", for instance {','.join(names)}" if names else "")
-        raise InputError(f"{n + 1} freedoms are left: {which}")
+        told = f" (open: {', '.join(opens)})" if opens else ""
+        raise InputError(f"{n + 1} freedoms are left{told}: {which}")
     tau = Z[:, 0]
     if abs(e @ tau) < RANK:
         gamma = system.gamma(q, columns * tau, u) / mech.row_scales

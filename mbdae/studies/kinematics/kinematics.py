@@ -14,7 +14,8 @@ from ...system import Array
 from .branching import leave, same
 from .crossing import BranchPoint
 from .curve import NEAR, CurvePoint, PoseCurve
-from .driven import Hold, check_freedom, driven, input_at, start_pose
+from .driven import Hold, check_freedom, driven, input_at, left_open, start_pose
+from .passing import passed_by
 from .result import Kinematics, Stretch
 from .sampling import Events, at_crossing, events, sample
 from .transmission import default_output, transmission
@@ -44,7 +45,9 @@ def kinematics(
 
     The curve is followed over its arclength, through dead points of the drive, where the input turns back, and through
     branch points, where it goes on smoothly. It ends where the input leaves its range, or where the first pose comes
-    again. Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003).
+    again. What presses on one side or locks one way does not act: stops, ropes, contacts that open, clutches and
+    friction. Where the curve passes them is told.
+    Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003).
 
     Args:
         mech: the mechanism; drivers other than the drive stand still where they are at t = 0.
@@ -76,7 +79,7 @@ def kinematics(
     system = moved.system()
     first, u = _first(moved, begin, span)
     held = [d.joint or d.name for d in moved.drivers[:-1]]
-    check_freedom(moved, system, first, drive, held)
+    check_freedom(moved, system, first, drive, held, left_open(mech))
     low, high = _range(moved, u, span, turns)
     curve = PoseCurve(system, turning(mech.model))
     curve.begin(first, u, None if span is None or span[1] > span[0] else _falling(curve, first, u))
@@ -256,4 +259,5 @@ def _result(
         branch_points=tuple(replace(b, directions=b.directions * curve.columns) for b in crossings),
         stretches=tuple(stretches),
         hidden=tuple(u for f in found for u in f.events.hidden),
+        passed=tuple(p for f in found for p in passed_by(mech, f.curve)),
     )

@@ -17,7 +17,7 @@ from ...mechanism.frames import find_joints
 from ...mechanism.units import PARTS
 from ...system import Array
 from ...tabular import Tabular
-from .driven import Hold, check_freedom, driven, input_at, start_pose
+from .driven import Hold, check_freedom, driven, input_at, left_open, start_pose
 from .mode_search import Search
 
 __all__ = ["assembly_modes"]
@@ -120,7 +120,7 @@ def assembly_modes(
     q0 = start_pose(mech)
     moved = driven(mech, drive, hold, q0)
     system = moved.system()
-    check_freedom(moved, system, q0, drive, [d.joint or d.name for d in moved.drivers[:-1]])
+    check_freedom(moved, system, q0, drive, [d.joint or d.name for d in moved.drivers[:-1]], left_open(mech))
     here = input_at(moved, system, q0)
     if at is not None and not np.isfinite(at):
         raise InputError(f"the input must be a number, got {at!r}")

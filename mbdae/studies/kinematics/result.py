@@ -17,6 +17,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from .crossing import BranchPoint
+from .passing import Passed, told
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,6 +62,7 @@ class Kinematics(Tabular):
         branch_points: poses from which several branches lead.
         stretches: the curves one after another; without ``branches`` there is one.
         hidden: inputs near which more than two branches cross, and the curve went on straight.
+        passed: stops, ropes, contacts and clutches, which do not act, where the poses pass them, over the input.
     """
 
     mechanism: Mechanism
@@ -80,6 +82,7 @@ class Kinematics(Tabular):
     branch_points: tuple[BranchPoint, ...]
     stretches: tuple[Stretch, ...]
     hidden: tuple[float, ...] = ()
+    passed: tuple[Passed, ...] = ()
 
     @cached_property
     def moving(self) -> Array:
@@ -199,6 +202,7 @@ class Kinematics(Tabular):
             "dead_points": [{"u": u, "q": q.tolist()} for u, q in self.dead_points],
             "branch_points": [b.to_dict() for b in self.branch_points],
             "crossings_not_followed": list(self.hidden),
+            "passed": [p._asdict() for p in self.passed],
             "table": {name: column.tolist() for name, column in self.signals().items()},
         }
 
@@ -230,6 +234,7 @@ class Kinematics(Tabular):
             lines.append(f"  branch point at {round(b.u, 12) + 0.0:.12g}: {2 * len(b.directions)} ways to go on")
         for u in self.hidden:
             lines.append(f"  several branches cross at once near {round(u, 6) + 0.0:.6g}: the curve goes on straight")
+        lines += told(self.passed, self.drive, self.unit)
         if self.output and np.isfinite(self.transmission).any():
             low, high = (np.degrees(f(self.transmission)).round(6) for f in (np.nanmin, np.nanmax))
             lines.append(f"  transmission angle at {self.output}: {low:.4g} to {high:.4g} degrees")

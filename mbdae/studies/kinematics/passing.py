@@ -1,0 +1,140 @@
+"""Stops, ropes and contacts that a prescribed motion passes, and clutches that it turns back: they do not act on it."""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, PPoly
+
+from ...errors import StepError
+from ...mechanism import Mechanism
+from ...mechanism.modes.point import AllRows
+from ...mechanism.modes.switch import Margins, Switch
+from ...system import Array
+from .curve import PoseCurve
+
+PASSED = 1e-6  # rad or m: less is the rounding of a motion that rests on a stop
+NEWTON = 5  # iterations from a root of the cubic
+FLAT = 1e-8  # rad or m per unit of the arclength: a curve along a stop has no root
+SHOWN = 4  # passages of one stop that a text names
+
+
+class Passed(NamedTuple):
+    """What a prescribed motion passes.
+
+    Attributes:
+        name: of the stop, closure or clutch.
+        first: where it begins, in the abscissa of the motion.
+        last: where it ends.
+        most: how far at most, in the unit of its row.
+        unit: ``"rad"`` or ``"m"``.
+    """
+
+    name: str
+    first: float
+    last: float
+    most: float
+    unit: str
+
+
+def passages(mech: Mechanism, x: Array, q: Array, rates: Array, over: Array) -> tuple[Passed, ...]:
+    """Return where a motion passes what presses on one side, and turns one-way clutches back.
+
+    Gaps are cubics between the points, of which the roots count.
+
+    Args:
+        mech: the mechanism.
+        x: time, rising, (n,).
+        q: configurations, (n, nq).
+        rates: dq/dx, (n, nv).
+        over: the abscissa at x, (n,).
+    """
+    return _passages(mech, x, q, rates, lambda _, at: float(np.interp(at, x, over)))
+
+
+def passed_by(mech: Mechanism, curve: PoseCurve) -> tuple[Passed, ...]:
+    """Return the same of a curve of poses over its input, whose roots are found on the curve itself."""
+    nodes, all_rows = curve.nodes, AllRows(mech.system())
+    x = np.array([p.s for p in nodes])
+
+    def to(switch: Switch, s: float) -> float:
+        if s in (x[0], x[-1]):
+            return nodes[0 if s == x[0] else -1].u
+        i = int(np.clip(np.searchsorted(x, s, side="right") - 1, 0, len(x) - 2))
+        here = curve.at(i, s - x[i], roughly=True)
+        with suppress(StepError):  # beside a branch point the cubic is what is known
+            for _ in range(NEWTON):
+                here = curve.at(i, s - x[i])
+                value, rate = switch.margins(_judged(all_rows, [s], [here.q], [here.tau])) or (np.zeros(1), None)
+                if rate is None or not abs(rate[0]) > FLAT:
+                    break
+                s = float(np.clip(s - value[0] / rate[0], x[i], x[i + 1]))
+        return here.u
+
+    return _passages(mech, x, np.array([p.q for p in nodes]), np.array([p.tau for p in nodes]), to)
+
+
+def _passages(
+    mech: Mechanism, x: Array, q: Array, rates: Array, to: Callable[[Switch, float], float]
+) -> tuple[Passed, ...]:
+    if not mech.switches:
+        return ()
+    motion, out = _judged(AllRows(mech.system()), x, q, rates), []
+    for switch in mech.switches:
+        found = switch.margins(motion)
+        for first, last, most in below(x, *found) if found else ():
+            out.append(
+                Passed(switch.name, to(switch, first), to(switch, last), most, str(mech.row_units[switch.row]))
+            )
+    return tuple(out)
+
+
+def _judged(all_rows: AllRows, x: Any, q: Any, rates: Any) -> Margins:
+    g, G, _ = zip(*(all_rows(0.0, p) for p in q), strict=True)
+    return Margins(np.asarray(x), np.asarray(q), np.array(g), np.einsum("nij,nj->ni", np.array(G), np.asarray(rates)))
+
+
+def below(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float, float]]:
+    """Return where a function is below zero, from, to, and by how much at most.
+
+    Args:
+        x: rising, (n,).
+        value: there, (n,).
+        rate: its derivative, (n,); when left out the function is one of straight lines.
+    """
+    if len(x) < 2:
+        return [(float(x[0]), float(x[0]), float(-value[0]))] if value.min(initial=0.0) < -PASSED else []
+    linear = rate is None
+    curve: PPoly = PPoly(np.array([np.diff(value) / np.diff(x), value[:-1]]), x) if linear else CubicHermiteSpline(
+        x, value, rate
+    )
+    roots = curve.roots(discontinuity=False, extrapolate=False)
+    lowest = np.empty(0) if linear else curve.derivative().roots(discontinuity=False, extrapolate=False)
+    ends = np.unique([x[0], *roots[np.isfinite(roots)], x[-1]])
+    at = np.concatenate([x, lowest[np.isfinite(lowest)]])
+    depth = -curve(at)
+    out: list[tuple[float, float, float]] = []
+    for a, b in pairwise(ends):
+        most = float(depth[(at >= a) & (at <= b)].max(initial=0.0))
+        if most > PASSED and curve((a + b) / 2) < 0:
+            out.append((float(a), float(b), most))
+    return out
+
+
+def told(found: Sequence[Passed], over: str, unit: str) -> list[str]:
+    """Lines that name what is passed."""
+    out = []
+    for name in dict.fromkeys(p.name for p in found):
+        of_it = [p for p in found if p.name == name]
+        where = ", ".join(f"{_shown(p.first)} to {_shown(p.last)}" for p in of_it[:SHOWN])
+        more = f" and {len(of_it) - SHOWN} times more" if len(of_it) > SHOWN else ""
+        most = max(p.most for p in of_it)
+        out.append(f"  passes {name!r}, which does not act, by up to {most:.4g} {of_it[0].unit}: "
+                   f"{over} = {where}{more} {unit}")  # fmt: skip
+    return out
+
+
+def _shown(x: float) -> str:
+    return f"{round(x, 9) + 0.0:.6g}"

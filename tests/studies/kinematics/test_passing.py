@@ -1,0 +1,148 @@
+"""Curves of poses beside stops, contacts, clutches and friction: none of them acts, and what is passed is told."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from four_bar_angles import angles
+from linkages import bar
+
+import mbdae
+from mbdae import Closure, Clutch, Driver, JointFriction, Mechanism, Stop, assembly_modes, kinematics
+from mbdae.errors import InputError
+from mbdae.mechanism.start import Start
+from mbdae.studies.kinematics.passing import below
+
+
+def four_bar(**parts):
+    mech = mbdae.load("four_bar")
+    return Mechanism(mech.model, mech.closures, mech.forces, start=mech.start_values, **parts)
+
+
+def test_a_stop_of_another_joint_is_passed_where_the_loop_says():
+    """The rocker's angle of a four-bar is that of its closed form where the stop begins and where it ends."""
+    end = 1.6
+    found = kinematics(four_bar(stops=[Stop(joint="rocker", upper=end)]), "crank", span=(0.0, 2 * np.pi), points=5)
+    assert {(p.name, p.unit) for p in found.passed} == {("rocker stop", "rad")}
+    (passed,) = found.passed
+    for u in passed[1:3]:
+        assert angles(u)[1] == pytest.approx(end, abs=1e-12)
+    u = np.linspace(0, 2 * np.pi, 20001)
+    over = np.array([angles(x)[1] for x in u]) - end
+    assert passed.most == pytest.approx(over.max(), rel=1e-3)
+    assert passed.first == pytest.approx(u[over > 0][0], abs=1e-3)
+    assert "passes 'rocker stop', which does not act" in str(found)
+    assert found.to_dict()["passed"][0]["name"] == "rocker stop"
+
+
+def test_what_is_not_passed_is_not_told():
+    found = kinematics(four_bar(stops=[Stop(joint="rocker", upper=4.0)]), "crank")
+    assert found.passed == ()
+    assert "passes" not in str(found)
+
+
+def test_the_stop_of_the_slider():
+    """A crank of 0.1 m and a rod of 0.35 m: x = 0.1 cos u + sqrt(0.35^2 - (0.1 sin u)^2)."""
+    mech = mbdae.load("slider_crank_with_stop")
+    (passed,) = kinematics(mech, "crank").passed
+    (end,) = [x for x, _ in mech.stops[0].ends]
+    x = [0.1 * np.cos(u) + np.sqrt(0.35**2 - (0.1 * np.sin(u)) ** 2) for u in passed[1:3]]
+    np.testing.assert_allclose(x, end, atol=1e-12)
+    assert passed.most == pytest.approx(0.45 - end, abs=1e-6)
+
+
+def test_friction_that_sticks_does_not_change_poses():
+    plain, sticks = mbdae.load("four_bar"), mbdae.load("four_bar", forces=[JointFriction(friction=1.0, exact=True)])
+    a, b = (kinematics(m, "crank", points=12) for m in (plain, sticks))
+    np.testing.assert_array_equal(a.q, b.q)
+    assert not b.passed
+    both = [assembly_modes(m, "crank").to_dict()["modes"] for m in (plain, sticks)]
+    assert both[0] == both[1]
+
+
+def two_bars(**parts):
+    model = pin.Model()
+    bar(model, 0, (0, 0), 1.0, "one")
+    bar(model, 0, (3, 0), 1.0, "two")
+    return Mechanism(model, **parts)
+
+
+@pytest.mark.parametrize(
+    ("clutch", "span", "first", "most"),
+    [
+        (Clutch(joint="one"), (0.0, 2.0), None, 0),
+        (Clutch(joint="one"), (0.0, -2.0), 0.0, 2.0),
+        (Clutch(joint="one", direction=-1), (0.5, 2.0), 0.5, 1.5),
+        (Clutch(joints=("one", "two"), ratio=2.0), (0.0, 1.0), None, 0),
+    ],
+)
+def test_clutches_run_free_and_are_told_where_they_turn_back(clutch, span, first, most):
+    found = kinematics(two_bars(clutches=[clutch]), "one", span=span, hold="two", points=20)
+    assert found.u[-1] == span[1]
+    if first is None:
+        assert found.passed == ()
+    else:
+        (passed,) = found.passed
+        assert (passed.first, passed.last) == pytest.approx((first, span[1]), abs=1e-14)
+        assert passed.most == pytest.approx(most, abs=1e-12)
+
+
+def test_a_ratchet_runs_back_to_its_last_tooth():
+    """Teeth at 0.1 + 0.3 k: from 0.8 it goes back to 0.7 and no further."""
+    found = kinematics(
+        two_bars(clutches=[Clutch(joint="one", pitch=0.3, tooth=0.1)]), "one", span=(0.8, 0.0), hold="two"
+    )
+    (passed,) = found.passed
+    assert passed.first == pytest.approx(0.7, abs=0.02)
+    assert passed.most == pytest.approx(0.7, abs=1e-12)
+    assert not kinematics(
+        two_bars(clutches=[Clutch(joint="one", pitch=0.3, tooth=0.1)]), "one", span=(0.8, 0.71), hold="two"
+    ).passed
+
+
+def test_contacts_that_open_are_open():
+    mech = mbdae.load("bouncing_chain")
+    found = kinematics(mech, "up", span=(1.0, -1.0), hold=["across", "head", "middle", "tail"])
+    nose = next(p for p in found.passed if p.name == "nose")
+    np.testing.assert_allclose(nose[1:4], (0.0, -1.0, 1.0), atol=1e-12)
+    with pytest.raises(InputError, match=r"5 freedoms are left \(open: nose, first hinge, .*\): hold 4 of them"):
+        kinematics(mech, "up")
+
+
+@pytest.mark.parametrize("name", ["rolling_disc", "bicycle"])
+def test_what_rolls_is_refused_with_its_name(name):
+    mech = mbdae.load(name)
+    with pytest.raises(InputError, match="has rows of velocity: where it rolls"):
+        kinematics(mech, mech.joint_names[-1])
+
+
+def test_a_driver_of_speed_stands_still_and_may_be_the_drive():
+    """It has no position of its own: it stays where the start has it."""
+    parts = {"drivers": [Driver(joint="two", speed={"kind": "constant", "value": 3.0}, name="motor")]}
+    mech = two_bars(start=Start(q={"two": 0.4}), **parts)
+    found = kinematics(mech, "one", span=(0.0, 1.0), points=3)
+    np.testing.assert_allclose(found.q, [[0, 0.4], [0.5, 0.4], [1, 0.4]], atol=1e-15)
+    found = kinematics(mech, "motor", span=(0.4, 1.0), hold="one", points=2)
+    np.testing.assert_allclose(found.q, [[0, 0.4], [0, 1.0]], atol=1e-15)
+
+
+def test_roots_of_cubics():
+    """A parabola that dips below zero between two points, and a function of straight lines."""
+    x = np.array([0.0, 1.0, 4.0])
+    (found,) = below(x, (x - 2) ** 2 - 1e-2, 2 * (x - 2))
+    np.testing.assert_allclose(found, (1.9, 2.1, 1e-2), atol=1e-12)
+    (found,) = below(np.arange(4.0), np.array([0.0, 0.0, -1.0, 1.0]), None)
+    np.testing.assert_allclose(found, (1.0, 2.5, 1.0), atol=1e-15)
+    assert below(x, np.zeros(3), np.zeros(3)) == []
+    assert below(np.zeros(1), np.array([-1.0]), None) == [(0.0, 0.0, 1.0)]
+
+
+def test_a_rope_is_passed_where_it_is_too_short():
+    """A bar of 1 m and a rope of 2 m from its tip to a post 2 m away: (cos u - 2)^2 + sin^2 u = 4."""
+    model = pin.Model()
+    bar(model, 0, (0, 0), 1.0, "bar")
+    place = pin.SE3(np.eye(3), np.array([2.0, 0.0, 0.0]))
+    model.addFrame(pin.Frame("post", 0, place, pin.FrameType.OP_FRAME))
+    rope = Closure(kind="distance", frames=("post", "bar_tip"), length=2.0, unilateral=True, name="rope")
+    (passed,) = kinematics(Mechanism(model, [rope]), "bar", span=(0.0, 2.0)).passed
+    assert np.cos(passed.first) == pytest.approx(0.25, abs=1e-12)
+    assert passed.last == 2.0
