@@ -12,6 +12,7 @@ from ..signals import Steps
 from .switch import Guard, Strike, Switch
 
 if TYPE_CHECKING:
+    from ...system import Array
     from ..mechanism import Mechanism
     from .point import ModePoint
 
@@ -37,9 +38,13 @@ class Commanded(Switch):
         found = [c for c in mechanism.constraints if isinstance(c, Clutch) and c.engaged]
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in found]
 
+    def prescribed(self, t: float, v: "Array") -> int:
+        """Return the state that the signal commands, whatever the motion."""
+        return ENGAGED if self.spec.engaged and self.spec.engaged.at(t) > 0 else OPEN
+
     def wanted(self, point: "ModePoint") -> int:
-        """Return the state that the signal asks for."""
-        return ENGAGED if self.spec.engaged and self.spec.engaged.at(point.t) > 0 else OPEN
+        """Return the state that the signal commands at a point."""
+        return self.prescribed(point.t, point.v)
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         return (Guard("command", self.name, self.at, lambda x: 1.0 if self.wanted(x) == state else -1.0),)

@@ -10,6 +10,7 @@ from .share import share
 from .switch import AT_LIMIT, Candidate, Guard, Switch
 
 if TYPE_CHECKING:
+    from ...system import Array
     from ..formulations.index2 import Index2System
     from ..mechanism import Mechanism
     from .point import ModePoint
@@ -73,6 +74,9 @@ class Sticking(Switch):
         if state == STUCK and self.margin(point) < AT_LIMIT:
             limit = min(self.spec.kinetic, (1.0 - LESS) * limit)
         return (Candidate(self.row, -limit, limit),)
+
+    def prescribed(self, t: float, v: "Array") -> int:  # noqa: D102
+        return AHEAD if v[self.column] > 0 else BACK if v[self.column] < 0 else IDLE
 
     def settled(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool

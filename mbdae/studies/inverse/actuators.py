@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...errors import InputError, UnknownNameError, several
-from ...mechanism import Driver, Mechanism
+from ...mechanism import Mechanism
 from ...mechanism.forces.dc_motor import DCMotor
 from ...mechanism.forces.joint_pid import JointPID
 from ...mechanism.forces.joint_torque import JointTorque
@@ -26,7 +26,7 @@ class Actuators(NamedTuple):
         units: ``"N m"`` or ``"N"``.
         fixed: rows of joints, (m, nv); zero for those that are drivers.
         rows: for each effort the row of G of its driver, -1 for joints.
-        closures: number of rows that are closures.
+        carrying: numbers of the rows that are no drivers, (c,).
     """
 
     mechanism: Mechanism
@@ -34,7 +34,7 @@ class Actuators(NamedTuple):
     units: list[str]
     fixed: Array
     rows: list[int]
-    closures: int
+    carrying: Array
 
     def at(self, G: Array) -> Array:
         """The rows S of all efforts, (m, nv): they act with S^T effort; G (ng, nv) has all rows."""
@@ -77,10 +77,14 @@ def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str 
     if len({n for n, *_ in found}) < len(found) or not found:
         raise InputError(f"actuators are named once each, got {', '.join(chosen) or 'none'}")
     kept = [f for f in mech.forces if not (isinstance(f, ACTING) and f.joint in joints)]
-    bound = Mechanism(mech.model, mech.closures, kept, drivers=mech.drivers, title=mech.title, start=mech.start_values)
+    bound = Mechanism(
+        mech.model, mech.closures, kept, drivers=mech.drivers, stops=mech.stops, clutches=mech.clutches,
+        title=mech.title, start=mech.start_values,
+    )  # fmt: skip
     labels, kinds, rows, numbers = zip(*found, strict=True)
-    m = mech.ng - sum(isinstance(c, Driver) for c in mech.constraints)
-    return Actuators(bound, list(labels), list(kinds), np.array(rows), list(numbers), m)
+    driven = [row for d in mech.drivers for row in mech.rows_of(d.name)]
+    carrying = np.setdiff1d(np.arange(mech.ng), driven)
+    return Actuators(bound, list(labels), list(kinds), np.array(rows), list(numbers), carrying)
 
 
 def _of_joint(mech: Mechanism, joint: str, name: str) -> list[tuple[str, str, Array, int]]:

@@ -7,12 +7,16 @@ import numpy as np
 
 from ...errors import InputError, require
 from ...mechanism import Mechanism
+from ...mechanism.closures.brake import Brake
 from ...mechanism.closures.independent_rows import minimum_norm
+from ...mechanism.frames import find_joint
 from ...mechanism.joint_wrenches import joint_wrenches
+from ...mechanism.modes.switches import Mode
 from ...system import Array
+from ..kinematics.passing import Passed, passages
 from ..kinematics.result import Kinematics
 from .actuators import Actuators, actuators_of, weights_of
-from .prescribed import prescribed, read_motion
+from .prescribed import Prescribed, prescribed, read_motion
 from .result import InverseDynamics
 
 __all__ = ["inverse_dynamics"]
@@ -35,7 +39,9 @@ def inverse_dynamics(
 
     with an orthonormal basis Z of the null space of the closures' G: efforts and multipliers are not mixed. Weight,
     springs, dampers and all forces count, but for motors and controllers of the joints that are actuated; drivers
-    count as motions, not as forces.
+    count as motions, not as forces. In a run the rows that its modes have closed at a time carry: stops, ropes,
+    contacts, clutches that lock, joints that stick. In any other motion none of them does, but clutches engaged on
+    command; exact friction acts against the velocity, and what the motion passes is told.
 
     Args:
         mech: the mechanism.
@@ -60,26 +66,32 @@ def inverse_dynamics(
     acting = actuators_of(mech, actuators, motion.drive if isinstance(motion, Kinematics) else "")
     weight = weights_of(acting.names, weights)
     moves = prescribed(mech, motion, speed)
-    n, m, c = len(moves.t), len(acting.names), acting.closures
+    n, m, carrying = len(moves.t), len(acting.names), acting.carrying
     system = acting.mechanism.system()
     system.sliding.refuse("inverse dynamics")
-    s = _states(acting.mechanism, moves.states, n)
-    bases = [_basis(system.closures(q, t)[1][:c], mech.nv) for t, q in zip(moves.t, moves.q, strict=True)]
-    usual = max(r for r, _ in bases)
+    s, modes, bases = _states(acting.mechanism, moves.states, n), _modes(acting.mechanism, moves), []
+    for q, mode in zip(moves.q, modes, strict=True):
+        system.enter(mode)
+        bases.append(_basis(system.jacobian(q)[carrying], mech.nv))
+    usual: dict[Mode, int] = {}
+    for mode, (r, _) in zip(modes, bases, strict=True):
+        usual[mode] = max(r, usual.get(mode, 0))
     efforts, speeds = np.full((n, m), np.nan), np.full((n, m), np.nan)
-    lam, joints = np.full((n, c), np.nan), np.full((n, mech.model.njoints - 1, 6), np.nan)
+    lam, joints = np.full((n, len(carrying)), np.nan), np.full((n, mech.model.njoints - 1, 6), np.nan)
     for i, (t, q, v, vdot) in enumerate(zip(*moves[:4], strict=True)):
         r, Z = bases[i]
-        if r < usual:
+        if r < usual[modes[i]]:
             continue  # several motions go through this pose: no effort is determined
+        system.enter(modes[i])
         U, G = system.inertia(t, q), system.jacobian()
         b = U.T @ (U @ vdot) - system.force(t, q, v, s[i])[0]
         S = acting.at(G)
         efforts[i] = _least(Z.T @ S.T, Z.T @ b, weight)
         _check_reached(acting, Z, S, b, efforts[i], t)
-        lam[i] = minimum_norm(G[:c], r, b - S.T @ efforts[i]) if r else 0.0
+        lam[i] = minimum_norm(G[carrying], r, b - S.T @ efforts[i]) if r else 0.0
         speeds[i] = S @ v
-        whole = np.concatenate([lam[i], np.zeros(system.ng - c)])
+        whole = np.zeros(system.ng)
+        whole[carrying] = lam[i]
         for row, effort in zip(acting.rows, efforts[i], strict=True):
             if row >= 0:
                 whole[row] = effort
@@ -88,8 +100,40 @@ def inverse_dynamics(
         raise InputError("the closures lose rank in all poses of the motion: no effort is determined")
     return InverseDynamics(
         mech, moves.t, moves.q, moves.v, moves.vdot, tuple(acting.names), tuple(acting.units), efforts, speeds,
-        lam, joints, moves.over[0], moves.over[1],
+        lam, joints, moves.over[0], moves.over[1], moves.impacts, _passed(mech, moves), _held(mech, moves),
     )  # fmt: skip
+
+
+def _modes(mech: Mechanism, moves: Prescribed) -> list[Mode]:
+    """Return which rows may carry at each time: those that a run found closed, of a prescribed motion none that open.
+
+    Dry friction of a prescribed motion acts against it.
+    """
+    found = [
+        moves.modes[switch.name].tolist()
+        if switch.name in moves.modes
+        else [switch.prescribed(t, v) for t, v in zip(moves.t, moves.v, strict=True)]
+        for switch in mech.switches
+    ]
+    return [tuple(states) for states in zip(*found, strict=True)] if found else [()] * len(moves.t)
+
+
+def _passed(mech: Mechanism, moves: Prescribed) -> tuple[Passed, ...]:
+    """Return what a prescribed motion passes; of a run, whose stops acted, nothing."""
+    if moves.modes or not (np.diff(moves.t) > 0).all():
+        return ()
+    return passages(mech, moves.t, moves.q, moves.v, moves.over[0])
+
+
+def _held(mech: Mechanism, moves: Prescribed) -> dict[str, float]:
+    """Return the static friction of joints that a prescribed motion holds for a while, which may act both ways."""
+    brakes = [] if moves.modes else [c for c in mech.constraints if isinstance(c, Brake)]
+    out = {}
+    for brake in brakes:
+        still = moves.v[:, find_joint(mech.model, brake.joint).idx_v] == 0
+        if still.all() or (still[1:] & still[:-1]).any():
+            out[brake.joint] = brake.static
+    return out
 
 
 def _states(mech: Mechanism, known: Mapping[str, Array], n: int) -> Array:

@@ -34,6 +34,8 @@ class Prescribed(NamedTuple):
         vdot: accelerations, (n, nv).
         states: of forces by name, (n,) each, as far as the motion has them.
         over: what figures have as abscissa, (n,), and its name with unit.
+        modes: states of switches by name where a run found them, (n,) each.
+        impacts: times of impacts in s, (k,).
     """
 
     t: Array
@@ -42,6 +44,8 @@ class Prescribed(NamedTuple):
     vdot: Array
     states: dict[str, Array]
     over: tuple[Array, str]
+    modes: dict[str, Array] = {}  # noqa: RUF012
+    impacts: tuple[float, ...] = ()
 
 
 def prescribed(mech: Mechanism, motion: Any, speed: float | None) -> Prescribed:
@@ -88,7 +92,11 @@ def _of_run(mech: Mechanism, sol: Solution) -> Prescribed:
     t = np.asarray(sol.t)[kept]
     if not len(t):
         raise InputError("the run has no times with finite accelerations")
-    return Prescribed(t, sol.q[kept], sol.v[kept], sol.vdot[kept], states, (t, "t (s)"))
+    nodes = np.arange(len(sol.t)) if sol.steps is None else sol.before(sol.t)
+    found = np.array([sol.mode(int(i)) for i in nodes[kept]]) if sol.modes else np.empty((len(t), 0), int)
+    modes = {switch.name: found[:, switch.at] for switch in sol.mechanism.switches} if sol.modes else {}
+    impacts = tuple(x.t for x in sol.impacts)
+    return Prescribed(t, sol.q[kept], sol.v[kept], sol.vdot[kept], states, (t, "t (s)"), modes, impacts)
 
 
 def _same(mech: Mechanism, other: Mechanism) -> None:

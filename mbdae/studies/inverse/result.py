@@ -1,6 +1,6 @@
 """What `mbdae.inverse_dynamics` returns: efforts, powers, and the forces in all joints."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,9 +10,11 @@ from scipy.integrate import simpson, trapezoid
 
 from ...errors import UnknownNameError
 from ...mechanism import Mechanism, Reaction, reaction
+from ...mechanism.units import coordinate_units, effort_unit
 from ...solution.columns import OWN_AXES, row_names
 from ...system import Array
 from ...tabular import Columns, Tabular
+from ..kinematics.passing import Passed, told
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,10 +64,14 @@ class InverseDynamics(Tabular):
         units: of their efforts, ``"N m"`` or ``"N"``.
         efforts: (n, m); nan in poses where the closures lose rank.
         speeds: of the actuators in rad/s or m/s, (n, m).
-        lam: multipliers of the closures, (n, ng) without drivers, of least norm where rows depend on each other.
+        lam: multipliers of all rows but drivers', (n, c), of least norm where rows depend on each other; 0 for those
+            that are open.
         joints: force and torque in each joint of the tree, on the body behind it, in the joint's axes, (n, nj, 6).
         over: abscissa of figures, (n,).
         over_name: its name with unit.
+        impacts: times of impacts of a run, whose impulses are in no effort.
+        passed: stops, ropes, contacts and clutches that a prescribed motion passes, over the abscissa.
+        held: static friction in N m or N of joints that a prescribed motion holds still: efforts leave it out.
     """
 
     mechanism: Mechanism
@@ -81,6 +87,9 @@ class InverseDynamics(Tabular):
     joints: Array
     over: Array
     over_name: str
+    impacts: tuple[float, ...] = ()
+    passed: tuple[Passed, ...] = ()
+    held: dict[str, float] = field(default_factory=dict)
 
     @cached_property
     def power(self) -> Array:
@@ -97,18 +106,19 @@ class InverseDynamics(Tabular):
         """What each actuator must do."""
         kept = np.isfinite(self.efforts).all(axis=1)
         t = self.t[kept]
+        pieces = [k for k in np.split(np.arange(len(t)), 1 + np.flatnonzero(np.diff(t) == 0)) if len(k) > 1]
         out = []
         for i, (name, unit) in enumerate(zip(self.names, self.units, strict=True)):
             tau, speed, power = self.efforts[kept, i], self.speeds[kept, i], self.power[kept, i]
             length = float(t[-1] - t[0])
-            rms = np.sqrt(simpson(tau**2, x=t) / length) if length > 0 else np.abs(tau).max()
+            rms = np.sqrt(_integral(tau**2, t, pieces) / length) if length > 0 else np.abs(tau).max()
             given, taken = (float(trapezoid(np.maximum(sign * power, 0), t)) for sign in (1, -1))
             peak = int(np.abs(tau).argmax())
             out.append(
                 Demand(
                     name, unit, float(abs(tau[peak])), float(self.over[kept][peak]), float(rms),
                     float(np.abs(speed).max()), float(max(power.max(), 0)), float(max(-power.min(), 0)),
-                    float(simpson(power, x=t)) if len(t) > 1 else 0.0, given, taken,
+                    _integral(power, t, pieces), given, taken,
                 )
             )  # fmt: skip
         return tuple(out)
@@ -140,7 +150,8 @@ class InverseDynamics(Tabular):
 
     @cached_property
     def _closed(self) -> Mechanism:
-        return Mechanism(self.mechanism.model, self.mechanism.closures)
+        m = self.mechanism
+        return Mechanism(m.model, m.closures, m.forces, stops=m.stops, clutches=m.clutches)
 
     def signals(self) -> dict[str, Array]:
         """Named columns of equal length: ``pandas.DataFrame(found.signals())`` is a table.
@@ -185,7 +196,18 @@ class InverseDynamics(Tabular):
         if len(self.undetermined):
             times = ", ".join(f"{t:.6g}" for t in self.undetermined[:5])
             lines.append(f"  closures lose rank, and nothing is determined, at t = {times} s")
+        if self.impacts:
+            times = ", ".join(f"{t:.6g}" for t in self.impacts[:5]) + (", ..." if len(self.impacts) > 5 else "")
+            lines.append(f"  impulses of impacts are in no effort: t = {times} s")
+        name, unit = self.over_name.rsplit(" (", 1)
+        lines += told(self.passed, name, unit.rstrip(")"))
+        lines += [f"  {name!r} stands still: its friction may hold up to {x:.4g} {unit} more or less"
+                  for name, x, unit in self._friction()]  # fmt: skip
         return lines
+
+    def _friction(self) -> list[tuple[str, float, str]]:
+        units = coordinate_units(self.mechanism)
+        return [(name, x, effort_unit(units, name)) for name, x in self.held.items()]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -194,6 +216,9 @@ class InverseDynamics(Tabular):
             "over": self.over_name,
             "actuators": [d._asdict() for d in self.demands],
             "undetermined": self.undetermined.tolist(),
+            "impacts": list(self.impacts),
+            "passed": [p._asdict() for p in self.passed],
+            "held": self.held,
             "table": {name: column.tolist() for name, column in self.signals().items()},
         }
 
@@ -223,3 +248,8 @@ class InverseDynamics(Tabular):
                 f"taken back {d.taken:.5g}"
             )
         return "\n".join([*lines, *self.remarks()])
+
+
+def _integral(values: Array, t: Array, pieces: list[Array]) -> float:
+    """Integrate over time (n,), between jumps."""
+    return float(sum(simpson(values[k], x=t[k]) for k in pieces))

@@ -1,0 +1,181 @@
+"""Inverse dynamics beside stops, clutches and dry friction: closed rows of a run carry, of a motion none do."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from linkages import bar
+
+import mbdae
+from mbdae import Clutch, JointFriction, JointTorque, Mechanism, Stop, inverse_dynamics, kinematics
+from mbdae.mechanism.start import Start
+
+COMMANDS = (
+    "run slider_crank_with_stop -t 0.3 -o stopped.npz",
+    "inverse slider_crank_with_stop stopped.npz -a crank",
+    "inverse slider_crank_with_stop --drive crank --speed 5 --points 20",
+)
+G = 9.81
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """A rod of 1 kg at 1 m falls on its stop at 0.3 rad without a bounce, and stays."""
+    given = mbdae.load("pendulum_on_stop")
+    mech = Mechanism(given.model, stops=[Stop(joint="rod", lower=0.3)], start=given.start_values)
+    return mech, mbdae.solve(mech, (0, 0.8), rtol=1e-8)
+
+
+@pytest.mark.parametrize("sampled", [False, True])
+def test_a_closed_stop_carries_in_a_run(pressed, tmp_path, sampled):
+    """At rest on its stop the rod presses with m g l sin(0.3); its motor has nothing to do, before and after."""
+    mech, sol = pressed
+    if sampled:
+        sol = mbdae.solve(mech, (0, 0.8), rtol=1e-8, t_eval=np.linspace(0, 0.8, 33))
+    found = inverse_dynamics(mech, sol, "rod")
+    (hit,) = sol.impacts
+    assert found.impacts == (hit.t,)
+    assert found.passed == ()
+    np.testing.assert_allclose(found.efforts, 0, atol=1e-12)
+    rests = found.t > hit.t
+    rests[np.flatnonzero(found.t == hit.t)[1:]] = True
+    assert rests.any()
+    np.testing.assert_allclose(found.lam[~rests], 0, atol=0)
+    np.testing.assert_allclose(found.lam[rests, 0], G * np.sin(0.3), rtol=1e-12)
+    assert f"impulses of impacts are in no effort: t = {hit.t:.6g} s" in str(found)
+    sol.save(tmp_path / "run.npz")
+    np.testing.assert_array_equal(inverse_dynamics(mech, tmp_path / "run.npz", "rod").lam, found.lam)
+
+
+def test_without_the_stop_the_motor_holds(pressed):
+    """The same motion of a mechanism that has no stop, and of the same one as arrays: the motor does what it did."""
+    mech, sol = pressed
+    free = Mechanism(mech.model, start=mech.start_values)
+    at_rest = np.abs(sol.q[:, 0] - 0.3) < 1e-9
+    at_rest[: np.flatnonzero(at_rest)[0] + 1] = False  # the impact itself
+    for found in (
+        inverse_dynamics(free, sol, "rod"),
+        inverse_dynamics(mech, (np.asarray(sol.t), sol.q, sol.v, sol.vdot), "rod"),
+    ):
+        np.testing.assert_allclose(found.efforts[at_rest, 0], G * np.sin(0.3), rtol=1e-9)
+        np.testing.assert_allclose(found.efforts[~at_rest][:-1], 0, atol=1e-9)
+        assert not found.lam.any()
+        assert found.passed == ()
+
+
+def test_a_drive_through_the_stop_is_told_with_its_effort():
+    """m g l sin(u) at constant speed; the stop at 0.3 rad is passed from there on."""
+    mech = mbdae.load("pendulum_on_stop")
+    found = inverse_dynamics(mech, kinematics(mech, "rod", span=(1.0, 0.0), points=41), speed=-2.0)
+    np.testing.assert_allclose(found.efforts[:, 0], G * np.sin(found.over), rtol=1e-12, atol=1e-12)
+    (passed,) = found.passed
+    np.testing.assert_allclose(passed[1:4], (0.3, 0.0, 0.3), atol=1e-12)
+    assert "passes 'rod stop', which does not act, by up to 0.3 rad: rod = 0.3 to 0 rad" in str(found)
+    assert found.to_dict()["passed"][0]["name"] == "rod stop"
+
+
+def sliders(forces=(), **parts):
+    """Two blocks of 2 kg and 3 kg on one rail."""
+    model = pin.Model()
+    model.gravity.linear[:] = 0
+    for name, mass in (("one", 2.0), ("two", 3.0)):
+        j = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(j, pin.Inertia(mass, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    return Mechanism(model, (), forces, **parts)
+
+
+def test_dry_friction_in_a_run_and_in_a_motion():
+    """A push 3 t sticks up to 6 N, then slides against 4 N: friction carries the push, then 4 N; the motor nothing.
+
+    Of the same motion as a table the motor takes 2 a + 4 while it slides; while it stands, friction may hold 6 N.
+    """
+    push = {"kind": "polynomial", "coefficients": (0.0, 3.0)}
+    dry = JointFriction(joint="one", friction=4.0, static=6.0)
+    mech = sliders([dry, JointTorque(joint="one", torque=push, name="push")])
+    sol = mbdae.solve(mech, (0, 3.0), rtol=1e-9)
+    free = sliders([dry])
+    found = inverse_dynamics(free, sol, ["one", "two"])
+    sticks = found.t < 2.0
+    np.testing.assert_allclose(sol.lam[sticks, 0], -3 * found.t[sticks], atol=1e-9)
+    # the push is replaced by the motor: its share and friction's are one sum while it sticks
+    np.testing.assert_allclose(found.efforts[sticks, 0] + found.lam[sticks, 0], 0, atol=1e-12)
+    slides = found.v[:, 0] > 1e-6
+    np.testing.assert_allclose(found.efforts[slides, 0], 3 * found.t[slides], rtol=1e-9)
+    t = np.linspace(0, 2, 101)
+    moved = inverse_dynamics(free, {"t": t, "one": 0.5 * t**2 - 1e-3, "two": 0 * t}, ["one", "two"])
+    np.testing.assert_allclose(moved.efforts[1:-1, 0], 2 * 1.0 + 4.0, atol=1e-9)
+    assert moved.held == {}
+    back = inverse_dynamics(free, {"t": t, "one": -0.5 * t**2, "two": 0 * t}, ["one", "two"])
+    np.testing.assert_allclose(back.efforts[1:-1, 0], -6.0, atol=1e-9)
+    stands = inverse_dynamics(free, (t[:2], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))), ["one", "two"])
+    assert stands.held == {"one": 6.0}
+    assert "'one' stands still: its friction may hold up to 6 N more or less" in str(stands)
+
+
+def test_a_clutch_that_locks_carries_in_a_run():
+    """Two blocks, the second may not run behind the first: pushed by 10 N they go together, the clutch passes 6 N."""
+    clutch = Clutch(joints=("two", "one"), name="pawl")
+    parts = {"clutches": [clutch], "start": Start()}
+    mech = sliders([JointTorque(joint="one", torque=10.0, name="push")], **parts)
+    sol = mbdae.solve(mech, (0, 1.0))
+    found = inverse_dynamics(mech, sol, "one")
+    np.testing.assert_allclose(found.efforts, 10.0, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(found.lam[:, 0]), 6.0, rtol=1e-9)
+    t = np.linspace(0, 1, 51)
+    alone = inverse_dynamics(mech, {"t": t, "one": t**2, "two": 0.5 * t**2}, ["one", "two"])
+    np.testing.assert_allclose(alone.efforts, [[4.0, 3.0]] * 51, rtol=1e-9)
+    (passed,) = alone.passed
+    assert (passed.name, passed.first, passed.last) == ("pawl", pytest.approx(0, abs=1e-9), 1.0)
+    assert passed.most == pytest.approx(0.5, rel=1e-3)
+    assert not inverse_dynamics(mech, {"t": t, "one": 0.5 * t**2, "two": t**2}, ["one", "two"]).passed
+
+
+def test_a_clutch_engaged_on_command_carries_in_a_motion():
+    """Engaged up to 1 s, both blocks are moved by one motor, 5 a; then its own, 2 a, and the other one 3 a."""
+    steps = {"kind": "steps", "points": [[0.0, 1.0], [1.0, 0.0]]}
+    mech = sliders(clutches=[Clutch(joints=("one", "two"), engaged=steps)])
+    t = np.linspace(0, 0.9, 10)
+    together = np.column_stack([t**2, t**2]), np.column_stack([2 * t, 2 * t]), np.full((10, 2), 2.0)
+    found = inverse_dynamics(mech, (t, *together), "one")
+    np.testing.assert_allclose(found.efforts, 10.0, rtol=1e-12)
+    later = inverse_dynamics(mech, (t + 1, *together), ["one", "two"])
+    np.testing.assert_allclose(later.efforts, [[4.0, 6.0]] * 10, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("model", "end", "actuators"),
+    [
+        ("slider_crank_with_stop", 0.5, "crank"),
+        ("stick_slip_slider", 0.5, "crank"),
+        ("ratchet", 1.0, None),
+        ("bouncing_chain", 0.3, ["across", "up", "head", "middle", "tail"]),
+    ],
+)
+def test_runs_of_shipped_models_take_what_they_took(model, end, actuators):
+    """The drive's effort of the run, and the multipliers of all other rows, by another way."""
+    mech = mbdae.load(model)
+    sol = mbdae.solve(mech, (0, end))
+    found = inverse_dynamics(mech, sol, actuators)
+    driven = [row for d in mech.drivers for row in mech.rows_of(d.name)]
+    scale = np.abs(sol.lam).max() + 1
+    if driven:
+        np.testing.assert_allclose(found.efforts, sol.lam[:, driven], rtol=0, atol=1e-9 * scale)
+    if model == "slider_crank_with_stop":
+        np.testing.assert_allclose(found.efforts, 0.3, rtol=1e-9)
+    rest = np.delete(sol.lam, driven, axis=1)
+    if model != "stick_slip_slider":  # whose motor is at a joint that sticks: two that hold it
+        np.testing.assert_allclose(found.lam, rest, rtol=0, atol=1e-9 * scale)
+    assert found.impacts == tuple(x.t for x in sol.impacts)
+    assert found.signals()[f"lam.{mech.row_names[-1]}.1"].shape == found.t.shape
+
+
+def test_integrals_are_taken_between_jumps():
+    """Effort 1 up to t = 1 and 0 behind it, two nodes there: RMS over 2 s is sqrt(1/2)."""
+    bar_ = pin.Model()
+    bar(bar_, 0, (0, 0), 1.0, "bar")
+    mech = Mechanism(bar_)
+    t = np.array([0.0, 0.5, 1.0, 1.0, 1.5, 2.0])
+    found = inverse_dynamics(mech, (t, np.zeros((6, 1)), np.ones((6, 1)), np.zeros((6, 1))), "bar")
+    found.efforts[:, 0] = [1, 1, 1, 0, 0, 0]
+    demand = found.demands[0]
+    assert demand.rms == pytest.approx(np.sqrt(0.5), rel=1e-12)
+    assert demand.energy == pytest.approx(1.0, rel=1e-12)
