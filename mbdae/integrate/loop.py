@@ -51,7 +51,11 @@ def carry_out(run: RunState, max_steps: int | None, progress: Progress | None) -
         return e.status, _explained(run, e)
     except KeyboardInterrupt:
         return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
-    return ("event", f"{STATUS['event']} at t = {run.t:.17g}") if stopped else ("finished", STATUS["finished"])
+    if stopped:
+        return "event", f"{STATUS['event']} at t = {run.t:.17g}"
+    asked = run.settings["t_span"][1]
+    words = "" if run.t == asked else next((x for d in run.problem.drivers if (x := d.outside(asked))), "")
+    return ("driver", words) if words else ("finished", STATUS["finished"])
 
 
 def _explained(run: RunState, e: StepError) -> str:

@@ -64,7 +64,8 @@ def prepare(
     stepper: Stepper = inner
     if system.native and not isinstance(tableau, Baseline):
         stepper = NativeStepper(inner, system, tableau, project)
-    ahead = Jumps(system, jumps, t1, 1.0 if t1 >= t0 else -1.0, _knots(problem, system))
+    end = _reached(problem, t0, t1)
+    ahead = Jumps(system, jumps, end, 1.0 if t1 >= t0 else -1.0, _knots(problem, system, t0, end))
     y = _start(problem, start, t0, None if step else control[0])
     run = RunState(problem, tableau, system, stepper, t0, y, ahead, project)
     run.fallback, run.settings = fallback, {
@@ -88,14 +89,30 @@ def prepare(
     return run
 
 
-def _knots(problem: Problem, system: System) -> Sequence[float]:
+def _reached(problem: Problem, t0: float, t1: float) -> float:
+    """Return how far a run can go: to t1, or to the end of a driver's table that does not say what is beyond.
+
+    Raises:
+        InputError: where the run begins outside of it, or where it ends.
+    """
+    reached = t1
+    for d in problem.drivers if isinstance(problem, Mechanism) else ():
+        words = d.outside(t1)
+        end = (d.span[1] if t1 > t0 else d.span[0]) if words else t1
+        if d.outside(t0) or (end - t0) * (t1 - t0) <= 0 < abs(t1 - t0):
+            raise InputError(f"{d.outside(t0) or words}; the run begins at t = {t0:g} s")
+        reached = min(reached, end) if t1 > t0 else max(reached, end)
+    return reached
+
+
+def _knots(problem: Problem, system: System, t0: float, t1: float) -> Sequence[float]:
     """Return the times where pieces of loads and motions meet, if modes follow them: between two a load may turn."""
     if not isinstance(problem, Mechanism) or not isinstance(system, Index2System) or not problem.switches:
         return ()
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)
-    drives = (signal for d in problem.drivers for signal in (d.motion, d.speed) if signal)
+    drives = (d.path for d in problem.drivers)
     commands = (clutch.engaged for clutch in problem.clutches if clutch.engaged)
-    return [t for signal in (*laws, *drives, *commands) for t in signal.knots]
+    return [t for signal in (*laws, *drives, *commands) for t in signal.meets(t0, t1)]
 
 
 def _refuse_modes(name: str, formulation: str, tableau: Any, sign: float) -> None:

@@ -4,15 +4,20 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from itertools import pairwise
+from math import floor, isfinite
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+
+from ..errors import InputError
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 Point = tuple[float, float]
 Interpolation = Literal["spline", "monotone"]
+Beyond = Literal["hold", "linear", "periodic"]
+CROWD = 100_000  # pieces within a run: what repeats more often belongs into a harmonic, or another model
 
 
 class Pieces:
@@ -22,35 +27,65 @@ class Pieces:
         starts: t_i, (n,), increasing.
         coefficients: c, (n, d + 1), highest power first.
         breaks: times where u is not smooth.
+        period: after which u repeats itself from t_0 on, u(t + period) = u(t) + rise; 0 for none.
+        rise: what a period adds.
     """
 
     def __init__(
-        self, starts: Iterable[float], coefficients: Iterable[Iterable[float]], breaks: Sequence[float] = ()
+        self,
+        starts: Iterable[float],
+        coefficients: Iterable[Iterable[float]],
+        breaks: Sequence[float] = (),
+        period: float = 0.0,
+        rise: float = 0.0,
     ) -> None:
         rows = [[float(c) for c in row] for row in coefficients]
-        self.starts, self.breaks = [float(t) for t in starts], breaks
+        self.starts, self.breaks, self.period, self.rise = [float(t) for t in starts], breaks, period, rise
         self._derivatives = [rows]
         for k in range(3):
             self._derivatives.append([_derivative(row) for row in self._derivatives[k]])
 
     @classmethod
-    def of(cls, c: "PPoly", breaks: Sequence[float] = ()) -> "Pieces":
+    def of(cls, c: "PPoly", breaks: Sequence[float] = (), period: float = 0.0, rise: float = 0.0) -> "Pieces":
         """The pieces of a scipy curve."""
-        return cls(c.x[:-1], c.c.T, breaks)
+        return cls(c.x[:-1], c.c.T, breaks, period, rise)
 
     def at(self, t: float, k: int = 0) -> float:
         """Return the k-th derivative, k = 0, 1, 2, 3."""
+        turns = floor((t - self.starts[0]) / self.period) if self.period and isfinite(t) else 0
+        t -= turns * self.period
         i = max(0, bisect_right(self.starts, t) - 1)
         row, x = self._derivatives[k][i], t - self.starts[i]
         value = row[0]
         for j in range(1, len(row)):
             value = value * x + row[j]
-        return value
+        return value if k else value + turns * self.rise
+
+    def slope(self, t: float, k: int = 0) -> float:
+        """Return the derivative of the k-th derivative, k = 0, 1, 2."""
+        return self.at(t, k + 1)
+
+    def meets(self, t0: float, t1: float) -> list[float]:
+        """Return the times between t0 and t1 where pieces meet.
+
+        Raises:
+            InputError: where a period is so short that they are too many.
+        """
+        low, high = min(t0, t1), max(t0, t1)
+        if not self.period:
+            return [t for t in self.starts[1:] if low < t < high]
+        first, last = (floor((t - self.starts[0]) / self.period) for t in (low, high))
+        if (count := (last + 1 - first) * len(self.starts)) > CROWD:
+            crowd = f"{count:.3g} pieces between {t0:g} and {t1:g} s"
+            raise InputError(f"a table that repeats every {self.period:g} s has {crowd}: at most {CROWD} are followed")
+        all_of = (t + k * self.period for k in range(first, last + 1) for t in self.starts)
+        return [t for t in all_of if low < t < high]
 
     def plain(self) -> dict[str, Any]:
         """What the core takes."""
         rows = self._derivatives[0]
-        return {"kind": "pieces", "a": [c for row in rows for c in row], "b": self.starts, "degree": len(rows[0]) - 1}
+        numbers = {"a": [c for row in rows for c in row], "b": self.starts, "degree": len(rows[0]) - 1}
+        return {"kind": "pieces", **numbers, "period": self.period, "rise": self.rise}
 
 
 def _derivative(row: list[float]) -> list[float]:
@@ -70,24 +105,60 @@ def increasing(points: Sequence[Point]) -> tuple[Point, ...]:
     return tuple(points)
 
 
-def curve(points: Sequence[Point], interpolation: Interpolation, *, held: bool) -> "PPoly":
+def curve(points: Sequence[Point], interpolation: Interpolation, beyond: Beyond, *, at_rest: bool = False) -> "PPoly":
     """A smooth curve through points: a natural cubic spline, or a monotone one (Fritsch, Butland 1984).
 
-    Beyond its ends it is held or goes on as a straight line; `PPoly.antiderivative` integrates it exactly.
+    Beyond its ends it is held, or goes on as a straight line; `PPoly.antiderivative` integrates it exactly. A periodic
+    one is as smooth where periods meet as elsewhere, and covers one of them.
+
+    Args:
+        points: pairs (t, u).
+        interpolation: its kind.
+        beyond: how it goes on beyond its ends.
+        at_rest: u' = 0 at both ends (a clamped spline), so that what is held there goes on without a jump of u'.
 
     Raises:
         ValueError: where numbers are too large or too close for that.
     """
-    from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly  # few mechanisms have such a curve
+    from scipy.interpolate import PPoly  # few mechanisms have such a curve
 
     x, y = np.array(points, float).T
     with np.errstate(all="ignore"), suppress(ValueError, np.linalg.LinAlgError):
-        spline = interpolation == "spline" or len(x) == 2
-        inner = CubicSpline(x, y, bc_type="natural") if spline else PchipInterpolator(x, y)
-        slope = np.zeros(2) if held else inner(x[[0, -1]], 1)
-        zero, width = np.zeros(2), x[-1] - x[0]
-        ends = np.array([zero, zero, slope, [y[0] - width * slope[0], y[-1]]])  # a piece on either side
-        c = PPoly(np.column_stack([ends[:, :1], inner.c, ends[:, 1:]]), [x[0] - width, *x, x[-1] + width])
+        c = _periodic(x, y, interpolation) if beyond == "periodic" else _through(x, y, interpolation, at_rest=at_rest)
+        if beyond != "periodic":
+            slope = np.zeros(2) if beyond == "hold" else c(x[[0, -1]], 1)
+            zero, width = np.zeros(2), x[-1] - x[0]
+            ends = np.array([zero, zero, slope, [y[0] - width * slope[0], y[-1]]])  # a piece on either side
+            c = PPoly(np.column_stack([ends[:, :1], c.c, ends[:, 1:]]), [x[0] - width, *x, x[-1] + width])
         if np.isfinite(c.antiderivative().c).all() and np.isfinite(c.x).all():
             return c
     raise ValueError("the numbers of points are too large or too close for a smooth curve")
+
+
+def _through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, *, at_rest: bool) -> "PPoly":
+    """The curve between the first and the last point."""
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator
+
+    if interpolation == "spline" or len(x) == 2:
+        return CubicSpline(x, y, bc_type="clamped" if at_rest else "natural")
+    slopes = PchipInterpolator(x, y).derivative()(x)
+    if at_rest:
+        slopes[[0, -1]] = 0.0
+    return CubicHermiteSpline(x, y, slopes)
+
+
+def _periodic(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> "PPoly":
+    """The curve of one period, to which each period adds y_n - y_0: the middle one of several in a row."""
+    from scipy.interpolate import CubicSpline, PPoly
+
+    width, rise, n = x[-1] - x[0], y[-1] - y[0], len(x) - 1
+    if interpolation == "spline" and n > 1:
+        grown = rise / width
+        flat = y - grown * (x - x[0])
+        flat[-1] = flat[0]
+        c = CubicSpline(x, flat, bc_type="periodic").c
+        c[2] += grown
+        c[3] += grown * (x[:-1] - x[0])
+        return PPoly(c, x)
+    tiled = [np.concatenate([z[:-1] - by, z[:-1], z + by]) for z, by in ((x, width), (y, rise))]
+    return PPoly(_through(*tiled, interpolation, at_rest=False).c[:, n : 2 * n], x)

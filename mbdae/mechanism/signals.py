@@ -11,12 +11,12 @@ from math import inf, isfinite, nan, pi, sin
 from typing import Annotated, Any, Literal, Union
 
 import numpy as np
-from pydantic import BeforeValidator, Field, field_validator, model_serializer, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_serializer, model_validator
 
 from .. import differences
 from ..errors import InputError
 from .callbacks import called, checked, function_name
-from .pieces import Interpolation, Pieces, Point, curve, increasing
+from .pieces import Beyond, Interpolation, Pieces, Point, curve, increasing
 from .tables import Table
 
 SPACING = 3e-3  # s, of differences
@@ -46,7 +46,11 @@ class _Signal(Table):
 
     @property
     def knots(self) -> Sequence[float]:
-        """The times where its pieces meet."""
+        """The times where its pieces meet, those of one period."""
+        return ()
+
+    def meets(self, t0: float, t1: float) -> Sequence[float]:
+        """Return the times between t0 and t1 where its pieces meet."""
         return ()
 
     def jump(self, t: float, sign: float) -> float:
@@ -76,6 +80,12 @@ class _Piecewise(_Signal):
     @property
     def knots(self) -> Sequence[float]:
         return self.pieces.starts[1:]
+
+    def meets(self, t0: float, t1: float) -> Sequence[float]:
+        return self.pieces.meets(t0, t1)
+
+    def slope(self, t: float, k: int = 0) -> float:
+        return self.pieces.slope(t, k)
 
     def plain(self) -> dict[str, Any]:
         return self.pieces.plain()
@@ -154,26 +164,49 @@ class _Points(_Piecewise):
         return increasing(points)
 
 class TimeTable(_Points):
-    """A smooth curve through points (t, value), t increasing; before and behind them the end values are held.
+    """A smooth curve through points (t, value), t increasing.
+
+    A periodic one has the period t_n - t_1 and is as smooth where periods meet as elsewhere; its last value is its
+    first one, except in a motion, to which each period may add the difference (a crank that turns on).
 
     Attributes:
         points: pairs (t, value) in s.
         interpolation: ``"spline"``, natural and cubic (two continuous derivatives), or ``"monotone"``, cubic without
             overshoot (one continuous derivative).
+        beyond: what is before the first time and behind the last: ``"hold"`` the end values, ``"linear"``: straight
+            on, or ``"periodic"``. Left out, loads and speeds hold; a driver's motion ends the run there. A motion that
+            holds comes to rest: u' = 0 at both ends, and u'' jumps.
     """
 
     kind: Literal["table"] = "table"
     points: tuple[Point, ...] = Field(min_length=2)
     interpolation: Interpolation = "spline"
+    beyond: Beyond | None = None
 
     @cached_property
     def pieces(self) -> Pieces:  # noqa: D102
-        ends = (self.points[0][0], self.points[-1][0])
-        return Pieces.of(curve(self.points, self.interpolation, held=True), ends)
+        return self._made(self.beyond or "hold", (self.points[0][0], self.points[-1][0]))
+
+    @cached_property
+    def motion(self) -> Pieces:
+        """The polynomials of a motion: held at rest; straight on where nothing is said, where no run goes."""
+        jumps = self.points if self.interpolation == "monotone" else (self.points[0], self.points[-1])  # of u''
+        return self._made(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
+
+    def _made(self, beyond: Beyond, breaks: Sequence[float], *, at_rest: bool = False) -> Pieces:
+        c = curve(self.points, self.interpolation, beyond, at_rest=at_rest)
+        if beyond != "periodic":
+            return Pieces.of(c, breaks)
+        return Pieces.of(c, (), self.points[-1][0] - self.points[0][0], self.rise)
+
+    @property
+    def rise(self) -> float:
+        """What a period adds."""
+        return self.points[-1][1] - self.points[0][1]
 
     @model_validator(mode="after")
     def _is_smooth(self) -> "TimeTable":
-        _ = self.pieces
+        _ = self.motion
         return self
 
 
@@ -250,10 +283,18 @@ def _coerce(value: Any) -> Any:
     return Function(function=value) if callable(value) and not isinstance(value, _Signal) else value
 
 
-Signal = Annotated[
+def _returns(signal: Any) -> Any:
+    if isinstance(signal, TimeTable) and signal.beyond == "periodic" and signal.rise:
+        ends = f"{signal.points[0][1]:g} and {signal.points[-1][1]:g}"
+        raise ValueError(f"a periodic table of a load or speed ends with the value that it begins with, got {ends}")
+    return signal
+
+
+Motion = Annotated[
     Annotated[
         Union[Constant, Harmonic, Polynomial, TimeTable, Steps, Function],  # noqa: UP007
         Field(discriminator="kind"),
     ],
     BeforeValidator(_coerce),
 ]
+Signal = Annotated[Motion, AfterValidator(_returns)]

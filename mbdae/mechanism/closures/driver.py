@@ -7,22 +7,22 @@ A driver of speed gives u' alone: its row c' - u' has no g, and where c stands i
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from math import sqrt
-from typing import Any
+from math import inf, isinf, sqrt
+from typing import Any, get_args
 
 from pydantic import Field, model_validator
 
 from ...errors import InputError, StepError
-from ..pieces import Pieces, curve
-from ..signals import Function, Harmonic, Polynomial, Signal, Steps, TimeTable
+from ..pieces import Beyond, Pieces
+from ..signals import Function, Harmonic, Motion, Polynomial, Signal, Steps, TimeTable
 from ..tables import Table
 from .rows import Coordinate, Distance, FrameRows
 
-Motion = tuple[float, float, float]
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
 OFTEN = 2  # of them must differ: one may stand where a motion's u'' jumps
 GOLDEN = (sqrt(5) - 1) / 2  # multiples of it, less whole numbers, fill (0, 1) evenly and meet no grid
 SPACING = 1e-5  # s
+NEAR = 1e-9  # of its length: how far stages may reach beyond a table by rounding
 Target = str | tuple[str, str]
 
 
@@ -30,9 +30,13 @@ class Driver(Table):
     """A driver: what follows, and the function of time u(t) that it follows.
 
     Motions are functions of time with two derivatives: constant, harmonic, polynomial (constant speed w from u_0 on:
-    coefficients u_0, w), table (a natural cubic spline, which goes on at the ends' speed; u''' jumps at its points,
-    where methods of order above 3 lose it), or Python functions. Speeds are functions of time with one derivative, or
-    steps, which are impacts that keep all loops shut.
+    coefficients u_0, w), table (a cubic spline; u''' jumps at its points, where methods of order above 3 lose it), or
+    Python functions. Speeds are functions of time with one derivative, or steps, which are impacts that keep all loops
+    shut.
+
+    A table of motion says nothing outside its times: a run ends there, unless the table says what is ``beyond``:
+    ``"hold"`` (then u' = 0 at both ends, a clamped spline, for a motion that stops at a speed would be an impact),
+    ``"linear"`` or ``"periodic"``.
 
     Attributes:
         motion: u(t), in rad or m; or
@@ -48,7 +52,7 @@ class Driver(Table):
         UnknownNameError: when a mechanism is made, for a joint or frame that it does not have.
     """
 
-    motion: Signal | None = None
+    motion: Motion | None = None
     speed: Signal | None = None
     joint: str | None = None
     joints: tuple[str, str] | None = None
@@ -98,24 +102,47 @@ class Driver(Table):
 
     @cached_property
     def path(self) -> Pieces | Signal:
-        """u(t), or the speed; a table of motion goes on at the ends' speed."""
-        if isinstance(self.motion, TimeTable):
-            return Pieces.of(curve(self.motion.points, self.motion.interpolation, held=False))
-        return self._given
+        """u(t), or the speed."""
+        return self.motion.motion if isinstance(self.motion, TimeTable) else self._given
+
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """The times between which it is defined: those of a table of motion that does not say what is beyond."""
+        if isinstance(self.motion, TimeTable) and self.motion.beyond is None:
+            return self.motion.points[0][0], self.motion.points[-1][0]
+        return -inf, inf
+
+    def outside(self, t: float) -> str:
+        """Say in words that it is not defined at time t; empty where it is, up to rounding."""
+        (first, last), near = self.span, NEAR * (self.span[1] - self.span[0])
+        if isinf(near) or first - near <= t <= last + near:
+            return ""
+        known = ", ".join(map(repr, get_args(Beyond)))
+        return f"the table of driver {self.name!r} is known from t = {first:g} to {last:g} s only; give beyond: {known}"
+
+    def breaks(self) -> Sequence[float]:
+        """The times at which its last derivative that counts, u'' or the rate of a speed, jumps."""
+        return self.path.breaks
 
     @property
     def _given(self) -> Any:
         return self.motion if self.speed is None else self.speed
 
-    def follow(self, t: float) -> Motion:
-        """Return u (0 for a driver of speed), its first and its second derivative at time t."""
+    def follow(self, t: float) -> tuple[float, float, float]:
+        """Return u (0 for a driver of speed), its first and its second derivative at time t.
+
+        Raises:
+            StepError: outside of a table that does not say what is beyond.
+        """
+        if words := self.outside(t):
+            raise StepError("driver", f"{words}, got t = {t:.17g}")
         if self.speed is not None:
             return 0.0, self.path.at(t), self.path.at(t, 1)
         return self.path.at(t), self.path.at(t, 1), self.path.at(t, 2)
 
     def third(self, t: float) -> float:
         """Return the third derivative of u at time t."""
-        return float(self._given.slope(t, 2 if self.speed is None else 1))
+        return float(self.path.slope(t, 2 if self.speed is None else 1))
 
     def check(self, t: float) -> None:
         """Compare the derivatives of Python functions with difference quotients just behind t.
@@ -180,9 +207,12 @@ class Driver(Table):
         return cls(motion=Polynomial(coefficients=tuple(coefficients_of_t)), **_target(target, more))
 
     @classmethod
-    def table(cls, target: Target, points: Sequence[tuple[float, float]], **more: Any) -> "Driver":
-        """A natural cubic spline through points (t, u), which goes on at the ends' speed; target as for `speed`."""
-        return cls(motion=TimeTable(points=tuple((float(t), float(u)) for t, u in points)), **_target(target, more))
+    def table(
+        cls, target: Target, points: Sequence[tuple[float, float]], *, beyond: Beyond | None = None, **more: Any
+    ) -> "Driver":
+        """A cubic spline through points (t, u), and what is ``beyond`` its ends; target as for `speed`."""
+        rows = tuple((float(t), float(u)) for t, u in points)
+        return cls(motion=TimeTable(points=rows, beyond=beyond), **_target(target, more))
 
     @classmethod
     def function(

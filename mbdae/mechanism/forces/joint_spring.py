@@ -56,7 +56,7 @@ class JointSpring(Force):
     @cached_property
     def curve(self) -> "PPoly":
         """The table's restoring torque as a function of the deflection."""
-        return curve(self.table or (), self.interpolation, held=False)
+        return curve(self.table or (), self.interpolation, "linear")
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         joints = single(model, self.joint, f"joint_spring {self.name!r}")

@@ -183,8 +183,13 @@ class Index2System(System):
     def inner(self, y: Array) -> Array:  # noqa: D102
         return y[self.nq + self.nv : -1]
 
+    def breaks(self) -> list[float]:
+        """The times at which functions of time in laws and drivers are not smooth."""
+        return sorted({*self.laws.breaks(), *(t for d in self.mechanism.drivers for t in d.breaks())})
+
     def breakpoint(self, t: float, sign: float) -> float:  # noqa: D102
-        return self.laws.breakpoint(t, sign)
+        driven = (sign * s for d in self.mechanism.drivers for s in d.breaks() if sign * s > sign * t)
+        return sign * min((sign * self.laws.breakpoint(t, sign), *driven))
 
     def jump(self, t: float, y: Array) -> Array:
         """See `mbdae.system.System`: the states of sampled controllers jump."""

@@ -88,6 +88,7 @@ Signal signal(const nb::dict& d, Callbacks& callbacks) {
   bool fits = s.a.size() == 4;
   if (s.kind == Signal::pieces) {
     s.b = get<Numbers>(d, "b"), s.degree = get<int>(d, "degree");
+    s.period = get<double>(d, "period"), s.rise = get<double>(d, "rise");
     fits = s.degree >= 0 && !s.b.empty() && s.a.size() == s.b.size() * (static_cast<size_t>(s.degree) + 1);
   }
   if (!fits) refuse("the numbers of a function of time do not fit its kind");

@@ -12,6 +12,11 @@ double Signal::at(double t, int k) const {
     return k ? value * (k == 1 ? a[1] : a[1] * a[1]) : value + a[3];
   }
   size_t i = 0;
+  double turns = 0;
+  if (period > 0) {
+    if (!std::isfinite(t)) throw Trouble();
+    turns = std::floor((t - b[0]) / period), t -= turns * period;
+  }
   if (b.size() > 1) {
     if (!std::isfinite(t)) throw Trouble();
     const auto next = std::upper_bound(b.begin(), b.end(), t) - b.begin();
@@ -26,7 +31,7 @@ double Signal::at(double t, int k) const {
   };
   double value = coefficient(degree);
   for (int p = degree - 1; p >= k; --p) value = value * x + coefficient(p);
-  return value;
+  return k ? value : value + turns * rise;
 }
 
 }  // namespace mbdae

@@ -15,6 +15,7 @@ struct Signal {
   enum Kind { pieces, harmonic, python } kind = pieces;
   std::vector<double> a, b;  // numbers, of pieces: coefficients by pieces, highest power first; starts of pieces
   int degree = 0;            // of pieces
+  double period = 0, rise = 0;  // of pieces: after which they come again, by so much higher; 0: never
   std::function<double(double, int)> call;
 
   double at(double t, int k = 0) const;  // the k-th derivative

@@ -19,7 +19,9 @@ MOTIONS = {
     "speed": Driver.at_speed("a", 2.0, start=0.3),
     "harmonic": Driver.harmonic("a", 0.4, 3.0, phase=0.2, offset=0.1),
     "polynomial": Driver.polynomial("a", (0.1, -0.4, 0.7, 0.2)),
-    "table": Driver.table("a", POINTS),
+    "table": Driver.table("a", POINTS, beyond="linear"),
+    "held table": Driver.table("a", POINTS, beyond="hold"),
+    "periodic table": Driver.table("a", POINTS, beyond="periodic"),
     "function": Driver.function("a", np.sin, np.cos, lambda t: -np.sin(t)),
 }
 
