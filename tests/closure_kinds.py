@@ -54,6 +54,7 @@ KINDS = {
     "rolling": Kind(Closure.rolling("tip_8", "tip_2", 0.3, A, tyre=0.1)),
     "knife_edge": Kind(Closure.knife_edge("tip_8", "tip_2", A)),
     "gear": Kind(Closure.gear("tip_8", "tip_2", (0.2, 0.3), A)),
+    "bevel": Kind(Closure.bevel("tip_8", "tip_2", (0.2, 0.3), B, A)),
     "screw": Kind(Closure.screw("tip_8", "tip_2", 0.3, A)),
     "ratio": Kind(Closure.ratio("revolute_0", "helical_7", (0.1, -1.5, 0.7, 0.3), "prismatic_2")),
 }

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..mechanism.closures.closure_error import largest_error
+from ..mechanism.closures.preconditions import lost_precondition
 from ..mechanism.contacts import first_negative, rolling
 from ..mechanism.formulations.index2 import Index2System
 from ..mechanism.reactions import scaled
@@ -15,6 +16,7 @@ LOST = 0.1  # of the energy that moves
 PRESSED = 1e-6  # of the largest N: what is negative by less counts as 0
 APART = 1e-5  # of the largest row: rows that are projected depend on each other but for less
 SAMPLES = 8  # steps at which the energy is looked at
+WATCHED = 400  # nodes at which preconditions of closures are checked
 
 
 def doubts(sol: Solution, system: Index2System) -> str:
@@ -42,7 +44,9 @@ def doubts(sol: Solution, system: Index2System) -> str:
     lost = _lost(sol, system)
     if not lost <= LOST:
         found.append(f"the energy balance is lost: {lost:.2g} of the energy that moves")
-    more = [text for text in (departed(sol, system), lifts(sol)) if text]
+    some = np.unique(np.linspace(0, len(ts) - 1, WATCHED).astype(int))
+    unfit = lost_precondition(system, ts[some], ys[some, : system.nq])
+    more = [text for text in (departed(sol, system), lifts(sol), unfit) if text]
     if not found:
         return "; ".join(more)
     fixed, kept = "step" in sol.settings, sol.settings["project"] or formulation == "ggl" or not system.ng

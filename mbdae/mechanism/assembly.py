@@ -14,6 +14,7 @@ from ..errors import AssemblyError, InputError, StepError
 from ..system import Array
 from .assembly_mode import Residuals, closures, turned_over, with_directions
 from .closures.closure_error import ClosureError, largest_error
+from .closures.preconditions import refuse_unfit
 from .start import normalized
 from .workspace import make_data
 
@@ -56,6 +57,7 @@ def assemble(
     else:
         v0 = mech.coordinates({**(guess_v or {}), **(v or {})}, of_v=True)[0]
         held_v = mech.coordinates(v or {}, of_v=True)[1]
+    refuse_unfit(mech, q1)
     return q1, close_velocity(system, q1, v0, held_v, t)
 
 
@@ -210,7 +212,7 @@ def refuse_inconsistent(mech: "Mechanism", q: Array, v: Array, t: float, most: f
     Of g this is in rad and characteristic lengths; of G v + g_t relative to 1/s and the largest velocity.
 
     Raises:
-        InputError: names the closure that is open the most, and by how much.
+        InputError: names the closure that is open the most, and by how much; or one that assumes what is not so.
     """
     if not mech.ng:
         return
@@ -223,6 +225,7 @@ def refuse_inconsistent(mech: "Mechanism", q: Array, v: Array, t: float, most: f
                 f"the start is not consistent: {gap.says()}; "
                 f"make it so with q, v = mechanism.assemble(q, v{f', t={t:g}' if t else ''})"
             )
+    refuse_unfit(mech, q)
 
 
 def _mass(mech: "Mechanism", q: Array) -> Array:

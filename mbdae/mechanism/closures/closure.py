@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from ..signals import Harmonic
 from .contact import ConvexBody
 from .curves import Law, LawTable
-from .keys import BETWEEN_FRAMES, GRIPS, check_numbers, keys
+from .keys import BETWEEN_FRAMES, GRIPS, check_keys, check_numbers
 from .one_sided import OneSided
 from .primitives import primitives_of
 from .profiles import AnyProfile, Profile
@@ -18,7 +18,7 @@ from .within import Within
 
 Kind = Literal[
     "point", "revolute", "frame", "prismatic", "cylindrical", "universal", "in_plane", "in_line", "parallel",
-    "distance", "coupling", "cam", "slot", "rolling", "knife_edge", "gear", "screw", "ratio",
+    "distance", "coupling", "cam", "slot", "rolling", "knife_edge", "gear", "bevel", "screw", "ratio",
 ]  # fmt: skip
 KINDS: tuple[str, ...] = get_args(Kind)
 Axis = tuple[float, float, float]
@@ -48,6 +48,7 @@ class Closure(OneSided):
     rolling      3     b rolls on a plane (z of a), sphere or cylinder of a: it touches and does not slip
     knife_edge   1     b's origin does not slip along the axis of b
     gear         1     wheels about parallel axes do not slip where the line of centres is divided as by their radii
+    bevel        1     wheels about axes that meet do not slip on each other: r_a w_a = -r_b w_b on their carrier
     screw        1     b advances along the axis of a by ``lead`` per turn about it, beside a cylindrical closure
     cam          1     a roller of b, or a flat face of it, touches a profile in the x-y plane of a
     slot         1     b's origin stays on a curve in the x-y plane of a
@@ -73,7 +74,8 @@ class Closure(OneSided):
         name: by default the names of both frames or joints.
         axis: an axis in the first frame, z when left out; of a wheel (its axle, to its left) and of a knife edge in
             the second frame; of a cam's flat face through b's origin, in the second frame, away from the cam.
-        second_axis: the axis in the second frame that goes with it; the same numbers when left out (universal: x).
+        second_axis: the axis in the second frame that goes with it; the same numbers when left out (universal: x). Both
+            axes of a bevel pair point from where they meet to the wheels.
         length: distance in m.
         coefficients: c_0, c_1, ... of a ratio or a coupling: powers between two joints, else one for each joint.
         curve: the law f of a coupling of two joints, in place of coefficients (cams by their law, indexing drives).
@@ -88,7 +90,7 @@ class Closure(OneSided):
         contact: whether a rolling body is kept on the surface; false where joints keep it there. True when left out.
         surface: on which a body rolls: the x-y plane of the first frame when left out; spheres on a sphere or cylinder.
         surface_radius: of a sphere or cylinder in m; negative where the body rolls inside.
-        radii: of both wheels of a gear in m; negative for a ring whose teeth point inwards.
+        radii: of both wheels of a gear or bevel pair in m; negative for a ring whose teeth point inwards.
         lead: of a screw in m per turn, positive for a right-handed one.
         within: where in the way of a joint the closure is there; always when left out.
         unilateral: its one row presses and does not pull (a rope pulls and does not press); it opens and closes.
@@ -125,24 +127,13 @@ class Closure(OneSided):
     @model_validator(mode="after")
     def _checked(self) -> "Closure":
         self._keys_fit()
+        if not self.name:
+            object.__setattr__(self, "name", "-".join(self.between))
         return self
 
     def _keys_fit(self) -> None:
-        needed, possible = keys(self.kind)
-        given = {k for k in type(self).model_fields if getattr(self, k) is not None and k != "within"}
-        for key in sorted(given.difference(known := (*needed, *possible))):
-            raise ValueError(f"{key} does not belong to a {self.kind} closure; known: {', '.join(known)}")
-        for key in sorted(set(needed) - given):
-            raise ValueError(f"a {self.kind} closure needs {key}")
-        for axis in (self.axis, self.second_axis):
-            if axis is not None and not np.linalg.norm(axis) > 0:
-                raise ValueError("an axis must not be zero")
-        if len(set(ends := self.between)) < len(ends):
-            what = f"{self.name or '-'.join(ends)!r} joins {'frame' if self.frames else 'joint'}"
-            raise ValueError(f"closure {what} {ends[0]!r} with itself")
+        check_keys(self)
         check_numbers(self)
-        if not self.name:
-            object.__setattr__(self, "name", "-".join(ends))
 
     @classmethod
     def point(cls, a: str, b: str, name: str = "") -> "Closure":
@@ -231,6 +222,13 @@ class Closure(OneSided):
     def gear(cls, a: str, b: str, radii: tuple[float, float], axis: Axis = Z, name: str = "") -> "Closure":
         """Wheels about parallel axes through the origins of a and b do not slip on each other: 1 row."""
         return cls(kind="gear", frames=(a, b), radii=radii, axis=axis, name=name)
+
+    @classmethod
+    def bevel(
+        cls, a: str, b: str, radii: tuple[float, float], axis: Axis = Z, second_axis: Axis = Z, name: str = ""
+    ) -> "Closure":
+        """Wheels about ``axis`` of a and ``second_axis`` of b, which meet, do not slip on each other: 1 row."""
+        return cls(kind="bevel", frames=(a, b), radii=radii, axis=axis, second_axis=second_axis, name=name)
 
     @classmethod
     def screw(cls, a: str, b: str, lead: float, axis: Axis = Z, name: str = "") -> "Closure":

@@ -3,6 +3,8 @@
 from math import pi
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from .closure import Closure
 
@@ -30,6 +32,7 @@ OTHER_KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, an
     ),
     "knife_edge": (("frames", "axis"), ()),
     "gear": (("frames", "radii"), ("axis",)),
+    "bevel": (("frames", "radii"), ("axis", "second_axis")),
     "screw": (("frames", "lead"), ("axis",)),
     "ratio": (("joints", "coefficients"), ()),
 }
@@ -45,6 +48,26 @@ def keys(kind: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     axis = ("axis",) if gap in ("across", "along") or direction in ("axis", "cross") else ()
     second = ("second_axis",) if direction in ("axis", "cross") else ()
     return ("kind", "frames"), ("name", *axis, *second, *(ONE_SIDED if kind == "in_plane" else ()))
+
+
+def check_keys(closure: "Closure") -> None:
+    """See that a closure has the keys of its kind, axes that are directions, and ends that differ.
+
+    Raises:
+        ValueError: if it does not.
+    """
+    needed, possible = keys(closure.kind)
+    given = {k for k in type(closure).model_fields if getattr(closure, k) is not None and k != "within"}
+    for key in sorted(given.difference(known := (*needed, *possible))):
+        raise ValueError(f"{key} does not belong to a {closure.kind} closure; known: {', '.join(known)}")
+    for key in sorted(set(needed) - given):
+        raise ValueError(f"a {closure.kind} closure needs {key}")
+    for axis in (closure.axis, closure.second_axis):
+        if axis is not None and not np.linalg.norm(axis) > 0:
+            raise ValueError("an axis must not be zero")
+    if len(set(ends := closure.between)) < len(ends):
+        what = f"{closure.name or '-'.join(ends)!r} joins {'frame' if closure.frames else 'joint'}"
+        raise ValueError(f"closure {what} {ends[0]!r} with itself")
 
 
 def check_numbers(closure: "Closure") -> None:
@@ -70,6 +93,8 @@ def check_numbers(closure: "Closure") -> None:
         raise ValueError("a ratio needs a third joint for coefficients c_1, ..., and has none without")
     if closure.kind == "gear" and not (closure.radii and all(closure.radii) and sum(closure.radii)):
         raise ValueError("radii must not be zero, nor their sum")
+    if closure.kind == "bevel" and not (closure.radii and all(closure.radii)):
+        raise ValueError("radii must not be zero")
     if closure.kind == "screw" and not closure.lead:
         raise ValueError("lead must not be zero")
     if closure.kind != "rolling":

@@ -14,9 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...errors import StepError
 from ...system import Array
 from ..frames import Pair, cross
 from .rows import FrameRows, moved, turned
+
+PARALLEL = 1e-6  # rad between axes of a bevel pair, which have no common point
 
 
 class Lines(NamedTuple):
@@ -132,6 +135,40 @@ class Gear(LineRows):
         k = pair.Ra.dot(self.axis)
         e, de = unit(cross(k, d), cross(turned(pair.Va, k), d) + cross(k, dd))
         return Lines(e, pa + self.share * d, de, va + self.share * dd)
+
+
+class Bevel(LineRows):
+    """Wheels of a and b about axes that meet, an axis of each (3,), do not slip on each other.
+
+    The row is along e = k_a x k_b/|.|, across both axes, through the point of the pitch cones' common line at distances
+    r_a and r_b from them: (p - p_a) . (e x k_a) = r_a, (p - p_b) . (k_b x e) = r_b. So the wheels turn as
+    r_a w_a + r_b w_b = 0 relative to the carrier of both axes, wherever on these the frames are, and the multiplier is
+    the tangential force in N.
+    """
+
+    m = 1
+
+    def __init__(self, a: Array, b: Array, radii: tuple[float, float]) -> None:
+        self.a, self.b, self.radii = a[:, None], b[:, None], radii
+
+    def plain(self) -> list[dict[str, Any]]:  # noqa: D102
+        a, b = self.a[:, 0].tolist(), self.b[:, 0].tolist()
+        return [{"kind": "bevel", "a": a, "b": b, "length": self.radii[0], "other_length": self.radii[1]}]
+
+    def lines(self, pair: Pair) -> Lines:  # noqa: D102
+        ka, kb = pair.Ra.dot(self.a), pair.Rb.dot(self.b)
+        dka, dkb = turned(pair.Va, ka), turned(pair.Vb, kb)
+        across = cross(ka, kb)
+        if not np.sqrt((across * across).sum()).real > PARALLEL:
+            raise StepError("singular", "its axes are parallel: kind 'gear' is for those")
+        e, de = unit(across, cross(dka, kb) + cross(ka, dkb))
+        n = np.hstack([cross(e, ka), cross(kb, e), e])
+        dn = np.hstack([cross(de, ka) + cross(e, dka), cross(dkb, e) + cross(kb, de), de])
+        at, va = np.column_stack([pair.pa, pair.pb, pair.pa]), moved(pair.Va, pair.pa)
+        speed = np.hstack([va, moved(pair.Vb, pair.pb), va])
+        p = np.linalg.solve(n.T, (n * at).sum(axis=0) + np.array([*self.radii, 0.0]))
+        dp = np.linalg.solve(n.T, (dn * (at - p[:, None]) + n * speed).sum(axis=0))
+        return Lines(e, p[:, None], de, dp[:, None])
 
 
 def unit(x: Array, dx: Array) -> tuple[Array, Array]:

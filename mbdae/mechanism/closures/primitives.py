@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from .contact import Grip, Height
 from .keys import BETWEEN_FRAMES
-from .line_rows import Gear, KnifeEdge, Screw
+from .line_rows import Bevel, Gear, KnifeEdge, Screw
 from .profile_rows import FlatFace, Roller
 from .rows import Coordinate, Curved, Distance, FrameRows, JointRow, Ratio, Sum, between_frames, unit_axis
 
@@ -35,6 +35,8 @@ def primitives_of(closure: "Closure") -> Sequence[FrameRows] | Sequence[JointRow
     if closure.kind == "gear":
         a, b = closure.radii or (1.0, 1.0)
         return (Gear(unit_axis(axis), a / (a + b)),)
+    if closure.kind == "bevel":
+        return (Bevel(unit_axis(axis), unit_axis(closure.other_axis), closure.radii or (1.0, 1.0)),)
     if closure.kind == "screw":
         return (Screw(unit_axis(axis), (closure.lead or 0.0) / (2 * pi)),)
     return (KnifeEdge(unit_axis(axis)),)

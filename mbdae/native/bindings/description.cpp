@@ -167,6 +167,7 @@ Row row(const nb::dict& d, const Sizes& n, int pair_count) {
   if (k.a) axis("a", r.a);
   if (k.b) axis("b", r.b);
   if (k.length) r.length = get<double>(d, "length");
+  if (r.kind == Row::bevel) r.other_length = get<double>(d, "other_length");
   if (r.kind == Row::roller || r.kind == Row::flat_face) r.profile = profile(get<nb::dict>(d, "path"));
   if (r.kind == Row::height || r.kind == Row::grip) {
     r.shape.body = mbdae::kind(BODIES, get<std::string>(d, "body"));

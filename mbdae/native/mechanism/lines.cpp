@@ -27,6 +27,40 @@ const double* in_world(const Pair& pair, double x, double y, double* out) {
   return out;
 }
 
+// Solves x . n_i = y_i for three rows n_i.
+void meet(const double* n, const double* y, double* x) {
+  double c[3][3];
+  for (int i = 0; i < 3; ++i) cross(n + 3 * ((i + 1) % 3), n + 3 * ((i + 2) % 3), c[i]);
+  const double volume = dot(n, c[0]);
+  for (int j = 0; j < 3; ++j) x[j] = (y[0] * c[0][j] + y[1] * c[1][j] + y[2] * c[2][j]) / volume;
+}
+
+// Through the place at the distances of the radii from both axes, across them (line_rows.py: Bevel).
+Line of_bevel(const Row& r, const Pair& pair, const double* va, const double* vb, const double* wa, const double* wb) {
+  Line out;
+  double ka[3], kb[3], dka[3], dkb[3], n[9], dn[9], y[3], dy[3], more[3];
+  turn(pair.Ra, r.a, ka), turn(pair.Rb, r.b, kb), cross(wa, ka, dka), cross(wb, kb, dkb);
+  cross(ka, kb, out.e), cross(dka, kb, out.de), cross(ka, dkb, more);
+  const double size = norm(out.e, 3);
+  double along = 0;
+  for (int i = 0; i < 3; ++i) out.e[i] /= size, out.de[i] += more[i], along += out.e[i] * out.de[i];
+  for (int i = 0; i < 3; ++i) out.de[i] = (out.de[i] - out.e[i] * along) / size;
+  cross(out.e, ka, n), cross(out.de, ka, dn), cross(out.e, dka, more);
+  for (int i = 0; i < 3; ++i) dn[i] += more[i];
+  cross(kb, out.e, n + 3), cross(dkb, out.e, dn + 3), cross(kb, out.de, more);
+  for (int i = 0; i < 3; ++i) dn[3 + i] += more[i];
+  std::copy(out.e, out.e + 3, n + 6), std::copy(out.de, out.de + 3, dn + 6);
+  const double *at[3] = {pair.pa, pair.pb, pair.pa}, *speed[3] = {va, vb, va}, radius[3] = {r.length, r.other_length, 0};
+  for (int i = 0; i < 3; ++i) {
+    y[i] = dot(n + 3 * i, at[i]) + radius[i];
+    dy[i] = dot(dn + 3 * i, at[i]) + dot(n + 3 * i, speed[i]);
+  }
+  meet(n, y, out.p);
+  for (int i = 0; i < 3; ++i) dy[i] -= dot(dn + 3 * i, out.p);
+  meet(n, dy, out.dp);
+  return out;
+}
+
 Line line_of(const Row& r, const Pair& pair, const double* Va, const double* Vb, const Touch* touch) {
   Line out;
   double more[3];
@@ -77,10 +111,12 @@ Line line_of(const Row& r, const Pair& pair, const double* Va, const double* Vb,
     turn(pair.Rb, r.b, out.e), cross(Vb + 3, out.e, out.de);
     return out;
   }
+  double d[3], dd[3], va[3], k[3], dk[3];
+  at(Va, pair.pa, va);
+  if (r.kind == Row::bevel) return of_bevel(r, pair, va, out.dp, Va + 3, Vb + 3);
   turn(pair.Ra, r.a, out.e), cross(Va + 3, out.e, out.de);
   if (r.kind == Row::screw) return out;
-  double d[3], dd[3], va[3], k[3], dk[3];
-  at(Va, pair.pa, va), std::copy(out.e, out.e + 3, k), std::copy(out.de, out.de + 3, dk);
+  std::copy(out.e, out.e + 3, k), std::copy(out.de, out.de + 3, dk);
   for (int i = 0; i < 3; ++i) {
     d[i] = pair.pb[i] - pair.pa[i], dd[i] = out.dp[i] - va[i];
     out.p[i] = pair.pa[i] + r.length * d[i], out.dp[i] = va[i] + r.length * dd[i];

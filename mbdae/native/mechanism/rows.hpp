@@ -55,13 +55,14 @@ double unit_gap(const Pair& pair, double* n);  // distance, and the unit vector 
 struct Row {
   enum Kind {
     dot_product_1, dot_product_2, distance, coordinate, curved, sum, ratio,
-    height, grip, knife_edge, gear, screw, roller, flat_face
+    height, grip, knife_edge, gear, bevel, screw, roller, flat_face
   } kind = distance;
   bool positional = true;  // there is a g; else it is 0
   int pair = -1;
   bool has_a = false, has_b = false;
   double a[3] = {0, 0, 0}, b[3] = {0, 0, 0};  // axes fixed in a and b
-  double length = 0;        // or lead of a screw, share of a gear, radius of a roller
+  double length = 0;        // or lead of a screw, share of a gear, radius of a roller or of a's bevel wheel
+  double other_length = 0;  // radius of b's bevel wheel
   Shape shape;              // of what rolls
   std::shared_ptr<const Profile> profile;  // of what a roller or a flat face touches
   double share[2] = {0, 0};  // of the tangents ahead and to the left in a row of grip
@@ -104,6 +105,7 @@ inline const std::map<std::string, RowKind> ROW_KINDS = {
     {"grip", {Row::grip, false, false, false, false}},
     {"knife_edge", {Row::knife_edge, false, true, false, false}},
     {"gear", {Row::gear, true, false, true, false}},
+    {"bevel", {Row::bevel, true, true, true, false}},
     {"screw", {Row::screw, true, false, true, false}},
     {"roller", {Row::roller, false, false, true}},
     {"flat_face", {Row::flat_face, false, true, false}}};

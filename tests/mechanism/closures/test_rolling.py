@@ -3,11 +3,11 @@
 J. I. Neimark, N. A. Fufaev, Dynamics of Nonholonomic Systems (1972); formulas are written out in each test.
 """
 
-import json
 import re
 
 import numpy as np
 import pytest
+from bodies import body, load
 from numpy import cos, pi, sin
 
 import mbdae
@@ -15,19 +15,6 @@ from mbdae import Closure
 from mbdae.integrate.steppers.native import NativeStepper
 
 G = 9.81
-
-
-def body(name="body", joint="free", parent="world", mass=1.0, inertia=0.004, **more):
-    moments = [inertia] * 3 + [0.0] * 3 if np.isscalar(inertia) else inertia
-    return {"name": name, "parent": parent, "joint": joint, "mass": mass, "inertia": moments, **more}
-
-
-def load(tmp_path, bodies, closures, **tables):
-    path = tmp_path / "made.py"
-    tables = {"body": bodies, "closure": [c.model_dump(mode="json", exclude_defaults=True) for c in closures], **tables}
-    text = json.dumps(tables, default=float)
-    path.write_text(f"import json\n\n\ndef mechanism() -> dict:\n    return json.loads({text!r})\n")
-    return mbdae.load(path)
 
 
 def test_a_disc_nods_as_euler_says():
