@@ -8,7 +8,8 @@ from .closures.driver import Driver
 from .closures.one_sided import Stop
 from .contacts import Contact, contact
 from .forces import NAMES
-from .formats.load import describe, load, restore
+from .formats.description import describe, restore
+from .formats.load import load
 from .formats.mjcf.states import from_mujoco, to_mujoco
 from .formats.tree import depth_first
 from .formulations.compiled import Compiled

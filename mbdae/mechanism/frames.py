@@ -34,9 +34,16 @@ def find_frame(model: pin.Model, name: str) -> pin.Frame:
     if name == WORLD:
         return model.frames[0]
     links = [model.getFrameId(name, kind) for kind in LINKS if model.existFrame(name, kind)]
-    if not links and not model.existFrame(name):
+    found = links or [i for i, f in enumerate(model.frames) if f.name == name and i]
+    if not found:
         raise UnknownNameError("frame", name, frame_names(model))
-    return model.frames[min(links, default=model.getFrameId(name))]
+    return model.frames[min(found)]
+
+
+def fixed_links(model: pin.Model) -> list[str]:
+    """Names of the links that no joint carries: they are fixed to the world."""
+    kind = pin.FrameType.BODY
+    return [f.name for f in model.frames if not f.parentJoint and f.type == kind and f.name not in ("universe", WORLD)]
 
 
 def place(model: pin.Model, data: pin.Data, name: str) -> pin.SE3:

@@ -5,7 +5,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.load import describe, restore
+from mbdae.mechanism.formats.description import describe, restore
 
 BOB = """
 title = "bob"

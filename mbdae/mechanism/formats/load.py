@@ -1,4 +1,4 @@
-"""Read a mechanism from a file, or from what a saved solution remembers of it."""
+"""Read a mechanism from files."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -6,26 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pinocchio as pin
-from pydantic import Field, ValidationError
 
 from ...errors import InputError, UnknownNameError
 from ...files import text_of
 from ..assembly import START
-from ..callbacks import function_name
 from ..closures.closure import Closure
 from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..closures.one_sided import Stop
-from ..forces import FORCES, PYTHON_FORCES
-from ..forces.actuator import Actuator
+from ..forces import FORCES
 from ..mechanism import Mechanism
 from ..part import Part, shortened
-from ..plain import made, written
 from ..start import Motor
-from ..tables import Table, one_line
-from ..workspace import make_data
 from .blame import blamed
 from .build import build
 from .library import IN_FOLDER, MECHANISM, PARAMETRIC, READERS, find, model_names, told
@@ -45,6 +38,7 @@ def load(
     motors: Mapping[str, Any] | None = None,
     key: str = "",
     assemble: bool = True,
+    free_flyer: bool = False,
     **parameters: Any,
 ) -> Mechanism:
     """Load a mechanism.
@@ -60,6 +54,8 @@ def load(
         motors: controls of named inputs (`Mechanism.motors`): numbers or functions of time.
         key: keyframe of an MJCF file to start from; its first one when left out, ``"qpos0"`` for none.
         assemble: make the file's start consistent; False takes it as it is, and refuses it where a closure is open.
+        free_flyer: put a free joint, ``root_joint``, under the root link of each URDF source, which otherwise is fixed
+            to the world; the same as ``free_flyer = true`` of a mechanism file.
         parameters: of a mechanism.py, also written behind the name: ``"n_four_bar?N=10"``.
 
     Raises:
@@ -68,7 +64,7 @@ def load(
     """
     more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches}
     more |= {"force": [f for f in forces if isinstance(f, FORCES)], "motor": motors or {}}
-    recipe = read(path, parameters, key=key, assemble=assemble, more=more)
+    recipe = read(path, parameters, key=key, assemble=assemble, free_flyer=free_flyer, more=more)
     if recipe.left_out:
         warnings.warn(f"{recipe.name}: not carried over: {'; '.join(map(shortened, recipe.left_out))}", stacklevel=2)
     with blamed("" if forces or any(more.values()) else str(path), recipe.file, recipe.parts):
@@ -104,6 +100,7 @@ def read(
     *,
     key: str = "",
     assemble: bool = True,
+    free_flyer: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> Recipe:
     """Read the files of a mechanism; ``more`` holds further entries of its tables, the rest is as for `load`."""
@@ -113,9 +110,11 @@ def read(
     if found.suffix == PARAMETRIC and Path(plain).suffix != PARAMETRIC and plain not in model_names():
         warnings.warn(f"{plain}: the Python file {found} is run", stacklevel=3)
     file, chosen = _read(found, name, {**written, **parameters})
+    if free_flyer and not file.source:
+        raise InputError(f'{name}: free_flyer belongs to a source; a [[body]] says joint = "free"')
     added = dict(more or {})
     update = {
-        "source": tuple(_with_options(s, file, key) for s in file.source),
+        "source": tuple(_with_options(s, free_flyer or file.free_flyer, key) for s in file.source),
         "start": file.start if assemble else file.start.model_copy(update={"assemble": False}),
         "motor": MechanismFile(motor={**file.motor, **added.pop("motor", {})}).motor,
         **{table: (*getattr(file, table), *entries) for table, entries in added.items()},
@@ -147,8 +146,8 @@ def _remark_open(mech: Mechanism, name: str) -> None:
         warnings.warn(f"{name}: closure {gap.name!r} is open by {gap.text} as given: assembly closes it", stacklevel=3)
 
 
-def _with_options(source: Source, file: MechanismFile, key: str) -> Source:
-    return source.model_copy(update={"free_flyer": source.free_flyer or file.free_flyer, "key": key or source.key})
+def _with_options(source: Source, free_flyer: bool, key: str) -> Source:
+    return source.model_copy(update={"free_flyer": source.free_flyer or free_flyer, "key": key or source.key})
 
 
 def make(recipe: Recipe, functions: Sequence[Any] = (), *, remembered: bool = True) -> Mechanism:
@@ -169,7 +168,7 @@ def make(recipe: Recipe, functions: Sequence[Any] = (), *, remembered: bool = Tr
     source = _source(recipe) if remembered else None
     rest = {"visuals": visuals, "source": source, "motors": recipe.motors, "left_out": recipe.left_out}
     try:
-        return _of_file(model, file, [*file.force, *functions], file.title or name, **rest)
+        return of_file(model, file, [*file.force, *functions], file.title or name, **rest)
     except MemoryError:
         raise InputError(f"{name}: there is not enough memory for {model.njoints - 1} joints") from None
 
@@ -178,7 +177,7 @@ def _source(recipe: Recipe) -> dict[str, Any]:
     """What `describe` says of a mechanism from files."""
     return {
         "name": recipe.name,
-        "file": _plain(recipe.file),
+        "file": plain(recipe.file),
         "parts": [p.record for p in recipe.parts],  # called when written: meshes are large
         "motors": [list(m) for m in recipe.motors],
         "left_out": list(recipe.left_out),
@@ -186,32 +185,12 @@ def _source(recipe: Recipe) -> dict[str, Any]:
     }
 
 
-def _of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title: str, **rest: Any) -> Mechanism:
+def of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title: str, **rest: Any) -> Mechanism:
     """The mechanism over a model, with what the tables of a file say besides."""
     return Mechanism(
         model, file.closure, forces, drivers=file.driver, stops=file.stop, clutches=file.clutch, start=file.start,
         title=title, duration=file.duration, order=file.order, settings=file.solve, **rest,
     )  # fmt: skip
-
-
-def describe(mech: Mechanism) -> dict[str, Any]:
-    """What a saved solution remembers of a mechanism: plain JSON data; functions by name only."""
-    functions = _functions(mech)
-    if mech.source:
-        return {**mech.source, "parts": [record() for record in mech.source["parts"]], "functions": functions}
-    file = MechanismFile(
-        title=mech.title,
-        closure=mech.closures,
-        driver=mech.drivers,
-        stop=mech.stops,
-        clutch=mech.clutches,
-        force=tuple(f for f in mech.forces if isinstance(f, FORCES)),
-        start=mech.start_values,
-        order=mech.order,
-        solve=mech.settings,
-        duration=mech.duration,
-    )
-    return {"name": mech.title, "file": _plain(file), "model": written(mech.model), "functions": functions}
 
 
 def remembered(mech: Mechanism) -> Recipe:
@@ -222,79 +201,8 @@ def remembered(mech: Mechanism) -> Recipe:
     return Recipe(file, said["name"], parts, mech.motors, mech.left_out, said["parameters"])
 
 
-class _Functions(Table):
-    """A Python force: its name, its place among all forces, and the start values of its states."""
-
-    name: str
-    at: int = Field(ge=0)
-    states: dict[str, float] | None
-
-
-class _Parameter(Table):
-    """A parameter of a mechanism.py: its value, and what it takes."""
-
-    name: str
-    value: Any
-    takes: str
-
-
-class _Description(Table):
-    """What `describe` gives: a file with its parts, or with a model."""
-
-    name: str
-    file: MechanismFile
-    functions: tuple[_Functions, ...]
-    model: dict[str, Any] | None = None
-    parts: tuple[dict[str, Any], ...] = ()
-    motors: tuple[Motor, ...] = ()
-    left_out: tuple[str, ...] = ()
-    parameters: tuple[_Parameter, ...] = ()
-
-
-def restore(description: Mapping[str, Any]) -> Mechanism:
-    """Make the mechanism that `describe` described; its Python force laws are missing.
-
-    Raises:
-        InputError: for a description that is damaged.
-    """
-    try:
-        d = _Description.model_validate(description)
-    except ValidationError as e:
-        raise InputError(one_line(e, lambda path: [])) from None
-    missing = [(f.at, _missing(f.name, f.states)) for f in d.functions]
-    if d.model is None:
-        parameters = [p.model_dump() for p in d.parameters]
-        parts = [restored(r) for r in d.parts]
-        return make(Recipe(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in missing])
-    forces: list[Any] = list(d.file.force)
-    for at, law in missing:
-        forces.insert(at, law)
-    return _of_file(made(d.model), d.file, forces, d.file.title)
-
-
-def _plain(file: MechanismFile) -> dict[str, Any]:
+def plain(file: MechanismFile) -> dict[str, Any]:
     """The file as JSON data; closures and bodies without their defaults: not every kind takes every key."""
     bodies = [x.model_dump(mode="json", exclude_defaults=True) for x in file.body]
     closures = [x.model_dump(mode="json", exclude_none=True) for x in file.closure]
     return {**file.model_dump(mode="json", exclude={"body", "closure"}), "body": bodies, "closure": closures}
-
-
-def _functions(mech: Mechanism) -> list[dict[str, Any]]:
-    """Names of the Python forces, their places among all forces, and the start values of their states."""
-    states = {law.name: law.states for law, _ in mech.bind_forces(make_data(mech.model)).bound if law.states}
-    python = [
-        (i, f.name if isinstance(f, PYTHON_FORCES) else function_name(f))
-        for i, f in enumerate(mech.forces)
-        if not isinstance(f, FORCES)
-    ]
-    return [{"name": name, "at": i, "states": states.get(name)} for i, name in python]
-
-
-def _missing(name: str, states: dict[str, float] | None) -> Any:
-    """A force that refuses to act."""
-
-    def missing(*point: Any) -> np.ndarray:
-        raise InputError(f"force {name!r} is a Python function and not in the file: load the mechanism with it again")
-
-    missing.__name__ = name
-    return Actuator(missing, missing, states, name) if states else missing

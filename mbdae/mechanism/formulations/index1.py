@@ -75,7 +75,8 @@ class Index1System(Index2System):
         F, lam = self.derivative(t, y)
         if self.manifold.flat:
             return F, lam
-        dq = pin.tangentMap(self.model, y[: self.nq]) @ F[: self.nv]
+        T = pin.tangentMap(self.model, y[: self.nq]).reshape(self.nq, self.nv)  # with nv = 1 it comes as a vector
+        dq = T @ F[: self.nv]
         return np.concatenate([dq, F[self.nv :]]), lam
 
 

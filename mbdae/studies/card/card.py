@@ -8,7 +8,7 @@ import numpy as np
 from ...errors import require
 from ...integrate.defaults import completed
 from ...mechanism import Closure, Mechanism, redundant
-from ...mechanism.frames import find_joint
+from ...mechanism.frames import find_joint, fixed_links
 from ...mechanism.joints import kind_of
 from ...mechanism.reactions import rank, scaled
 from ...tabular import Tabular
@@ -51,6 +51,7 @@ class Card(Tabular):
         parameters: name and value of each parameter of the model, and which values it takes, in words.
         solve: settings of runs that the file says.
         not_modelled: what the motion ignores.
+        fixed: links that no joint carries: their base is fixed to the world.
     """
 
     title: str
@@ -75,6 +76,7 @@ class Card(Tabular):
     parameters: tuple[dict[str, Any], ...] = ()
     solve: dict[str, Any] = field(default_factory=dict)
     not_modelled: tuple[str, ...] = NOT_MODELLED
+    fixed: tuple[str, ...] = ()
 
     def facts(self) -> dict[str, str]:
         """What there is to say, by headings; several lines where there are several things."""
@@ -89,6 +91,7 @@ class Card(Tabular):
         return {
             "sizes": f"{sizes}; degrees of freedom: {self.freedom}",
             "joints": ", ".join(f"{name} ({kind})" for name, kind in self.joints),
+            **({"fixed base": ", ".join(self.fixed)} if self.fixed else {}),
             "closures": "\n".join(closures) or "none",
             "forces": ", ".join(self.forces) or "none",
             "gravity": f"{list(self.gravity)} m/s^2",
@@ -114,6 +117,7 @@ class Card(Tabular):
             f"degrees of freedom {self.freedom}"
             + (f", {self.position_freedom} of positions" if self.position_freedom != self.freedom else ""),
             "  joints    " + ", ".join(f"{n} ({k})" for n, k in self.joints),
+            *([f"  fixed base {', '.join(self.fixed)}"] if self.fixed else []),
         ]
         for c in self.closures:
             also = f", {c['dependent']} dependent" if c["dependent"] else ""
@@ -194,4 +198,5 @@ def card(mech: Mechanism) -> Card:
         parameters=tuple((mech.source or {}).get("parameters", ())),
         solve=mech.settings.given,
         not_modelled=(*NOT_MODELLED, *mech.left_out),
+        fixed=tuple(fixed_links(mech.model)),
     )

@@ -6,7 +6,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.load import describe, restore
+from mbdae.mechanism.formats.description import describe, restore
 
 GRAVITY, COM = np.array([0.5, -1.0, -9.81]), np.array([0.1, -0.2, 0.3])
 PLACE, TURN = np.array([0.3, 0.2, 1.0]), np.array([0.4, -0.7, 0.2])  # of the joint; rpy in rad

@@ -1,0 +1,111 @@
+"""What a saved solution remembers of a mechanism, and the mechanism made again from it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from ...errors import InputError
+from ..callbacks import function_name
+from ..forces import FORCES, PYTHON_FORCES
+from ..forces.actuator import Actuator
+from ..mechanism import Mechanism
+from ..plain import made, written
+from ..start import Motor
+from ..tables import Table, one_line
+from ..workspace import make_data
+from .load import Recipe, make, of_file, plain
+from .schema import MechanismFile
+from .sources import restored
+
+
+def describe(mech: Mechanism) -> dict[str, Any]:
+    """What a saved solution remembers of a mechanism: plain JSON data; functions by name only."""
+    functions = _functions(mech)
+    if mech.source:
+        return {**mech.source, "parts": [record() for record in mech.source["parts"]], "functions": functions}
+    file = MechanismFile(
+        title=mech.title,
+        closure=mech.closures,
+        driver=mech.drivers,
+        stop=mech.stops,
+        clutch=mech.clutches,
+        force=tuple(f for f in mech.forces if isinstance(f, FORCES)),
+        start=mech.start_values,
+        order=mech.order,
+        solve=mech.settings,
+        duration=mech.duration,
+    )
+    return {"name": mech.title, "file": plain(file), "model": written(mech.model), "functions": functions}
+
+
+class _Functions(Table):
+    """A Python force: its name, its place among all forces, and the start values of its states."""
+
+    name: str
+    at: int = Field(ge=0)
+    states: dict[str, float] | None
+
+
+class _Parameter(Table):
+    """A parameter of a mechanism.py: its value, and what it takes."""
+
+    name: str
+    value: Any
+    takes: str
+
+
+class _Description(Table):
+    """What `describe` gives: a file with its parts, or with a model."""
+
+    name: str
+    file: MechanismFile
+    functions: tuple[_Functions, ...]
+    model: dict[str, Any] | None = None
+    parts: tuple[dict[str, Any], ...] = ()
+    motors: tuple[Motor, ...] = ()
+    left_out: tuple[str, ...] = ()
+    parameters: tuple[_Parameter, ...] = ()
+
+
+def restore(description: Mapping[str, Any]) -> Mechanism:
+    """Make the mechanism that `describe` described; its Python force laws are missing.
+
+    Raises:
+        InputError: for a description that is damaged.
+    """
+    try:
+        d = _Description.model_validate(description)
+    except ValidationError as e:
+        raise InputError(one_line(e, lambda path: [])) from None
+    missing = [(f.at, _missing(f.name, f.states)) for f in d.functions]
+    if d.model is None:
+        parameters = [p.model_dump() for p in d.parameters]
+        parts = [restored(r) for r in d.parts]
+        return make(Recipe(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in missing])
+    forces: list[Any] = list(d.file.force)
+    for at, law in missing:
+        forces.insert(at, law)
+    return of_file(made(d.model), d.file, forces, d.file.title)
+
+
+def _functions(mech: Mechanism) -> list[dict[str, Any]]:
+    """Names of the Python forces, their places among all forces, and the start values of their states."""
+    states = {law.name: law.states for law, _ in mech.bind_forces(make_data(mech.model)).bound if law.states}
+    python = [
+        (i, f.name if isinstance(f, PYTHON_FORCES) else function_name(f))
+        for i, f in enumerate(mech.forces)
+        if not isinstance(f, FORCES)
+    ]
+    return [{"name": name, "at": i, "states": states.get(name)} for i, name in python]
+
+
+def _missing(name: str, states: dict[str, float] | None) -> Any:
+    """A force that refuses to act."""
+
+    def missing(*point: Any) -> np.ndarray:
+        raise InputError(f"force {name!r} is a Python function and not in the file: load the mechanism with it again")
+
+    missing.__name__ = name
+    return Actuator(missing, missing, states, name) if states else missing
