@@ -61,7 +61,7 @@ class Mechanism(Quantities):
         settings: of runs, where `mbdae.solve` is given no others.
         source: what the mechanism was read from, kept in saved solutions.
         motors: named inputs, to which `mbdae.load` gives controls.
-        left_out: what the files say and the mechanism does not have.
+        left_out: what the files say and the mechanism does not have; ``remarks`` is what of it is worth a warning.
 
     Raises:
         UnknownNameError: for a frame or joint that does not exist.
@@ -89,10 +89,11 @@ class Mechanism(Quantities):
         source: dict[str, Any] | None = None,
         motors: Sequence[Motor] = (),
         left_out: Sequence[str] = (),
+        remarks: Sequence[str] = (),
     ) -> None:
-        self.model, self.visuals, self.source = model, visuals, source
+        self.model, self.visuals, self.source, self.settings = model, visuals, source, settings or SolveSettings()
         self.title, self.duration, self.order = title or model.name, duration, order or OrderSettings()
-        self.motors, self.left_out, self.settings = tuple(motors), tuple(left_out), settings or SolveSettings()
+        self.motors, self.left_out, self.remarks = tuple(motors), tuple(left_out), tuple(remarks)
         self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), ends(model, stops)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
         self.clutches, brakes = tuple(clutches), tuple(Brake(*held) for held in held_joints(model, self.forces))

@@ -15,6 +15,8 @@ from .frames import WORLD
 from .start import Motor, Start
 
 NAMED = 4  # names before "and n more"
+LIMITS, FRICTION = "limits of joints", "friction of joints"  # how `Part.left_out` calls them
+EFFORTS, LOST = "limits of effort and velocity of joints", "mimicry of joints that do not move by"
 T = TypeVar("T", bound=BaseModel)
 
 
@@ -134,3 +136,8 @@ def shortened(phrase: str) -> str:
     names = phrase.split(", ")
     more = len(names) - NAMED
     return f"{', '.join(names[:NAMED])} and {more} more (see mbdae info)" if more > 0 else phrase
+
+
+def not_carried_over(name: str, phrases: Iterable[str]) -> str:
+    """The warning that names what files say and a mechanism does not have."""
+    return f"{name}: not carried over: {'; '.join(map(shortened, phrases))}"

@@ -17,7 +17,7 @@ from ..closures.driver import Driver
 from ..closures.one_sided import Stop
 from ..forces import FORCES
 from ..mechanism import Mechanism
-from ..part import Part, shortened
+from ..part import Part, not_carried_over
 from ..start import Motor
 from .blame import blamed
 from .build import build
@@ -65,8 +65,8 @@ def load(
     more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches}
     more |= {"force": [f for f in forces if isinstance(f, FORCES)], "motor": motors or {}}
     recipe = read(path, parameters, key=key, assemble=assemble, free_flyer=free_flyer, more=more)
-    if recipe.left_out:
-        warnings.warn(f"{recipe.name}: not carried over: {'; '.join(map(shortened, recipe.left_out))}", stacklevel=2)
+    if recipe.remarks:
+        warnings.warn(not_carried_over(recipe.name, recipe.remarks), stacklevel=2)
     with blamed("" if forces or any(more.values()) else str(path), recipe.file, recipe.parts):
         mech = make(recipe, [f for f in forces if not isinstance(f, FORCES)])
     if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
@@ -84,6 +84,7 @@ class Recipe(NamedTuple):
         motors: named inputs.
         left_out: what the files say and the mechanism will not have.
         parameters: name, value and what it takes, of each parameter of a mechanism.py.
+        remarks: what is left out of sources that are not ``quiet``.
     """
 
     file: MechanismFile
@@ -92,6 +93,7 @@ class Recipe(NamedTuple):
     motors: Sequence[Motor]
     left_out: Sequence[str]
     parameters: Sequence[dict[str, Any]]
+    remarks: Sequence[str] = ()
 
 
 def read(
@@ -122,8 +124,8 @@ def read(
     file = file.model_copy(update=update)
     parts = [read_source(s, found.parent) for s in file.source]
     with blamed("" if any((more or {}).values()) else str(path), file, parts):
-        file, motors, left_out = merged(file, parts)
-    return Recipe(file, name, parts, motors, left_out, chosen)
+        file, motors, left_out, remarks = merged(file, parts)
+    return Recipe(file, name, parts, motors, left_out, chosen, remarks)
 
 
 def _read(found: Path, name: str, values: Mapping[str, Any]) -> tuple[MechanismFile, Sequence[dict[str, Any]]]:
@@ -166,7 +168,8 @@ def make(recipe: Recipe, functions: Sequence[Any] = (), *, remembered: bool = Tr
         raise InputError(f"{name}: a mechanism needs a source or a [[body]]")
     model, visuals = build(file, recipe.parts, name)
     source = _source(recipe) if remembered else None
-    rest = {"visuals": visuals, "source": source, "motors": recipe.motors, "left_out": recipe.left_out}
+    rest = {"visuals": visuals, "source": source, "motors": recipe.motors}
+    rest |= {"left_out": recipe.left_out, "remarks": recipe.remarks}
     try:
         return of_file(model, file, [*file.force, *functions], file.title or name, **rest)
     except MemoryError:

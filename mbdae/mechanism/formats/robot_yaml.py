@@ -89,7 +89,7 @@ def read_robot_yaml(path: Path, places: Places, free_flyer: bool = False) -> Par
             for pair, t in zip(tables.closed_loop, tables.type or (), strict=True)
         ),
         motors=tuple(Motor(n, n) for n in found),
-        left_out=(f"keys of {path.name} {', '.join(extra)}",) if extra else (),
+        left_out=(*part.left_out, *([f"keys of {path.name} {', '.join(extra)}"] if extra else [])),
     )
 
 
@@ -126,8 +126,11 @@ def yaml_table(text: str, name: str) -> Any:
         InputError: for a text that is none.
     """
     try:
-        if (size := _written_out(yaml.compose(text, yaml.SafeLoader), {})) > LARGEST:
+        node = yaml.compose(text, yaml.SafeLoader)
+        if (size := _written_out(node, {})) > LARGEST:
             raise InputError(f"{name}: its aliases stand for {size:.3g} entries, more than {LARGEST}")
+        if twice := _said_twice(node):
+            raise InputError(f"{name}: the key {twice!r} is there more than once")
         return yaml.safe_load(text)
     except InputError:
         raise
@@ -144,6 +147,21 @@ def _written_out(node: yaml.Node | None, known: dict[int, float]) -> float:
         inner = (x for entry in node.value for x in (entry if isinstance(entry, tuple) else (entry,)))
         known[id(node)] = 1 + sum(_written_out(x, known) for x in inner)
     return known[id(node)]
+
+
+def _said_twice(node: yaml.Node | None) -> str:
+    """A key that a table has more than once, of which YAML takes the last; empty where there is none."""
+    waiting = [node]
+    while waiting:
+        at = waiting.pop()
+        if isinstance(at, yaml.MappingNode):
+            keys = [str(key.value) for key, _ in at.value if isinstance(key, yaml.ScalarNode)]
+            if twice := next((key for key in keys if keys.count(key) > 1), ""):
+                return twice
+            waiting += [value for _, value in at.value]
+        elif isinstance(at, yaml.SequenceNode):
+            waiting += at.value
+    return ""
 
 
 def _same_length(name: str, key: str, values: tuple[Any, ...], other: str, others: tuple[Any, ...]) -> None:

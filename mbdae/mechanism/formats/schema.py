@@ -84,6 +84,7 @@ class Source(Table):
         rpy: turn in the parent frame, in rad.
         free_flyer: put a free joint under the root link of a URDF.
         key: keyframe of an MJCF file to start from.
+        quiet: what the file says and the mechanism does not have is in ``mbdae info`` only, and no warning.
         packages: more folders in which what the file names is looked up, ``package://`` names too, and may be read.
     """
 
@@ -94,6 +95,7 @@ class Source(Table):
     rpy: Vector = (0.0, 0.0, 0.0)
     free_flyer: bool = False
     key: str = ""
+    quiet: bool = False
     packages: tuple[str, ...] = ()
 
 

@@ -7,10 +7,11 @@ from typing import Any
 
 from ...errors import InputError, UnknownNameError
 from ...files import text_of
+from ..forces.joint_friction import JointFriction
 from ..forces.joint_torque import JointTorque
 from ..forces.wrench import Wrench
 from ..frames import joint_names
-from ..part import Part, follow
+from ..part import FRICTION, LIMITS, Part, follow
 from ..places import Places
 from ..plain import made
 from ..scene.shapes import unpack
@@ -21,10 +22,8 @@ from .loop_closures import with_loops
 from .mjcf.read import read_mjcf
 from .robot_yaml import read_robot_yaml
 from .schema import MechanismFile, Source
-from .sdf import read_sdf
+from .sdf.read import SdfRecord, read_sdf
 from .urdf import Record, read_urdf
-
-LIMITS = "limits of joints"  # as omissions call them
 
 
 def read_source(source: Source, base: Path) -> Part:
@@ -46,7 +45,7 @@ def read_source(source: Source, base: Path) -> Part:
     if path.suffix == ".sdf":
         if source.free_flyer:
             raise InputError(f"free_flyer does not belong to an SDF source: free links of {path.name} fly anyway")
-        return read_sdf(text_of(path), path.name)
+        return read_sdf(text_of(path), path.name, places)
     if path.suffix == ".yaml":
         return read_robot_yaml(path, places, source.free_flyer)
     return with_loops(read_urdf(text_of(path), path.name, places, source.free_flyer), path, places)
@@ -62,15 +61,20 @@ def restored(record: Mapping[str, Any]) -> Part:
         r = Record.model_validate(record)
         places = Places(Path(r.folder), tuple(map(Path, r.packages)))
         return read_urdf(r.urdf, "URDF", places, r.free_flyer, kinds=r.kinds, lock=r.lock)
+    if "sdf" in record:
+        of = SdfRecord.model_validate(record)
+        return read_sdf(of.sdf, "SDF", Places(Path(of.folder), tuple(map(Path, of.packages))))
     model = made(record["model"])
     return Part(model, unpack(record["visuals"], model.njoints), dict(record).copy)
 
 
-def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, tuple[Motor, ...], tuple[str, ...]]:
+def merged(
+    file: MechanismFile, parts: Sequence[Part]
+) -> tuple[MechanismFile, tuple[Motor, ...], tuple[str, ...], tuple[str, ...]]:
     """Put what the sources say into the mechanism file, which has the last word.
 
     Returns:
-        The file, the named inputs, and what the sources say that is left out.
+        The file, the named inputs, what the sources say that is left out, and what of it is worth a warning.
 
     Raises:
         UnknownNameError: for a motor that does not exist.
@@ -101,19 +105,26 @@ def merged(file: MechanismFile, parts: Sequence[Part]) -> tuple[MechanismFile, t
         "start": file.start.model_copy(update=tables),
         "motor": {},
     }
-    stopped = {s.joint for s in file.stop if s.limits}
-    left_out = tuple(rest for p in named for text in p.left_out if (rest := _unstopped(text, stopped)))
-    return file.model_copy(update=update), tuple(motors.values()), left_out
+    rubs = [f for f in file.force if isinstance(f, JointFriction)]
+    taken = {
+        LIMITS: {s.joint for s in file.stop if s.limits},
+        FRICTION: {n for f in rubs for n in ([f.joint] if isinstance(f.joint, str) else f.joint or [None])},
+    }
+    left_out = [(s, rest) for s, p in zip(file.source, named, strict=True) for text in p.left_out
+                if (rest := _untaken(text, taken))]  # fmt: skip
+    remarks = tuple(text for s, text in left_out if not s.quiet)
+    return file.model_copy(update=update), tuple(motors.values()), tuple(text for _, text in left_out), remarks
 
 
-def _unstopped(text: str, stopped: Collection[str | None]) -> str:
-    """What is left out without the limits that are stops, of these joints or, with None among them, of all."""
-    before, what, names = text.partition(f"{LIMITS} ")
-    if not what:
-        return text
-    prefix = before.removesuffix(": ")
-    left = [n for n in names.split(", ") if None not in stopped and prefix + n not in stopped]
-    return before + what + ", ".join(left) if left else ""
+def _untaken(text: str, taken: Mapping[str, Collection[str | None]]) -> str:
+    """What is left out without the joints whose limits are stops or whose friction acts; None among them means all."""
+    for what, joints in taken.items():
+        before, found, names = text.partition(f"{what} ")
+        prefix = before.removesuffix(": ")
+        if found and before in ("", f"{prefix}: "):
+            left = [n for n in names.split(", ") if None not in joints and prefix + n not in joints]
+            return before + found + ", ".join(left) if left else ""
+    return text
 
 
 def _driven(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[JointTorque]:

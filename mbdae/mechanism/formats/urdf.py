@@ -1,4 +1,4 @@
-"""URDF: read by Pinocchio; what it does not carry over is noted: mimic joints, and the axes of planar joints."""
+"""URDF: read by Pinocchio, beside which mimic joints and the axes of planar joints are read; the rest is named."""
 
 import warnings
 import xml.etree.ElementTree as ET
@@ -11,16 +11,45 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ..closures.closure import Axis
-from ..frames import joint_names
-from ..part import Mimic, Part, follow, listed
+from ..frames import find_joint, joint_names
+from ..part import EFFORTS, FRICTION, LIMITS, LOST, Mimic, Part, follow, listed
 from ..places import Places
 from ..scene.meshes import stand_in
 from ..start import Value
 from ..tables import HUGE, Table
+from .recorded import Recorded, unread_phrases
 from .schema import WITH_AXIS
 from .tree import settled
 
 TOKEN = 10_000_000  # m: the size of boxes that stand for meshes
+PLACE = "xyz rpy"
+READ = {  # of a URDF, by Pinocchio or here, see `Recorded.mark`; joints have tables of their own
+    "link": "",
+    "inertial!": "",
+    "origin!": PLACE,
+    "mass!": "value",
+    "inertia!": "ixx ixy ixz iyy iyz izz",
+    "visual": "",
+    "geometry!": "",
+    "robot/material": "",
+    "visual/material!": "",
+    "color!": "rgba",
+}
+SHAPES = {"box": "size", "cylinder": "radius length", "sphere": "radius", "capsule": "radius length",
+          "mesh": "filename scale"}  # fmt: skip
+JOINT = {"origin!": PLACE, "parent!": "link", "child!": "link"}
+MIMIC = {"mimic!": "joint multiplier offset"}
+TURNS = {**JOINT, **MIMIC, "axis!": "xyz", "limit!": "effort velocity", "dynamics!": "damping friction"}
+ENDS = {**TURNS, "limit!": "lower upper effort velocity"}
+OF_KIND = {
+    "continuous": TURNS,
+    "revolute": ENDS,
+    "prismatic": ENDS,
+    "planar": {**JOINT, "axis!": "xyz"},
+    "fixed": {**JOINT, "axis!": "xyz"},  # which it does not use, as the format says
+    "floating": {**JOINT, "axis!": "xyz"},
+}
+QUATERNIONS = ("", "1.0")  # versions of the format without them
 
 
 def read_urdf(
@@ -52,7 +81,7 @@ def read_urdf(
         mimics, axes = _mimics(tree), _axes(tree)
     except (ValueError, RuntimeError, IndexError, ET.ParseError) as e:
         raise InputError(f"{name} is not a URDF that Pinocchio reads: {_short(e)}") from None
-    names = joint_names(model)
+    names, recorded = joint_names(model), _recorded(tree)
     lost = [m.joint for m in mimics if m.joint in names and m.other not in names]
     mimics = tuple(m for m in mimics if m.joint in names and m.other in names)
     kinds, lock = dict(kinds or {}), follow(mimics, dict(lock or {}), names)[1]
@@ -68,6 +97,9 @@ def read_urdf(
         "kinds": kinds,
         "lock": lock,
     }
+    said = [n for n in names if n not in kinds and n not in lock]
+    left_out = [*_not_acting(model, recorded, said), (LOST, lost)]
+    rest = unread_phrases(recorded.unread())
     try:
         visuals = _visuals(model, tree, places)
     except (ValueError, RuntimeError) as e:
@@ -81,7 +113,7 @@ def read_urdf(
         record.copy,
         mimics=tuple(m for m in mimics if m.joint not in lock),
         normals={n: axis for n, (kind, axis) in axes.items() if kind == "planar"},
-        left_out=(listed("mimicry of joints that do not move by", lost),) if lost else (),
+        left_out=(*(listed(what, n) for what, n in left_out if n), *rest),
     )
 
 
@@ -94,6 +126,29 @@ class Record(Table):
     free_flyer: bool
     kinds: dict[str, str]
     lock: dict[str, Value]
+
+
+def _recorded(tree: ET.Element) -> Recorded:
+    """The elements, marked where they are read."""
+    robot = Recorded(tree)
+    place = PLACE if robot.get("version") in QUATERNIONS else f"{PLACE} quat_xyzw"
+    robot.mark({**READ, "origin!": place})
+    for geometry in (g for link in robot.all("link") for e in link.all("visual") for g in e.all("geometry")[:1]):
+        for shape in geometry.children[:1]:
+            geometry.mark({f"{shape.tag}!": SHAPES.get(shape.tag, "")})
+    for joint in robot.all("joint"):
+        joint.mark({**OF_KIND.get(joint.get("type"), {}), "origin!": place})
+    return robot
+
+
+def _not_acting(model: pin.Model, robot: Recorded, names: list[str]) -> list[tuple[str, list[str]]]:
+    """What the model has of joints and the motion does not."""
+    limits = {e.get("name"): x for e in robot.all("joint") if (x := e.first("limit")) and e.get("name") in names}
+    ends = [n for n in limits if find_joint(model, n).nq == 1]
+    bounds = [n for n, x in limits.items() if any(float(x.get(key) or 0) for key in ("effort", "velocity"))]
+    dry = np.array(model.upperDryFrictionLimit)
+    rubs = [n for n in names if (j := find_joint(model, n)) and dry[j.idx_v : j.idx_v + j.nv].any()]
+    return [(LIMITS, ends), (EFFORTS, bounds), (FRICTION, rubs)]
 
 
 def _visuals(model: pin.Model, tree: ET.Element, places: Places) -> pin.GeometryModel:

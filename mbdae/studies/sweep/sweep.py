@@ -20,7 +20,7 @@ from ...mechanism import Mechanism, describe
 from ...mechanism.callbacks import function_name
 from ...mechanism.formats.library import model_names
 from ...mechanism.formats.parametric import split as split_name
-from ...mechanism.part import shortened
+from ...mechanism.part import not_carried_over
 from ...solution.archive import versions
 from ...solution.signals import units
 from ..workers import pool
@@ -215,8 +215,8 @@ def _checked(job: Job, plan: Sequence[Task]) -> Mechanism:
             problem = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
     if mech is None:
         raise InputError(f"no mechanism can be made of these values ({len(some)} runs were tried): {problem}")
-    if mech.left_out:
-        warnings.warn(f"{mech.title}: not carried over: {'; '.join(map(shortened, mech.left_out))}", stacklevel=3)
+    if mech.remarks:
+        warnings.warn(not_carried_over(mech.title, mech.remarks), stacklevel=3)
     check(mech, job.outputs, job.times is not None)
     return mech
 

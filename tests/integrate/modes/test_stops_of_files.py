@@ -9,7 +9,7 @@ from mbdae.errors import InputError
 URDF = """<robot name="r"><link name="base"/><link name="cart"><inertial><mass value="2"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="rail" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
-<limit lower="-0.1" upper="0.2" effort="1" velocity="1"/></joint></robot>"""
+<limit lower="-0.1" upper="0.2" effort="0" velocity="0"/></joint></robot>"""
 MJCF = """<mujoco><worldbody><body name="cart"><joint name="rail" type="{}" axis="0 0 1" range="{} {}"/>
 <geom type="sphere" size="0.1" mass="2"/></body></worldbody></mujoco>"""
 FILES = {

@@ -201,11 +201,14 @@ URDF = """<robot name="arm"><link name="base"/><link name="link"><inertial><mass
 <limit lower="-9" upper="9" effort="9" velocity="9"/><dynamics damping="0.0" friction="{}"/></joint></robot>"""
 
 
+@pytest.mark.filterwarnings("ignore:.*limits of joints")
 def test_friction_of_the_urdf_counts_when_asked_for(tmp_path):
     for value in ("0.3", "0"):
         (tmp_path / f"arm{value}.urdf").write_text(URDF.format(value))
     path = tmp_path / "arm0.3.urdf"
     free, rubbing = mbdae.load(path), mbdae.load(path, forces=[JointFriction(velocity=0.5)])
+    assert "friction of joints hinge" in free.left_out
+    assert not any("friction" in text for text in rubbing.left_out)
     q, v = np.zeros(1), np.array([0.4])
     assert not free.system().laws.acting
     assert rubbing.system().laws.torque(0.0, q, v, q[:0])[0][0] == pytest.approx(-0.3 * np.tanh(0.8))

@@ -8,6 +8,8 @@ import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.description import describe, restore
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # limits of joints, which have tests of their own
+
 GRAVITY, COM = np.array([0.5, -1.0, -9.81]), np.array([0.1, -0.2, 0.3])
 PLACE, TURN = np.array([0.3, 0.2, 1.0]), np.array([0.4, -0.7, 0.2])  # of the joint; rpy in rad
 AXES = {"x": (1.0, 0.0, 0.0), "minus z": (0.0, 0.0, -1.0), "slanting": (0.6, -1.2, 0.4), "z": (0.0, 0.0, 1.0)}

@@ -9,6 +9,7 @@ import re
 from html import unescape
 from math import prod
 from pathlib import Path
+from typing import NamedTuple
 
 from ....errors import InputError
 from ...places import Places, refused
@@ -25,18 +26,32 @@ MANY = 32  # folders
 REPLICATE = re.compile(rb"<replicate\b[^>]*>|</replicate\s*>")
 
 
-def check_files(path: Path, places: Places) -> None:
-    """Check what an MJCF file names, and the files that it includes.
+class XmlFiles(NamedTuple):
+    """The XML files of a model.
+
+    Attributes:
+        main: the model's own.
+        texts: of this one and of those that it names.
+        named: the file that a name stands for.
+    """
+
+    main: Path
+    texts: dict[Path, bytes]
+    named: dict[str, Path]
+
+
+def check_files(path: Path, places: Places) -> XmlFiles:
+    """Check what an MJCF file names, and the files that it includes, and return those.
 
     Raises:
         InputError: names a file outside of the places, or a number that is too large.
     """
-    folders, names, texts = {""}, set[tuple[Path, str]](), dict[Path, int]()
-    waiting = [path.resolve()]
+    folders, names, counts = {""}, set[tuple[Path, str]](), dict[Path, int]()
+    waiting, files = [path.resolve()], XmlFiles(path.resolve(), {}, {})
     while waiting:
         for file in waiting:
             found = file.read_bytes()
-            texts[file] = _replicated(found, path.name)
+            files.texts[file], counts[file] = found, _replicated(found, path.name)
             for key, value in _attributes(found):
                 _refuse_many(key, value, path.name)
                 if key.startswith("file"):
@@ -45,10 +60,12 @@ def check_files(path: Path, places: Places) -> None:
                     folders.add(value)
         if len(folders) > MANY:
             raise InputError(f"{path.name} names more than {MANY} folders of meshes and textures")
-        found_files = {f for base, name in names for f in _found(name, {base, path.resolve().parent}, folders, places)}
-        waiting = [f for f in sorted(found_files - texts.keys()) if _is_text(f)]
-    if prod(texts.values()) > LARGEST["count"]:
-        raise InputError(f"{path.name} replicates bodies {prod(texts.values())} times, beyond {LARGEST['count']}")
+        meant = {(base, n): _found(n, {base, files.main.parent}, folders, places) for base, n in names}
+        files.named.update({n: found[0] for (_, n), found in meant.items() if found})
+        waiting = [f for f in sorted({f for found in meant.values() for f in found} - counts.keys()) if _is_text(f)]
+    if prod(counts.values()) > LARGEST["count"]:
+        raise InputError(f"{path.name} replicates bodies {prod(counts.values())} times, beyond {LARGEST['count']}")
+    return files
 
 
 def _attributes(text: bytes) -> list[tuple[str, str]]:

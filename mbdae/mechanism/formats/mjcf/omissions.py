@@ -7,7 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ...part import listed
+from ...part import FRICTION, LIMITS, listed
 from ...scene.shapes import LEVEL, ground, mesh
 from .actuators import actuator_name
 from .states import pose
@@ -71,8 +71,8 @@ def left_out(
     m = c.m
     found: list[tuple[str, Iterable[str]]] = [
         ("contact between geoms", [""] if _touching(c) else []),
-        ("limits of joints", (c.joints[j] for j in np.flatnonzero(m.jnt_limited))),
-        ("friction loss of joints", _joints(c, m.dof_frictionloss)),
+        (LIMITS, (c.joints[j] for j in np.flatnonzero(m.jnt_limited))),
+        (FRICTION, _joints(c, m.dof_frictionloss)),
         ("nonlinear stiffness of joints", (c.joints[j] for j in _rows(m, "jnt_stiffnesspoly"))),
         ("plastic stiffness of joints", (c.joints[j] for j in _rows(m, "jnt_springyield"))),
         ("nonlinear damping of joints", _joints(c, _array(m, "dof_dampingpoly", m.nv))),

@@ -26,6 +26,7 @@ from .actuators import actuators_of, disabled, springs_of, weightless
 from .equalities import loops_of
 from .files import check_files
 from .omissions import left_out, visuals
+from .said import unread
 from .states import from_mujoco, pose
 
 REFERENCE = "qpos0"
@@ -132,6 +133,8 @@ class MjcfModel:
             self.model.appendBodyToJoint(number, origin, pin.SE3.Identity())
         if m.jnt_limited[j] and new.nq == 1:
             (self.model.lowerPositionLimit[new.idx_q], self.model.upperPositionLimit[new.idx_q]) = m.jnt_range[j]
+        self.model.upperDryFrictionLimit[ours] = m.dof_frictionloss[theirs]
+        self.model.lowerDryFrictionLimit[ours] = -m.dof_frictionloss[theirs]
         if not disabled(self, "DAMPER"):
             self.model.damping[ours] = m.dof_damping[theirs]
         return number, after
@@ -154,7 +157,7 @@ def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
         import mujoco
     except ImportError:
         raise InputError(f"{path.name} is MJCF: reading it needs MuJoCo, pip install 'mbdae[mjcf]'") from None
-    check_files(path, places)
+    files = check_files(path, places)
     m = _compile(mujoco, path)
     _refuse_wild(m, path.name)
     c = MjcfModel(mujoco, m, path.stem)
@@ -163,7 +166,7 @@ def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
     start = _start(c, frame)
     control = m.key_ctrl[frame] if frame is not None else np.zeros(m.nu)
     gravity = (0.0, 0.0, 0.0) if disabled(c, "GRAVITY") else tuple(m.opt.gravity.tolist())
-    closures, drivers, unread = loops_of(c)
+    closures, drivers, equalities = loops_of(c)
     forces, masses, (geometry, shapeless) = springs_of(c), weightless(c), visuals(c)
     return Part(
         c.model,
@@ -177,7 +180,7 @@ def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
         start=start,
         motors=tuple(acting.motors.values()),
         controls={motor.name: float(control[i]) for i, motor in acting.motors.items() if control[i]},
-        left_out=tuple(left_out(c, unread, acting.others, acting.limited, shapeless)),
+        left_out=(*left_out(c, equalities, acting.others, acting.limited, shapeless), *unread(files)),
     )
 
 

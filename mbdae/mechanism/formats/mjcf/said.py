@@ -1,0 +1,102 @@
+"""What an MJCF file says and nobody reads: everything but what MuJoCo compiles into what is carried over.
+
+The tables say which attributes act on bodies, joints, closures, forces, shapes or the start, or are named by
+`mbdae.mechanism.formats.mjcf.omissions` where they act. All else is named by its path in the file.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..recorded import ALL, Recorded, unread_phrases
+from .files import XmlFiles
+
+TURN = "quat axisangle xyaxes zaxis euler"
+GEOM = f"""class type size pos {TURN} fromto mass density shellinertia group rgba material mesh fitscale hfield contype
+    conaffinity adhesion"""
+JOINT = """class type pos axis springdamper springref springyield stiffness damping armature ref range limited
+    frictionloss actuatorfrclimited actuatorfrcrange"""
+ACTUATOR = """class joint jointinparent tendon slidersite cranksite site refsite body gear cranklength group ctrllimited
+    ctrlrange forcelimited forcerange inheritrange armature damping delay"""
+OTHER = 2 * ALL  # actuators that are named as a whole
+READ = {
+    "compiler": ALL,
+    "option": "gravity density viscosity actuatorgroupdisable",
+    "flag": "actuation clampctrl constraint contact damper equality gravity spring sleep",
+    "default": "class",
+    "asset": "",
+    "mesh": """class file content_type vertex face params builtin refpos refquat scale inertia""",
+    "material": "class rgba",
+    "model": "content_type file",
+    "worldbody": "",
+    "body": f"childclass pos {TURN} mocap gravcomp sleep",
+    "frame": f"childclass pos {TURN}",
+    "replicate": ALL,
+    "attach": "body frame model prefix",
+    "composite": OTHER,
+    "inertial": f"mass pos {TURN} diaginertia fullinertia",
+    "joint": JOINT,
+    "freejoint": "align",
+    "geom": GEOM,
+    "site": f"class pos {TURN} fromto",
+    "equality": "active class",  # in a class of defaults, too
+    "equality/connect": "active class anchor body1 body2 site1 site2",
+    "equality/weld": "active class anchor body1 body2 site1 site2 relpose torquescale",
+    "equality/joint": "active class joint1 joint2 polycoef",
+    "equality/tendon": OTHER,
+    "equality/flex": OTHER,
+    "equality/flexstrain": OTHER,
+    "equality/flexvert": OTHER,
+    "mujoco/tendon": OTHER,
+    "deformable": OTHER,
+    "flexcomp": OTHER,
+    "asset/skin": OTHER,
+    "mujoco/extension": OTHER,
+    "actuator": "",
+    "general": f"{ACTUATOR} gaintype gainprm biastype biasprm dyntype",
+    "motor": ACTUATOR,
+    "position": f"{ACTUATOR} kp kv dampratio",
+    "actuator/velocity": f"{ACTUATOR} kv",
+    "default/velocity": f"{ACTUATOR} kv",
+    **{f"actuator/{kind}": OTHER for kind in ("intvelocity", "orientation", "pid", "damper", "cylinder", "muscle",
+                                              "adhesion", "dcmotor", "plugin")},
+    "keyframe": "",
+    "key": "qpos qvel ctrl",
+}  # fmt: skip
+
+
+def unread(files: XmlFiles) -> list[str]:
+    """Phrases for what is not read in an MJCF file and the files that belong to it."""
+    trees: dict[Path, ET.Element] = {}
+    out: list[str] = []
+    for file, text in files.texts.items():
+        try:
+            trees[file] = ET.fromstring(text)
+        except (ET.ParseError, ValueError, LookupError):  # MuJoCo is more lenient
+            out.append(f"what else {file.name} says, which is no well-formed XML")
+    used = {files.main}
+    if files.main in trees:
+        _include(trees[files.main], trees, files.named, used)
+    for file in [files.main, *(f for f in trees if f not in used)]:  # others are models within the model
+        if file in trees:
+            root = Recorded(trees[file])
+            root.get("model")
+            root.mark(READ)
+            out += unread_phrases(root.unread())
+    return out
+
+
+def _include(element: ET.Element, trees: Mapping[Path, ET.Element], named: Mapping[str, Path], used: set[Path]) -> None:
+    """Put what is included in the place of ``<include>``, as MuJoCo does."""
+    waiting = [element]
+    while waiting:
+        at = waiting.pop()
+        for e in list(at):
+            other = named.get(e.get("file", "")) if e.tag == "include" else None
+            if other is None or other not in trees or other in used:
+                waiting.append(e)
+                continue
+            used.add(other)
+            index = list(at).index(e)
+            at[index : index + 1] = list(trees[other])
+            waiting += trees[other]

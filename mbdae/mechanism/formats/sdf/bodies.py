@@ -1,0 +1,121 @@
+"""Inertias and shapes of the links of an SDF model."""
+
+from collections.abc import Callable
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from ....errors import InputError
+from ...places import Places
+from ...scene.meshes import stand_in
+from ..recorded import Recorded
+from .elements import YES, SdfElements
+
+WATER = 1000.0  # kg/m^3: the format's density
+GREY = (0.6, 0.6, 0.6, 1.0)
+ENTRIES = (("ixx", 1.0), ("ixy", 0.0), ("iyy", 1.0), ("ixz", 0.0), ("iyz", 0.0), ("izz", 1.0))
+
+
+def inertia_of(of: SdfElements, link: str) -> pin.Inertia:
+    """The inertia of a link in its own frame: as the file says, or of its collision shapes where that is asked for.
+
+    Raises:
+        InputError: for numbers that are none, and for shapes whose inertia is not known.
+    """
+    e, what = of.by_name[link].first("inertial"), f"the inertial of {link!r}"
+    if e is not None and e.get("auto").lower() in YES:
+        return _of_shapes(of, link, e)
+    mass = of.number(e, "mass", 1.0, what)
+    xx, xy, yy, xz, yz, zz = (of.number(e, f"inertia/{key}", default, what) for key, default in ENTRIES)
+    inertia = pin.Inertia(mass, np.zeros(3), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    if e is None:
+        return inertia
+    here = of.links[link]
+    return here.actInv(of.placed(e, f"{link}, its inertial", here)).act(inertia)
+
+
+def _of_shapes(of: SdfElements, link: str, e: Recorded) -> pin.Inertia:
+    """The sum over collision shapes of their densities times their volumes' inertias, scaled to the mass if it is said.
+
+    Raises:
+        InputError: for a shape that is no solid of the format.
+    """
+    what, here, total = f"the inertial of {link!r}", of.links[link], pin.Inertia.Zero()
+    usual = of.number(e, "density", WATER, what)
+    for shape in of.by_name[link].all("collision"):
+        name = f"{link}/{shape.get('name')}"
+        solid = solid_of(of, shape.first("geometry"), name)
+        if solid is None:
+            raise InputError(f"{of.file}: {what} is to follow from its shapes, and {name!r} is no solid: say the mass")
+        density = of.number(shape, "density", usual, f"the density of {name!r}")
+        moment = density * np.array(solid.computeMomentofInertia())
+        one = pin.Inertia(density * solid.computeVolume(), np.array(solid.computeCOM()).ravel(), moment)
+        total += here.actInv(of.placed(shape, name, here)).act(one)
+    if not total.mass > 0:
+        raise InputError(f"{of.file}: {what} is to follow from its shapes, and they have no mass")
+    mass = of.number(e, "mass", total.mass, what)
+    return pin.Inertia(mass, total.lever, total.inertia * (mass / total.mass))
+
+
+def solid_of(of: SdfElements, geometry: Recorded | None, name: str) -> Any:
+    """The solid of a geometry; None for other shapes."""
+
+    def sizes(shape: Recorded, *keys: str) -> list[float]:
+        return [of.number(shape, key, 1.0, name) for key in keys]
+
+    solids: dict[str, Callable[[Recorded], Any]] = {
+        "box": lambda s: coal.Box(*of.numbers(s.text("size") or "1 1 1", 3, name)),
+        "sphere": lambda s: coal.Sphere(*sizes(s, "radius")),
+        "cylinder": lambda s: coal.Cylinder(*sizes(s, "radius", "length")),
+        "capsule": lambda s: coal.Capsule(*sizes(s, "radius", "length")),
+        "ellipsoid": lambda s: coal.Ellipsoid(*of.numbers(s.text("radii") or "1 1 1", 3, name)),
+    }
+    for kind, make in solids.items() if geometry else ():
+        shape = geometry.first(kind) if geometry else None
+        if shape is not None:
+            return make(shape)
+    return None
+
+
+def visuals_of(
+    of: SdfElements, places: Places, carried: Callable[[str], tuple[int, pin.SE3]]
+) -> tuple[pin.GeometryModel, list[str], str]:
+    """What is to be seen of the links.
+
+    Args:
+        of: the elements.
+        places: where meshes may be.
+        carried: the joint that carries a link, and where that is in the world.
+
+    Returns:
+        Solids and meshes; the names of shapes of other kinds and of meshes that are not found; and why not, of the
+        first.
+    """
+    out, missing, reason = pin.GeometryModel(), list[str](), ""
+    for link, here in of.links.items():
+        joint, origin = carried(link)
+        for e in of.by_name[link].all("visual"):
+            name, geometry = f"{link}/{e.get('name')}", e.first("geometry")
+            mesh, path, scale = geometry.first("mesh") if geometry else None, "", np.ones(3)
+            try:
+                if mesh is None:
+                    shape = solid_of(of, geometry, name)
+                else:
+                    scale = np.array(of.numbers(mesh.text("scale") or "1 1 1", 3, f"the scale of {name!r}"))
+                    found = places.find(mesh.text("uri") or "")
+                    shape, path = stand_in(found, scale), str(found)
+            except InputError as error:
+                if mesh is None:
+                    raise
+                shape, reason = None, reason or str(error)
+            if shape is None:
+                missing.append(name)
+                continue
+            g = pin.GeometryObject(name, joint, origin.actInv(of.placed(e, name, here)), shape)
+            g.meshPath, g.meshScale = path, scale
+            colour = e.text("material/diffuse") or e.text("material/ambient")
+            g.meshColor = np.array(of.numbers(colour, 4, name) if colour else GREY)
+            out.addGeometryObject(g)
+    return out, missing, reason

@@ -1,0 +1,129 @@
+"""The elements of an SDF model: numbers, poses relative to each other, and which link carries what."""
+
+import re
+
+import numpy as np
+import pinocchio as pin
+
+from ....errors import InputError
+from ...frames import WORLD
+from ...tables import HUGE
+from ..recorded import Recorded
+
+MODEL, OWN = "__model__", "the model"
+YES = ("1", "true")
+AXES_IN_MODEL = (1, 4)  # up to this version axes are given in the model's frame
+
+
+class SdfElements:
+    """The links, joints and frames of a model, by name.
+
+    Attributes:
+        file: name of the file, for messages.
+        version: of the format, two numbers; without end where the file says none.
+        model: the element.
+        by_name: links, joints and frames.
+        links: where each link is in the world.
+
+    Raises:
+        InputError: for models in the model, names that are missing or used twice, and poses that are none.
+    """
+
+    def __init__(self, model: Recorded, version: str, file: str) -> None:
+        self.file, self.model = file, model
+        found = re.fullmatch(r"\s*(\d{1,3})\.(\d{1,3}).*", version)
+        self.version: tuple[float, ...] = tuple(map(int, found.groups())) if found else (np.inf,)
+        if unread := [e.tag for e in model.children if e.tag in ("model", "include")]:
+            raise InputError(f"{file}: <{unread[0]}> within a model is not read")
+        self.by_name = {self._name(e): e for tag in ("link", "joint", "frame") for e in model.all(tag)}
+        self.links = {n: self.place(n) for n, e in self.by_name.items() if e.tag == "link"}
+        self.canonical = model.get("canonical_link") or next(iter(self.links), WORLD)
+
+    def _name(self, e: Recorded) -> str:
+        name = e.get("name")
+        if not name or sum(x.get("name") == name for x in self.model.all(e.tag)) > 1:
+            raise InputError(f"{self.file}: each <{e.tag}> needs a name of its own, got {name!r}")
+        return name
+
+    def is_set(self, e: Recorded, path: str, default: bool = False) -> bool:
+        """Read a flag."""
+        text = e.text(path)
+        return default if text is None else text.lower() in YES
+
+    def place(self, name: str, seen: tuple[str, ...] = ()) -> pin.SE3:
+        """Where a link, joint or frame is in the world."""
+        if name in ("", MODEL):
+            return self.pose(self.model, OWN)
+        if name == WORLD:
+            return pin.SE3.Identity()
+        if name not in self.by_name or name in seen:
+            raise InputError(f"{self.file}: {name!r} is no link, joint or frame, or placed relative to itself")
+        e = self.by_name[name]
+        base = e.get("attached_to") if e.tag == "frame" else (e.text("child") or "") if e.tag == "joint" else ""
+        return self.placed(e, name, lambda: self.place(base, (*seen, name)), (*seen, name))
+
+    def placed(self, e: Recorded, name: str, base: "pin.SE3 | object", seen: tuple[str, ...] = ()) -> pin.SE3:
+        """Where an element is in the world: its pose relative to the frame that it names, or else to ``base``.
+
+        Args:
+            e: with a pose or none.
+            name: for messages.
+            base: a placement, or a function without arguments that gives it.
+            seen: names on the way here.
+        """
+        pose = e.first("pose")
+        other = pose.get("relative_to") if pose else ""
+        above = self.place(other, seen) if other else base() if callable(base) else base
+        return above * self.pose(e, name)
+
+    def pose(self, e: Recorded, name: str) -> pin.SE3:
+        """The pose of an element, as it is written."""
+        pose = e.first("pose")
+        text = pose.text() if pose else ""
+        if pose is None or not text:
+            return pin.SE3.Identity()
+        pose.skip_blank("frame")  # of versions 1.5 and 1.6, where a name has no defined meaning
+        style, degrees = pose.get("rotation_format", "euler_rpy"), pose.get("degrees").lower() in YES
+        if style not in ("euler_rpy", "quat_xyzw"):
+            raise InputError(f"{self.file}: the pose of {name!r} is no roll, pitch and yaw, and no quaternion")
+        x = np.array(self.numbers(text, 7 if style == "quat_xyzw" else 6, f"the pose of {name!r}"))
+        if style == "quat_xyzw":
+            if not np.linalg.norm(x[3:]) > 0:
+                raise InputError(f"{self.file}: the quaternion in the pose of {name!r} is zero")
+            return pin.SE3(pin.Quaternion(x[3:] / np.linalg.norm(x[3:])).matrix(), x[:3])
+        return pin.SE3(pin.rpy.rpyToMatrix(np.radians(x[3:]) if degrees else x[3:]), x[:3])
+
+    def numbers(self, text: str | None, n: int, what: str) -> list[float]:
+        """``n`` finite numbers.
+
+        Raises:
+            InputError: for another text.
+        """
+        try:
+            out = [float(x) for x in (text or "").split()]
+        except ValueError:
+            out = []
+        if len(out) != n or not all(abs(x) <= HUGE for x in out):
+            raise InputError(f"{self.file}: {what} takes {n} finite numbers, got {(text or '')[:60]!r}")
+        return out
+
+    def number(self, e: Recorded | None, path: str, default: float, what: str) -> float:
+        """The number along a path; ``default`` where there is none."""
+        text = None if e is None else e.text(path)
+        return default if text is None else self.numbers(text, 1, what)[0]
+
+    def link_of(self, name: str) -> str | None:
+        """The link, or the world, that carries a link, frame or joint; None where there is none."""
+        seen = set[str]()
+        while name not in (WORLD, *self.links):
+            if name in ("", MODEL):
+                name = self.canonical
+                if name not in self.links:
+                    return None
+            elif name in seen or name not in self.by_name:
+                return None
+            else:
+                seen.add(name)
+                e = self.by_name[name]
+                name = (e.text("child") or "-") if e.tag == "joint" else e.get("attached_to")
+        return name

@@ -1,0 +1,185 @@
+"""Joints of an SDF model: kind, place, axes, and what acts along each axis."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ....errors import InputError
+from ...part import Mimic
+from ..recorded import Recorded
+from .elements import AXES_IN_MODEL, MODEL, SdfElements
+
+MOVING: dict[str, Callable[..., Any]] = {
+    "revolute": pin.JointModelRevoluteUnaligned,
+    "continuous": pin.JointModelRevoluteUnaligned,
+    "prismatic": pin.JointModelPrismaticUnaligned,
+    "universal": pin.JointModelUniversal,
+    "ball": pin.JointModelSpherical,
+}
+AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "ball": 0, "fixed": 0}
+BOUNDLESS = 1e16  # what the format says for a joint without a limit
+
+
+@dataclass(frozen=True)
+class SdfAxis:
+    """What an SDF file says of an axis.
+
+    Attributes:
+        xyz: unit vector in the joint's frame.
+        damping: in N m s/rad or N s/m.
+        friction: in N m or N.
+        stiffness: in N m/rad or N/m.
+        rest: where the spring is free, in rad or m.
+        ends: lower and upper limit in rad or m.
+        bounds: of effort and of velocity.
+    """
+
+    xyz: tuple[float, ...]
+    damping: float = 0.0
+    friction: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    ends: tuple[float, float] = (-np.inf, np.inf)
+    bounds: tuple[float, float] = (np.inf, np.inf)
+
+    @property
+    def limited(self) -> bool:
+        """Whether the axis has an end."""
+        return bool(np.isfinite(self.ends).any())
+
+    @property
+    def bounded(self) -> bool:
+        """Whether its effort or its velocity has a limit."""
+        return bool(np.isfinite(self.bounds).any())
+
+
+@dataclass(frozen=True)
+class SdfJoint:
+    """A joint: its kind, the links that it joins, its place in the world, and its axes.
+
+    Attributes:
+        name: of the joint.
+        kind: as the file calls it.
+        parent: link, or the world.
+        child: link, or the world.
+        place: in the world.
+        axes: one for each coordinate, none for balls.
+        mimic: how it follows another joint.
+        follows: what it should follow, in words, where it cannot.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    place: pin.SE3
+    axes: tuple[SdfAxis, ...] = ()
+    mimic: Mimic | None = field(default=None)
+    follows: str = ""
+
+    @property
+    def scalar(self) -> bool:
+        """Whether it has one coordinate."""
+        return AXES[self.kind] == 1
+
+    @property
+    def acts(self) -> bool:
+        """Whether something acts along its axes."""
+        return any(a.damping or a.stiffness for a in self.axes)
+
+    def model(self) -> Any:
+        """The joint of Pinocchio."""
+        return MOVING[self.kind](*(np.array(a.xyz) for a in self.axes))
+
+    def copy_to(self, model: pin.Model, number: int) -> None:
+        """Write damping, friction and limits of the axes into the model's arrays."""
+        moving = model.joints[number]
+        for i, a in enumerate(self.axes):
+            v, q = moving.idx_v + i, moving.idx_q + i
+            model.damping[v] = a.damping
+            model.upperDryFrictionLimit[v], model.lowerDryFrictionLimit[v] = a.friction, -a.friction
+            model.lowerPositionLimit[q], model.upperPositionLimit[q] = a.ends
+            (effort, velocity) = a.bounds
+            model.upperEffortLimit[v], model.lowerEffortLimit[v] = effort, -effort
+            model.upperVelocityLimit[v], model.lowerVelocityLimit[v] = velocity, -velocity
+
+
+def read_joint(of: SdfElements, name: str, e: Recorded) -> SdfJoint:
+    """Read a joint.
+
+    Raises:
+        InputError: for a kind that is not read, links that are none, or an axis without a direction.
+    """
+    kind, ends = e.get("type"), [e.text(key) or "" for key in ("parent", "child")]
+    if kind not in AXES:
+        raise InputError(f"{of.file}: joint {name!r} is of kind {kind!r}; known: {', '.join(AXES)}")
+    links = []
+    for end in ends:
+        link = of.link_of(end) if end else None
+        if link is None:
+            links_known = ", ".join(of.links)
+            raise InputError(f"{of.file}: joint {name!r} joins {end!r}, which is no link; links: {links_known}")
+        links.append(link)
+    if links[0] == links[1]:
+        raise InputError(f"{of.file}: joint {name!r} joins {links[0]!r} with itself")
+    place, tags = of.place(name), ("axis", "axis2")[: AXES[kind]]
+    axes = tuple(_axis(of, name, kind, e.first(tag), place) for tag in tags)
+    mimic, follows = _mimic(of, name, e.first("axis/mimic") if AXES[kind] == 1 else None)
+    return SdfJoint(name, kind, links[0], links[1], place, axes, mimic, follows)
+
+
+def _axis(of: SdfElements, joint: str, kind: str, e: Recorded | None, place: pin.SE3) -> SdfAxis:
+    found = None if e is None else e.first("xyz")
+    xyz = np.array(of.numbers("0 0 1" if found is None else found.text(), 3, f"the axis of joint {joint!r}"))
+    if not np.linalg.norm(xyz) > 0:
+        raise InputError(f"{of.file}: the axis of joint {joint!r} is no direction")
+    in_model = of.version <= AXES_IN_MODEL or (e is not None and of.is_set(e, "use_parent_model_frame"))
+    frame = MODEL if in_model else found.get("expressed_in") if found else ""
+    turned = place.rotation.T @ of.place(frame).rotation @ xyz if frame else xyz
+    unit = tuple((turned / np.linalg.norm(turned)).tolist())
+
+    def number(key: str, what: str, default: float = 0.0) -> float:
+        return of.number(e, key, default, f"the {what} of joint {joint!r}")
+
+    def bound(key: str) -> float:
+        text = "" if e is None else e.text(f"limit/{key}") or ""
+        value = np.inf if text.lstrip("+-").lower() in ("", "inf", "infinity") else number(f"limit/{key}", key)
+        return value if 0 <= value < BOUNDLESS else np.inf
+
+    def end(key: str, sign: float) -> float:
+        text = "" if e is None or kind == "continuous" else e.text(f"limit/{key}") or ""
+        if text.lstrip("+-").lower() in ("", "inf", "infinity"):
+            return sign * np.inf
+        value = number(f"limit/{key}", f"{key} limit")
+        return value if abs(value) < BOUNDLESS else sign * np.inf
+
+    return SdfAxis(
+        unit,
+        number("dynamics/damping", "damping"),
+        number("dynamics/friction", "friction"),
+        number("dynamics/spring_stiffness", "spring"),
+        number("dynamics/spring_reference", "spring"),
+        (end("lower", -1), end("upper", 1)),
+        (bound("effort"), bound("velocity")),
+    )
+
+
+def _mimic(of: SdfElements, joint: str, e: Recorded | None) -> tuple[Mimic | None, str]:
+    """The law q = multiplier (q_leader - reference) + offset, or the name of a leader without such a coordinate."""
+    if e is None:
+        return None, ""
+    leader, keys = e.get("joint"), ("multiplier", "offset", "reference")
+    ratio, offset, reference = (of.number(e, key, 0.0, f"the mimic of joint {joint!r}") for key in keys)
+    other = of.by_name.get(leader)
+    one = other is not None and other.tag == "joint" and AXES.get(other.get("type")) == 1
+    if not one or leader == joint or e.get("axis", "axis") != "axis":
+        return None, leader or "nothing"
+    return Mimic(joint, leader, ratio, offset - ratio * reference), ""
+
+
+def leaders(joints: Iterable[SdfJoint]) -> set[str]:
+    """Names of the joints that others follow."""
+    return {j.mimic.other for j in joints if j.mimic}

@@ -1,0 +1,232 @@
+"""SDF: links, joints and loops of one model, see sdformat.org.
+
+SDF is a graph of links. From the world, and from links that no joint carries, joints are followed from parent to
+child; a joint to a link that is there already is cut and becomes a closure. Where something acts along the axis of such
+a joint, the link is cut instead: the joint carries one half of it, and a weld holds both halves together. Links that
+nothing carries fly freely; those of a static model do not move.
+"""
+
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterable
+from itertools import chain
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ....errors import InputError
+from ...closures.closure import Closure
+from ...forces.joint_spring import JointSpring
+from ...frames import WORLD
+from ...joints import subspace
+from ...part import EFFORTS, FRICTION, LIMITS, LOST, Mimic, Part, listed
+from ...places import Places
+from ...tables import Table
+from ..recorded import Recorded, unread_phrases
+from .bodies import inertia_of, visuals_of
+from .elements import SdfElements
+from .joints import SdfAxis, SdfJoint, leaders, read_joint
+
+CLOSED = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "universal": "universal",
+          "ball": "point", "fixed": "frame"}  # fmt: skip
+
+
+class SdfRecord(Table):
+    """What a part remembers of itself, see `read_sdf`."""
+
+    sdf: str
+    folder: str
+    packages: tuple[str, ...]
+
+
+def read_sdf(text: str, name: str, places: Places) -> Part:
+    """Read an SDF text.
+
+    Args:
+        text: the SDF.
+        name: of the file, for messages.
+        places: where meshes are looked up.
+
+    Raises:
+        InputError: for a text that is no SDF of one model, or for what it says and is not read: names it.
+    """
+    root = Recorded.parse(text, name)
+    worlds = root.all("world")
+    models = [m for holder in (root, *worlds) for m in holder.all("model")]
+    if root.tag != "sdf" or len(models) != 1:
+        raise InputError(f"{name}: expected <sdf> with one <model>, got <{root.tag}> with {len(models)}")
+    elements = SdfElements(models[0], root.get("version"), name)
+    gravity = root.text("world/gravity")
+    record = {"sdf": text, "folder": str(places.folder), "packages": list(map(str, places.packages))}
+    return SdfModel(elements).part(gravity, places, record, root)
+
+
+class SdfModel:
+    """The Pinocchio model that grows from the elements of an SDF file."""
+
+    def __init__(self, elements: SdfElements) -> None:
+        self.of = elements
+        joints = [read_joint(elements, n, e) for n, e in elements.by_name.items() if e.tag == "joint"]
+        self.static = elements.is_set(elements.model, "static")
+        self.joints, self.idle = ([], joints) if self.static else (joints, [])
+        self.inertias = {link: inertia_of(elements, link) for link in elements.links}
+        self.model = pin.Model()
+        self.model.name = elements.model.get("name", elements.file)
+        self.home: dict[str, int] = {WORLD: 0}  # the joint that carries a link
+        self.origins = [pin.SE3.Identity()]  # of joints in the world
+        self.tree: list[SdfJoint] = []
+        self.roots = self._span()
+        self.halved = [j for j in self.joints if j not in self.tree and self._halves(j)]
+        self.shares = Counter(j.child for j in self.halved)
+
+    def part(self, gravity: str | None, places: Places, record: dict, root: Recorded) -> Part:
+        """What the file says, as a part of a mechanism."""
+        self._grow(WORLD)
+        for link in self.roots:
+            place = self.of.links[link]
+            self.home[link] = 0 if self.static else self._add(0, pin.JointModelFreeFlyer(), place, f"{link} free")
+            self._carry(link)
+            self._grow(link)
+        for name, e in self.of.by_name.items():
+            if e.tag == "frame":
+                self._frame(name, self.home[self.of.link_of(name) or WORLD], self.of.place(name))
+        closures = [self._close(j) for j in self.joints if j not in self.tree]
+        visuals, shapeless, reason = visuals_of(self.of, places, lambda n: (self.home[n], self.origins[self.home[n]]))
+        if reason:
+            warnings.warn(f"{self.of.file}: meshes left out, {reason}", stacklevel=2)
+        weightless = dict(filter(None, map(self._weightless, self.of.links)))
+        springs, mimics = self._springs(), self._mimics()
+        said = [listed(what, names) for what, names in self._said_only(shapeless) if names]
+        left = chain(root.unread([self.of.model]), self.of.model.unread())
+        return Part(
+            self.model,
+            visuals,
+            record.copy,
+            gravity=None if gravity is None else tuple(self.of.numbers(gravity, 3, "gravity")),
+            closures=tuple(closures),
+            forces=tuple(springs),
+            mimics=tuple(mimics),
+            weightless=weightless,
+            left_out=(*said, *unread_phrases(left)),
+        )
+
+    def _span(self) -> list[str]:
+        """Choose the joints of the tree, nearest to the world first; return the links that none of them carries."""
+        reached, waiting, roots = {WORLD}, [WORLD], []
+        carried = {j.child for j in self.joints}
+        for link in chain([""], (n for n in self.of.links if n not in carried), self.of.links):
+            if link and link not in reached:
+                roots.append(link)
+                reached.add(link)
+                waiting.append(link)
+            while waiting:
+                here = waiting.pop(0)
+                for j in self.joints:
+                    if j.parent == here and j.child not in reached:
+                        reached.add(j.child)
+                        waiting.append(j.child)
+                        self.tree.append(j)
+        return roots
+
+    def _halves(self, j: SdfJoint) -> bool:
+        """Whether a joint that closes a loop needs coordinates, and can have them: half of its child moves along."""
+        if not (j.acts or j.mimic or j.name in leaders(self.joints)) or j.child == WORLD:
+            return False
+        place, axes = j.place.actInv(self.of.links[j.child]), np.reshape(subspace(j.model()), (6, -1))
+        inertia = place.act(self.inertias[j.child]).matrix()
+        return bool(np.linalg.eigvalsh(axes.T @ inertia @ axes).min() > 0)
+
+    def _grow(self, link: str) -> None:
+        """Add what a link carries, depth first."""
+        for j in [j for j in self.tree if j.parent == link]:
+            self.home[j.child] = self._add_joint(j)
+            self._carry(j.child)
+            self._grow(j.child)
+
+    def _add_joint(self, j: SdfJoint) -> int:
+        at = self.home[j.parent]
+        if j.kind == "fixed":
+            return at
+        number = self._add(at, j.model(), j.place, j.name)
+        j.copy_to(self.model, number)
+        return number
+
+    def _add(self, parent: int, joint: pin.JointModel, place: pin.SE3, name: str) -> int:
+        number = int(self.model.addJoint(parent, joint, self.origins[parent].actInv(place), name))
+        self.origins.append(place)
+        return number
+
+    def _carry(self, link: str) -> None:
+        """Put a link's frame and its inertia, or what other joints leave of it, on the joint that carries it."""
+        self._frame(link, self.home[link], self.of.links[link], pin.FrameType.BODY)
+        self._append(link, self.home[link])
+
+    def _append(self, link: str, joint: int) -> None:
+        inertia, share = self.inertias[link], 1 / (1 + self.shares[link])
+        part = pin.Inertia(inertia.mass * share, inertia.lever, inertia.inertia * share)
+        self.model.appendBodyToJoint(joint, part, self.origins[joint].actInv(self.of.links[link]))
+
+    def _frame(self, name: str, joint: int, place: pin.SE3, kind: pin.FrameType = pin.FrameType.OP_FRAME) -> None:
+        self.model.addFrame(pin.Frame(name, joint, self.origins[joint].actInv(place), kind), False)
+
+    def _close(self, j: SdfJoint) -> Closure:
+        names, halved = (f"{j.name} on {j.parent}", f"{j.name} on {j.child}"), j in self.halved
+        carriers = [self.home[j.parent], self.home[j.child]]
+        if halved:
+            carriers[0] = self._add_joint(j)
+            self._append(j.child, carriers[0])
+        for name, joint in zip(names, carriers, strict=True):
+            self._frame(name, joint, j.place)
+        axes = {} if halved else dict(zip(("axis", "second_axis"), (a.xyz for a in j.axes), strict=False))
+        kind = "frame" if halved else CLOSED[j.kind]
+        return Closure(kind=kind, frames=names, name=j.name, **axes)  # type: ignore[arg-type]
+
+    def _weightless(self, link: str) -> tuple[str, float] | None:
+        """The frame and mass of a link without weight."""
+        if self.of.is_set(self.of.by_name[link], "gravity", True) or not self.home[link]:
+            return None
+        name, inertia = f"{link} centre of mass", self.inertias[link]
+        self._frame(name, self.home[link], self.of.links[link] * pin.SE3(np.eye(3), inertia.lever))
+        return name, inertia.mass
+
+    @property
+    def moving(self) -> list[SdfJoint]:
+        """The joints that have coordinates."""
+        return [j for j in (*self.tree, *self.halved) if j.kind != "fixed"]
+
+    def _springs(self) -> list[JointSpring]:
+        return [
+            JointSpring(name=f"{j.name} spring", joint=j.name, stiffness=a.stiffness, rest=a.rest)
+            for j in self.moving
+            for a in j.axes
+            if a.stiffness and j.scalar
+        ]
+
+    def _mimics(self) -> list[Mimic]:
+        names = {j.name for j in self.moving}
+        return [j.mimic for j in self.moving if j.mimic and j.mimic.other in names]
+
+    def _said_only(self, shapeless: list[str]) -> list[tuple[str, list[str]]]:
+        """What is read and does not act, with its names."""
+        moving, cut = self.moving, [j for j in self.joints if j not in (*self.tree, *self.halved)]
+        led, links = {m.joint for m in self._mimics()}, self.of.by_name
+
+        def names(joints: Iterable[SdfJoint], has: Callable[[SdfAxis], Any]) -> list[str]:
+            return [j.name for j in joints if any(map(has, j.axes))]
+
+        limited, rubs = attrgetter("limited"), attrgetter("friction")
+        return [
+            ("joints of a static model", [j.name for j in self.idle]),
+            (LIMITS, names(moving, limited)),
+            ("limits where loops are closed", names(cut, limited)),
+            (EFFORTS, names(self.joints, attrgetter("bounded"))),
+            (FRICTION, names(moving, rubs)),
+            ("friction where loops are closed", names(cut, rubs)),
+            ("springs of joints with two axes", names((j for j in moving if not j.scalar), attrgetter("stiffness"))),
+            ("damping and springs where loops are closed", [j.name for j in cut if j.acts]),
+            (LOST, [j.name for j in self.joints if j.follows or (j.mimic and j.name not in led)]),
+            ("kinematic motion of links", [n for n in self.of.links if self.of.is_set(links[n], "kinematic")]),
+            ("shapes", shapeless),
+        ]
