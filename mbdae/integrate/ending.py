@@ -55,7 +55,7 @@ def end_in_event(at: StepMap, theta: float, event: Event) -> None:
 def end_events(run: RunState) -> None:
     """Let nothing stand behind the end of a run."""
     if run.singular:
-        run.singular.found = [x for x in run.singular.found if (x.t - run.t) * run.sign <= 0]
+        run.singular.cut(run)
     run.events.end(run.t, run.ys[-1], run.sign)
 
 

@@ -140,11 +140,12 @@ def _before(run: Any, way: float, first: int) -> tuple[Array, Array, Array]:
     """Times, points and rates of the last node and of states about `OFFSETS` times the way before it.
 
     Where the run can step back they are found anew from the last node: those on the way to it have errors of the steps
-    between, which a polynomial magnifies a hundredfold. An implicit method, for stiff motions, cannot go back.
+    between, which a polynomial magnifies a hundredfold. Where a leg begins they are states that it would come from: its
+    forces continue across the impact or the jump before.
     """
     back = np.abs(np.array(run.ts[first:]) - run.t)
-    if run.back and back[0] > 0:
-        offsets = np.array(OFFSETS) * min(1.0, back[0] / (OFFSETS[-1] * way))
+    if run.back and (run.back.anywhere or back[0] < OFFSETS[-1] * way):
+        offsets = np.array(OFFSETS) * (min(1.0, back[0] / (OFFSETS[-1] * way)) or 1.0)
         with suppress(StepError):  # near singular configurations rounding may forbid sharp steps
             return run.back(run.t - run.sign * way * offsets)
     chosen = [len(back) - 1]

@@ -20,6 +20,7 @@ from ..errors import STATUS, InputError, StepError
 from ..mechanism.modes.switches import words
 from ..solution.solution import Problem
 from .ending import end_events, end_in_event
+from .leap import KNOWN
 from .modes.cut import ended, too_long
 from .run import RunState
 from .step_map import StepMap
@@ -62,6 +63,11 @@ def _explained(run: RunState, e: StepError) -> str:
     """Say why a run stopped; of one that goes through modes also when, and in which of them."""
     if not run.modes:
         return str(e)
+    last = run.ts[-1], run.ys[-1]
+    if run.singular and run.singular.next_to(*last) and (met := run.modes.touching(*last, KNOWN)):
+        names = " and ".join(repr(name) for name in met)
+        order = "the order of the two is beyond what its place is known to"
+        return f"{names} is met within {KNOWN:g} rad or m of a singular configuration: {order} ({e})"
     when = "" if "t = " in str(e) else f", at t = {run.t:.17g}"
     mode = f" ({words(run.modes.switches, run.modes.system.mode)})" if e.status in ("step_size", "singular") else ""
     return f"{e}{when}{mode}"
@@ -87,6 +93,8 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
             end_events(run)
             return True
         fired = ended(run, began) if run.modes else []
+        if run.modes and run.singular and began and len(run.ts) > before:
+            run.singular.step(run, run.to_go() == 0, bool(fired))
         if events.events and not events.looked:
             step = StepMap(run, began)
             stop = events.step(step)

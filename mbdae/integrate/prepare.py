@@ -18,7 +18,7 @@ from .ending import event_value
 from .events import Event, EventWatch, as_events
 from .jumps import Jumps
 from .modes.watch import ModeWatch
-from .retrace import retracer
+from .retrace import Retracer
 from .run import RunState
 from .signal_events import SignalEvent
 from .singularity_watch import SingularWatch
@@ -154,14 +154,13 @@ def _set_watches(run: RunState, stepper: PythonStepper, formulation: str) -> Non
     if not isinstance(run.system, Index2System):
         return
     control = stepper if isinstance(stepper, Adaptive) and formulation != "index1" else None
-    half_explicit = isinstance(run.tableau, Tableau)
-    if control and half_explicit:
+    if control and isinstance(run.tableau, Tableau):
         run.stiffness = StiffnessWatch(run.system, run.tableau, control)
     if run.system.ng:
         kept = run.project or formulation == "ggl"
         run.singular = SingularWatch(run.system, kept, control, formulation == "index2")
-        if control and half_explicit:
-            run.back = retracer(run, run.tableau, float(control.rtol))
+        if control:
+            run.back = Retracer.of(run, float(control.rtol))
 
 
 def positive(**values: Any) -> None:

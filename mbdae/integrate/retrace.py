@@ -1,13 +1,13 @@
 """Steps back from a run's last node, to states before it that a polynomial can continue; see `mbdae.integrate.leap`."""
 
-from collections.abc import Callable
-from functools import partial
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import InputError
+from ..methods import Tableau, method
 from ..system import Array
+from .defaults import DEFAULTS
 from .jumps import Jumps
 from .loop import time_loop
 from .run import RunState
@@ -17,36 +17,54 @@ from .steppers.native import NativeStepper
 SHARPER, SHARPEST = 1e-3, 1e-12  # times rtol, and the least rtol
 MOST = 500  # steps from one time to the next
 
-Retracer = Callable[[Array], tuple[Array, Array, Array]]
 
+@dataclass(frozen=True)
+class Retracer:
+    """Steps back from a run's last node.
 
-def retracer(run: RunState, tableau: Any, rtol: float) -> Retracer | None:
-    """Return what steps back from a run's last node; None where forces cannot be followed back in time."""
-    try:
-        run.system.breakpoint(run.t, -run.sign)
-    except InputError:  # a sampled controller
-        return None
-    return partial(_retraced, run, tableau, max(SHARPER * rtol, SHARPEST))
-
-
-def _retraced(run: RunState, tableau: Any, rtol: float, times: Array) -> tuple[Array, Array, Array]:
-    """Return times (k,), points (k, ...) and rates (k, ny) of the last node and those at earlier times, one by one.
-
-    Raises:
-        StepError: where they cannot be reached.
+    Attributes:
+        run: the run.
+        tableau: a half-explicit method.
+        rtol: its tolerance.
+        anywhere: from any node; else, for an implicit method of stiff motions, from the first one of a leg only, the
+            short way that a leap needs where no step lies behind.
     """
-    system = run.system.twin()
-    system.hold(run.system.in_use)
-    ts, ys, rates = [run.t], [run.ys[-1]], []
-    for t in times.tolist():
-        ahead = Jumps(system, (), t, -run.sign)
-        control = Adaptive(tableau.error_power, rtol, None, None, np.inf)
-        stepper = NativeStepper(control, system, tableau, True) if system.native else control
-        back = RunState(run.problem, tableau, system, stepper, ts[-1], ys[-1], ahead, True)
-        back.begin()
-        rates.append(back.F)
-        time_loop(back, MOST)
-        ts.append(t)
-        ys.append(back.ys[-1])
-    rates.append(system.derivative(ts[-1], ys[-1])[0])
-    return np.array(ts), np.array(ys), np.array(rates)
+
+    run: RunState
+    tableau: Tableau
+    rtol: float
+    anywhere: bool
+
+    @classmethod
+    def of(cls, run: RunState, rtol: float) -> "Retracer | None":
+        """Return what steps back from a run's last node; None where forces cannot be followed back in time."""
+        try:
+            run.system.breakpoint(run.t, -run.sign)
+        except InputError:  # a sampled controller
+            return None
+        half_explicit = isinstance(run.tableau, Tableau)
+        tableau = run.tableau if half_explicit else method(DEFAULTS["method"])
+        return cls(run, tableau, max(SHARPER * rtol, SHARPEST), half_explicit)
+
+    def __call__(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return times (k,), points (k, ...) and rates (k, ny) of the last node and those at earlier times, one by one.
+
+        Raises:
+            StepError: where they cannot be reached.
+        """
+        run, tableau = self.run, self.tableau
+        system = run.system.twin()
+        system.hold(run.system.in_use)
+        ts, ys, rates = [run.t], [run.ys[-1]], []
+        for t in times.tolist():
+            ahead = Jumps(system, (), t, -run.sign)
+            control = Adaptive(tableau.error_power, self.rtol, None, None, np.inf)
+            stepper = NativeStepper(control, system, tableau, True) if system.native else control
+            back = RunState(run.problem, tableau, system, stepper, ts[-1], ys[-1], ahead, True)
+            back.begin()
+            rates.append(back.F)
+            time_loop(back, MOST)
+            ts.append(t)
+            ys.append(back.ys[-1])
+        rates.append(system.derivative(ts[-1], ys[-1])[0])
+        return np.array(ts), np.array(ys), np.array(rates)

@@ -1,6 +1,5 @@
 """State and record of a run."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +17,7 @@ from .singularity_watch import SingularWatch
 from .stiffness import StiffnessWatch
 
 if TYPE_CHECKING:
+    from .retrace import Retracer
     from .steppers.stepper import Stepper
 
 
@@ -45,7 +45,7 @@ class RunState:
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
         self.carried = Carried()
         self.events = EventWatch((), lambda *_: 0.0)
-        self.back: Callable[[Array], tuple[Array, Array, Array]] | None = None  # see `mbdae.integrate.retrace`
+        self.back: Retracer | None = None
         self.singular: SingularWatch | None = None
         self.stiffness: StiffnessWatch | None = None
         self.modes: ModeWatch | None = None
@@ -88,6 +88,8 @@ class RunState:
 
     def cross(self, t: float) -> None:
         """Begin again behind a jump, at time t: a second point of the solution, right after the one before."""
+        if self.singular:
+            self.singular.end_leg(self)
         self.zs.append(self.zs[-1])
         self.ys.append(self.ys[-1])
         self.ts.append(t)
@@ -107,6 +109,8 @@ class RunState:
         self.stepper.restart()
         self.events.strike()
         self.behind_jump()
+        if self.singular:
+            self.singular.refuse_beginning(self.t, self.ys[-1])
 
     def behind_jump(self) -> None:
         """The last node lies behind a jump: watches begin anew there."""

@@ -1,18 +1,15 @@
 """A run's watch for singular configurations: seen between its steps, leapt over, never left on another branch."""
 
-from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from ..errors import StepError
 from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.singularity import Singular, open_limit, singular, tangent, turned, turning
 from ..system import Array
-from .leap import leap
+from .leap import KNOWN, leap
+from .passages import ZONE, Passages
 
 if TYPE_CHECKING:
     from .run import RunState
@@ -20,21 +17,17 @@ if TYPE_CHECKING:
 
 SUSPECT = 0.6  # of the largest ratio so far: minima above are no singular configurations, stages come near enough
 SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, of the larger neighbour: it falls to zero linearly, over a step or two
-ZONE = 0.2  # of the largest ratio: below, loops are closed and steps look ahead where it falls
 AHEAD = 20.0  # steps: a ratio that would take longer to fall to zero is small for other reasons
-NEAR = 0.1  # likewise: below, a leap is tried
+NEAR = 0.1  # of the largest ratio: below, a leap is tried
+NEXT = 0.5 * KNOWN  # likewise, in rad or m about: below, the place of a singular configuration is not known better
 APPROACH = 0.5  # of the way to the singular configuration: the longest step
 NEARER = 0.75  # of the way of the leap tried before: how much nearer the next one begins
 MET, PATIENCE = 0.5, 2  # of the last one's error: who does not fall to it so often has met the errors of the steps
 TRUSTED = 1e3  # times the tolerance: up to where such an error may stand for theirs
 MOVED = 100.0  # times the tolerance: how far a leap may end beside the closures
-BEND, EXPLAINED = 0.2, 3.0  # rad, and times the turning before: what tangent spaces may differ by
-CLOSED = 1e-12  # m or rad: loops open by less, and branches apart by its root, are as good as kept closed
-SAMPLES = 5  # of each step
-SHARP = 1e-10  # of a step: how sharply a minimum is found
 ENDED = 1e-6  # of the largest ratio: velocities at an end as near as that have lost six digits
 LANDED = 1e-3  # of the ratio a step before: so near to a singular configuration is in it
-SAME = 1e-6  # s: minima this near to each other are one
+BACK = 0.02  # of the ratio where a leg begins: what it may change by on a way back along which it is a line
 
 
 def _suspicious(before: Any, here: Any, after: Any, largest: Any) -> Any:
@@ -48,7 +41,7 @@ def _falls(before: Any, here: Any) -> Any:
     return AHEAD * (before - here) > here
 
 
-class SingularWatch:
+class SingularWatch(Passages):
     """Follows how far the rows of the closures are from depending on each other, step by step.
 
     The solves of the stages tell: the ratio of their pivots, for nothing. Where it becomes small, a run under control
@@ -66,25 +59,9 @@ class SingularWatch:
     """
 
     def __init__(self, system: Index2System, kept: bool, control: "Adaptive | None", closing: bool) -> None:
-        self.system, self.kept, self.control, self.closing = system, kept, control, closing
-        self._workspace: Index2System | None = None
-        self.found: list[Singular] = []
-        self.largest = 0.0
+        super().__init__(system, kept, control is not None)
+        self.control, self.closing, self.newest = control, closing, 1.0
         self.restart(0)
-
-    @property
-    def workspace(self) -> Index2System:
-        """A workspace of the watch's own, made when there is something to look at: what it computes is not counted."""
-        if self._workspace is None:
-            self._workspace = self.system.twin()
-        self._workspace.enter(self.system.mode)
-        if self._workspace.in_use != self.system.in_use:
-            self._workspace.hold(self.system.in_use)
-        return self._workspace
-
-    def _ratio(self, t: float, y: Array) -> float:
-        """See `Index2System.pivot_ratio`."""
-        return self.workspace.pivot_ratio(t, y)
 
     def restart(self, first: int) -> None:
         """Forces jump at node ``first``: what was before does not continue."""
@@ -95,6 +72,10 @@ class SingularWatch:
     def _begin(self, first: int) -> None:
         """Ratios of steps are counted anew from node ``first``."""
         self.first, self.ratios = first, [np.inf]
+
+    def cut(self, run: "RunState") -> None:
+        """The run was cut back to its last node: what was found behind it was not passed."""
+        self.found = [x for x in self.found if (x.t - run.t) * run.sign <= 0]
 
     def begin_step(self) -> None:
         """Forget what solves outside of the next step tell."""
@@ -112,6 +93,19 @@ class SingularWatch:
         limit = LANDED * min(self.largest, self.ratios[-1])
         if nearest < limit or (nearest < SUSPECT * self.largest and self._ratio(t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
+
+    def refuse_beginning(self, t: float, y: Array) -> None:
+        """Refuse fixed steps from a node (t, y) behind an impact next to a singular configuration: they do not leap.
+
+        Raises:
+            StepError: with the time.
+        """
+        if self.control is None and self.next_to(t, y):
+            raise StepError("rank", f"no step of fixed size begins next to a singular configuration, at t = {t:.17g}")
+
+    def next_to(self, t: float, y: Array) -> bool:
+        """Say whether a point lies so near to a singular configuration that its place is not known better."""
+        return self._ratio(t, y) < NEXT * self.largest
 
     def limits(self) -> tuple[float, float, float, float, float, float]:
         """Return the largest ratio and the last one, `SUSPECT`, `LANDED`, `ZONE` and `AHEAD`."""
@@ -131,21 +125,30 @@ class SingularWatch:
         self.largest = float(largest[n - 1]) if n else self.largest
         return n
 
-    def step(self, run: "RunState", last: bool) -> None:
+    def note(self) -> None:
+        """Keep what the solves of the step just taken tell: others may follow before it is looked at."""
+        self.newest = float(np.sqrt(self.system.least_pivot_ratio))
+
+    def step(self, run: "RunState", last: bool, ends: bool = False) -> None:
         """Look back at the step before the one just taken, and at this one if it is the last.
+
+        Args:
+            run: the run.
+            last: its span ends here.
+            ends: its mode does.
 
         Raises:
             StepError: for a singular configuration that the run cannot pass, or passed onto another branch; nodes
                 behind it are taken off.
         """
-        self.ratios.append(float(np.sqrt(self.system.least_pivot_ratio)))
+        self.ratios.append(self.newest)
         self.largest = max(self.largest, self.ratios[-1])
         self._look(run, len(self.ratios) - 2)
         if last:
             near = self.ratios[-1] < SUSPECT * self.largest
             if near and self._ratio(run.ts[-1], run.ys[-1]) < ENDED * self.largest:
                 text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding decides"
-                self._end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
+                self.end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
             self.ratios.append(np.inf)
             self._look(run, len(self.ratios) - 2)
         before, here = self.ratios[-2:]
@@ -154,24 +157,40 @@ class SingularWatch:
         if near:
             if self.entered is None:
                 self.entered = len(run.ts) - 2
-            if self.control and self.closing:
+            if self.control and self.closing and not ends:
                 run.close()
         if self.entered is not None and (last or not near):
-            self._compare(run, self.entered, len(run.ts) - 1)
-            self.entered, self.tried, self.stalled = None, (np.inf, np.inf), 0
-            if self.control:
-                self.control.cap = np.inf
+            self._leave(run)
+
+    def end_leg(self, run: "RunState") -> None:
+        """Look at the last step before an impact or a jump.
+
+        Raises:
+            StepError: as in `step`.
+        """
+        self.ratios.append(np.inf)
+        self._look(run, len(self.ratios) - 2)
+        if self.entered is not None:
+            self._leave(run)
+
+    def _leave(self, run: "RunState") -> None:
+        """Go on regularly, on the branch of the node from which steps came near a singular configuration."""
+        self.compare(run, self.entered or 0, len(run.ts) - 1)
+        self.entered, self.tried, self.stalled = None, (np.inf, np.inf), 0
+        if self.control:
+            self.control.cap = np.inf
 
     def leap(self, run: "RunState") -> bool:
         """Where a singular configuration is near, shorten the next step, or take the leap over it: then say True."""
-        if self.control is None or self.entered is None or len(run.ts) - 1 == self.first:
+        begins = len(run.ts) - 1 == self.first
+        if self.control is None or (self.entered is None and not begins):
             return False
         self.control.cap = np.inf
-        (t0, t1), (y0, y1) = run.ts[-2:], (run.ys[-2], run.ys[-1])
-        before, here = self._ratio(t0, y0), self._ratio(t1, y1)
-        if not here < before:
+        here, way = self._ahead(run, begins)
+        if not np.isfinite(way):
             return False
-        way = here * abs(t1 - t0) / (before - here)
+        if self.entered is None:
+            self.entered = self.first
         self.control.cap = APPROACH * way
         if here > NEAR * self.largest or way > NEARER * self.tried[0]:
             return False
@@ -193,9 +212,26 @@ class SingularWatch:
         self.tried, self.stalled = (np.inf, np.inf), 0
         self._begin(len(run.ts) - 1)
         if self._ratio(found.t, found.y) >= (ZONE if run.to_go() else LANDED) * self.largest:
-            self._compare(run, self.entered, len(run.ts) - 1)
+            self.compare(run, self.entered, len(run.ts) - 1)
             self.entered = None
         return True
+
+    def _ahead(self, run: "RunState", begins: bool) -> tuple[float, float]:
+        """Return the ratio at the last node, and the time until it vanishes as it falls; inf where it does not.
+
+        Where a leg begins there is no step before it: the ratio a short way back, at the speed there, serves as well.
+        """
+        here = self._ratio(run.t, run.ys[-1])
+        if not begins:
+            dt, before = abs(run.t - run.ts[-2]), self._ratio(run.ts[-2], run.ys[-2])
+        else:
+            dt, before = float(self.control.h or 0.0), np.inf
+            if not (dt and here < ZONE * self.largest):
+                return here, np.inf
+            while abs(before - here) > BACK * here:
+                dt /= 2
+                before = self._ratio(run.t - run.sign * dt, run.system.add(run.ys[-1], -run.sign * dt * run.F))
+        return here, here * dt / (before - here) if here < before else np.inf
 
     def beside(self, t: float, y: Array) -> bool:
         """Say whether a point lies next to a singular configuration, where a step's end is not to be trusted."""
@@ -205,71 +241,10 @@ class SingularWatch:
         """Return the point after a share of the leap of size h that was taken last."""
         return self.path(theta * h)
 
-    def _compare(self, run: "RunState", a: int, b: int) -> None:
-        """Compare tangent spaces at nodes a and b, before and after a singular configuration that lies between."""
-        way = run.ts[b] - run.ts[a]
-        passed = next((x for x in self.found if (x.t - run.ts[a]) * way > 0 and (run.ts[b] - x.t) * way > 0), None)
-        if not passed:
-            return
-        ends = [(run.ts[i], run.ys[i]) for i in (a, b)]
-        angle = turned(*(tangent(self.workspace, *end) for end in ends))
-        explained = EXPLAINED * abs(way) * turning(self.workspace, *ends[0], way)
-        if angle > BEND + explained:
-            text = f"{passed}: there the run went over to another branch, {angle:.2g} rad beside the one before"
-            self._end(run, a, f"{text}; take a smaller rtol, or project=True")
-
-    def _end(self, run: "RunState", i: int, message: str) -> None:
-        del run.ts[i + 1 :], run.ys[i + 1 :], run.zs[i + 1 :]
-        raise StepError("rank", message)
-
     def _look(self, run: "RunState", k: int) -> None:
         """Look around step k, counted from 1, whose ratio is in place k."""
         before, here, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
         if not _suspicious(before, here, after, self.largest):
             return
         nodes = range(max(0, k - 2), min(k + 2, len(run.ts) - self.first))
-        self._search(run, [self.first + i for i in nodes])
-
-    def _search(self, run: "RunState", nodes: list[int]) -> None:
-        """Minimise over u, node i and the share of the step behind it that has passed."""
-        paths = {i: self._path(run, i) for i in nodes[:-1]}
-
-        def at(u: float) -> tuple[float, Array]:
-            i = min(int(u), nodes[-2])
-            return paths[i](u - i)
-
-        samples = np.linspace(nodes[0], nodes[-1], SAMPLES * len(paths) + 1)
-        padded = np.array([np.inf, *(self._ratio(*at(u)) for u in samples), np.inf])
-        lowest = np.flatnonzero((padded[1:-1] < padded[:-2]) & (padded[1:-1] <= padded[2:]))
-        for k in lowest.tolist():
-            bounds = float(samples[max(0, k - 1)]), float(samples[min(k + 1, len(samples) - 1)])
-            best = minimize_scalar(
-                lambda u: self._ratio(*at(u)), bounds=bounds, method="bounded", options={"xatol": SHARP}
-            )
-            self._judge(run, nodes, int(best.x), *at(float(best.x)))
-
-    def _judge(self, run: "RunState", nodes: list[int], i: int, t: float, y: Array) -> None:
-        """Keep what was found on step i, and end the run there if it cannot pass or took another branch."""
-        gap = max(np.abs(self.workspace.residual(run.ts[n], *self.workspace.split(run.ys[n]))[0]).max() for n in nodes)
-        limit = open_limit(self.workspace, t, y, self.largest, gap)
-        found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
-        if found is None or any(abs(found.t - other.t) <= SAME * (1 + abs(t)) for other in self.found):
-            return
-        self.found.append(found)
-        if self.control is None and not self.kept and gap > CLOSED:
-            text = f"{found}: a singular configuration, behind which loops that have drifted open by {gap:.1e}"
-            self._end(run, i, f"{text} may be on another branch; keep them closed by project=True or formulation 'ggl'")
-        self._compare(run, nodes[0], nodes[-1])
-
-    def _path(self, run: "RunState", i: int) -> Callable[[float], tuple[float, Array]]:
-        """Theta -> time and point on step i; straight where an end of it is too singular for dense output."""
-        t, h, y = run.ts[i], run.ts[i + 1] - run.ts[i], run.ys[i]
-        move = self.workspace.difference(y, run.ys[i + 1])
-        try:
-            dense = run.record().dense(i)
-        except StepError:
-            dense = partial(self._straight, y, move)
-        return lambda theta: (t + theta * h, dense(theta))
-
-    def _straight(self, y: Array, move: Array, theta: float) -> Array:
-        return self.workspace.add(y, theta * move)
+        self.search(run, [self.first + i for i in nodes])

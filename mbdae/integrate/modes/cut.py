@@ -51,4 +51,6 @@ def ended(run: "RunState", start: State | None) -> list[Guard]:
     run.take_back(at)
     if taken is not None:
         run.accept(t, taken)
+    if run.singular:
+        run.singular.cut(run)
     return fired

@@ -3,8 +3,9 @@
 from typing import TYPE_CHECKING
 
 from ...errors import InputError, StepError
+from ...mechanism.closures.independent_rows import UNDERWAY
 from ...mechanism.modes.point import ModePoint
-from ...mechanism.modes.switch import Guard
+from ...mechanism.modes.switch import Guard, Switch
 from ...mechanism.modes.switches import words
 from ...solution.impact import Impact
 from ...system import Array
@@ -56,6 +57,7 @@ class ModeWatch:
     def begin(self, t: float, y: Array) -> None:
         """Follow the guards of the mode from a point on."""
         at, mode = self.transition.point(t, y), self.system.mode
+        self.system.beside = UNDERWAY
         self.guards = [FollowedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
 
     def start(self, run: "RunState", y: Array) -> Array:
@@ -65,15 +67,21 @@ class ModeWatch:
             InputError: where a gap is negative.
         """
         at = self.transition.point(run.t, y)
-        for s in self.switches:
-            for guard in s.guards(0):
-                if guard.kind == "touch" and (gap := guard.value(at)) < -TOUCHING:
-                    unit = self.system.mechanism.row_units[s.rows[0]]
-                    raise InputError(f"{s.name!r} is passed by {-gap:.3g} {unit} at the start")
+        for s, gap in self._gaps(at):
+            if gap < -TOUCHING:
+                unit = self.system.mechanism.row_units[s.rows[0]]
+                raise InputError(f"{s.name!r} is passed by {-gap:.3g} {unit} at the start")
         y, mode = self._settled(at, set())
         self.modes = [(0, mode)]
         self._enter(mode, run)
         return y
+
+    def _gaps(self, at: ModePoint) -> list[tuple[Switch, float]]:
+        return [(s, g.value(at)) for s in self.switches for g in s.guards(0) if g.kind == "touch"]
+
+    def touching(self, t: float, y: Array, near: float) -> list[str]:
+        """Return the names of what touches at a point, or nearly."""
+        return [s.name for s, gap in self._gaps(self.transition.point(t, y)) if abs(gap) <= near]
 
     def _settled(self, at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.struck.items() if abs(at.t - when) < self.switches[i].rest}
@@ -143,6 +151,8 @@ class ModeWatch:
             StepError: where modes switch without an end, or an impact has no solution.
         """
         self._count(run.t, fired)
+        if run.singular:
+            run.singular.end_leg(run)
         opened = {g.at for g in fired if g.kind == "let go"}
         y, mode = self._settled(self.transition.point(run.t, run.ys[-1]), opened)
         self._enter(mode, run)

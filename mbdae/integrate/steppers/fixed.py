@@ -26,12 +26,14 @@ class Fixed(PythonStepper):
         self.n = max(1, int(np.ceil(length / step * (1 - 1e-12))))
         self.i, self.on_grid = 0, True  # the last point of the grid, and whether the run stands there
         self.detour: list[float] = []  # times of the next steps, where they leave the grid
+        self.aside: float | None = None  # the time of the last one, if it left the grid
 
     def propose(self, run: "RunState") -> tuple[float, float]:
         """Return the size of the next step and the time where it ends."""
         if self.detour:
-            t = self.detour.pop(0)
+            t = self.aside = self.detour.pop(0)
             return abs(t - run.t), t
+        self.aside = None
         i, started = self.i + 1, self.on_grid
         t = run.t1 if i >= self.n else self.t0 + run.sign * i * self.step
         beyond = run.sign * (t - run.leg.stop)  # the leg ends before the next point of the grid
@@ -79,6 +81,9 @@ class Fixed(PythonStepper):
 
     def take_back(self) -> None:
         """The last step ends before its end: the next one leads to where it would have."""
+        if self.aside is not None:
+            self.detour.insert(0, self.aside)
+            return
         self.i -= self.on_grid
         self.on_grid = False
 
@@ -89,6 +94,8 @@ class Fixed(PythonStepper):
 
     def ready(self, run: "RunState") -> bool:
         """Say whether the compiled core may take the next steps: on the grid only."""
+        if not self.detour:
+            self.aside = None
         return not self.detour
 
     def settings(self) -> dict[str, Any]:

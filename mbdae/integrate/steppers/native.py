@@ -141,17 +141,23 @@ class NativeStepper(Stepper):
         for n in [*behind, len(times)]:
             end = finished and n == len(times)
             while i < n:
-                quiet = watch.quiet(least_pivot_ratio[i : n - end]) if watch else n - i
+                quiet = watch.quiet(least_pivot_ratio[i : n - end]) if watch and not run.modes else n - i
                 run.extend(times[i : i + quiet], ys[i : i + quiet], zs[i : i + quiet], state)
                 i += quiet
                 if watch and i < n:
                     run.extend(times[i : i + 1], ys[i : i + 1], zs[i : i + 1], state)
                     self.system.least_pivot_ratio, i = float(least_pivot_ratio[i]), i + 1
+                    watch.note()
                     watch.step(run, end and i == n)
             if n < len(times):
+                if watch:
+                    watch.end_leg(run)
                 if run.stiffness:
                     run.stiffness.look(run)
                 run.extend(times[n : n + 1], ys[n : n + 1], zs[n : n + 1], state)
                 run.behind_jump()
                 i = n + 1
+        if watch and run.modes:  # guards come first, which may cut the step
+            self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
+            watch.note()
         run.leg = Leg(leg.stop, leg.end, restart)

@@ -73,7 +73,9 @@ class PythonStepper(Stepper):
             return
         run.accept(t_next, step)
         if run.singular:
-            run.singular.step(run, run.to_go() == 0)
+            run.singular.note()
+            if not run.modes:  # else guards come first, which may cut the step
+                run.singular.step(run, run.to_go() == 0)
 
     @abstractmethod
     def propose(self, run: "RunState") -> tuple[float, float]:

@@ -15,6 +15,7 @@ GROWN = 1e-2
 ROUNDING = 1e-14
 SMALLEST_PIVOT = 1e-14  # of the largest, in the system of the rows in use: below, it is singular
 BESIDE = 1e-5  # of the largest pivot: rows that depend on each other but for that leave the branch to rounding
+UNDERWAY = 1e-7  # likewise, of a run that came along its branch, and keeps loops closed to the square of that
 MANY = 32  # rows: beyond, all of them are looked at where there is reason to
 REASON = 0.01  # of the best ratio of pivots since the last choice: below, there is
 PROBED = 0.1 * GROWN  # of the largest row: so much of a probe in a row that was dependent is reason, too
@@ -71,7 +72,7 @@ def geometric_rank(G: np.ndarray) -> int:
     return rank(pivots((G[kept] / size[kept, None]).T)[1])
 
 
-def found(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float) -> tuple[int, float]:
+def found(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, beside: float) -> tuple[int, float]:
     """Rank where loops are closed, and the ratio of pivots below which it will have fallen.
 
     Args:
@@ -79,15 +80,16 @@ def found(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float) -> tuple
         G: the Jacobian, (ng, nv).
         diagonal: pivots of B.
         t: time.
+        beside: ratio of pivots below which the place is not known well enough, `BESIDE` or `UNDERWAY`.
 
     Raises:
         StepError: next to a singular configuration, where rounding says which branch of the motion is meant.
     """
     r = rank(diagonal)
-    if r and (r < min(B.shape) or diagonal[r - 1] < BESIDE * diagonal[0]):
+    if r and (r < min(B.shape) or diagonal[r - 1] < beside * diagonal[0]):
         r = max(r, geometric_rank(G))
         sizes = pivots(G.T)[1]
-        if max(sizes[r - 1] / sizes[0], diagonal[r - 1] / diagonal[0]) < BESIDE:
+        if max(sizes[r - 1] / sizes[0], diagonal[r - 1] / diagonal[0]) < beside:
             raise StepError("rank", f"the run would begin next to a singular configuration, at t = {t:.17g}")
     return r, float(min(1.0, FALLEN * diagonal[r - 1] / diagonal[0]) * RANK_TOLERANCE) if r else 0.0
 

@@ -28,7 +28,7 @@ def choose_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
     found = _, diagonal = independent_rows.pivots(B)
     try:
         if system.rank is None:
-            system.rank, system.floor = independent_rows.found(B, G, diagonal, t)
+            system.rank, system.floor = independent_rows.found(B, G, diagonal, t, system.beside)
         independent_rows.confirm(diagonal, system.rank, system.floor, t)
     except StepError as e:
         rank = system.rank or independent_rows.rank(diagonal)

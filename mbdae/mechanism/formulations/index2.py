@@ -51,6 +51,7 @@ class Index2System(System):
         self.sticks = False  # joints stick in the mode: they stand still
         self.sliding = Sliding(mechanism.forces, mechanism.closures, self.constraints)
         self.rank: int | None = None
+        self.beside = independent_rows.BESIDE  # ratio of pivots next to a singular configuration, where no leg begins
         self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
         self.rows: Array | None = None
         self.held = False  # the rows in use stay as they are, but for `settle`
@@ -154,6 +155,7 @@ class Index2System(System):
     def twin(self) -> "Index2System":
         """See `mbdae.system.System`; it has the index-2 form whatever this one has."""
         out = self.mechanism.system(native=self.native)
+        out.beside = self.beside
         out.enter(self.mode)
         return out
 

@@ -1,0 +1,142 @@
+"""Singular configurations that a run passes: located between its nodes, and whether it keeps to its branch."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from ..errors import StepError
+from ..mechanism.formulations.index2 import Index2System
+from ..mechanism.singularity import Singular, open_limit, singular, tangent, turned, turning
+from ..system import Array
+
+if TYPE_CHECKING:
+    from .run import RunState
+
+ZONE = 0.2  # of the largest ratio: below, loops are closed and steps look ahead where it falls
+BEND, EXPLAINED = 0.2, 3.0  # rad, and times the turning before: what tangent spaces may differ by
+EDGES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the way from a singular configuration to a node: where the zone may end
+CLOSED = 1e-12  # m or rad: loops open by less, and branches apart by its root, are as good as kept closed
+SAMPLES = 5  # of each step
+LEVEL = 0.999  # of the largest sample: a ratio that falls by less stays as it is
+SHARP = 1e-10  # of a step: how sharply a minimum is found
+SAME = 1e-6  # s: minima this near to each other are one
+
+
+class Passages:
+    """Singular configurations that a run passes.
+
+    Args:
+        system: the run's workspace.
+        kept: the method keeps positions of closures, by projection or a multiplier.
+        controlled: its steps are.
+
+    Attributes:
+        found: those that were passed.
+        largest: ratio of pivots so far.
+    """
+
+    def __init__(self, system: Index2System, kept: bool, controlled: bool) -> None:
+        self.system, self.kept, self.controlled = system, kept, controlled
+        self._workspace: Index2System | None = None
+        self.found: list[Singular] = []
+        self.largest = 0.0
+
+    @property
+    def workspace(self) -> Index2System:
+        """A workspace of the watch's own, made when there is something to look at: what it computes is not counted."""
+        if self._workspace is None:
+            self._workspace = self.system.twin()
+        self._workspace.enter(self.system.mode)
+        if self._workspace.in_use != self.system.in_use:
+            self._workspace.hold(self.system.in_use)
+        return self._workspace
+
+    def _ratio(self, t: float, y: Array) -> float:
+        """See `Index2System.pivot_ratio`."""
+        return self.workspace.pivot_ratio(t, y)
+
+    def compare(self, run: "RunState", a: int, b: int) -> None:
+        """Compare tangent spaces at nodes a and b, before and after a singular configuration that lies between."""
+        way = run.ts[b] - run.ts[a]
+        passed = next((x for x in self.found if (x.t - run.ts[a]) * way > 0 and (run.ts[b] - x.t) * way > 0), None)
+        if not passed:
+            return
+        before, after = (self._edge(run, passed.t, i, range(a, b)) for i in (a, b))
+        angle, way = turned(*(tangent(self.workspace, *end) for end in (before, after))), after[0] - before[0]
+        explained = EXPLAINED * abs(way) * turning(self.workspace, *before, way)
+        if angle > BEND + explained:
+            text = f"{passed}: there the run went over to another branch, {angle:.2g} rad beside the one before"
+            self.end(run, a, f"{text}; take a smaller rtol, or project=True")
+
+    def _edge(self, run: "RunState", t: float, node: int, steps: range) -> tuple[float, Array]:
+        """Return about where the way from a singular configuration to a node leaves the zone; the node if it does not.
+
+        A long step leads far beyond, where tangent spaces have turned by more than they were turning before.
+        """
+        to = run.ts[node] - t
+        for share in EDGES:
+            i = next(i for i in steps if (run.ts[i + 1] - t - share * to) * run.sign >= 0)
+            point = self._path(run, i)((t + share * to - run.ts[i]) / (run.ts[i + 1] - run.ts[i]))
+            if self._ratio(*point) >= ZONE * self.largest:
+                return point
+        return run.ts[node], run.ys[node]
+
+    def end(self, run: "RunState", i: int, message: str) -> None:
+        """End the run at node i.
+
+        Raises:
+            StepError: with the message.
+        """
+        del run.ts[i + 1 :], run.ys[i + 1 :], run.zs[i + 1 :]
+        raise StepError("rank", message)
+
+    def search(self, run: "RunState", nodes: list[int]) -> None:
+        """Minimise over u, node i and the share of the step behind it that has passed."""
+        if len(nodes) < 2:  # a leg that has just begun
+            return
+        paths = {i: self._path(run, i) for i in nodes[:-1]}
+
+        def at(u: float) -> tuple[float, Array]:
+            i = min(int(u), nodes[-2])
+            return paths[i](u - i)
+
+        samples = np.linspace(nodes[0], nodes[-1], SAMPLES * len(paths) + 1)
+        padded = np.array([np.inf, *(self._ratio(*at(u)) for u in samples), np.inf])
+        if padded.min() > LEVEL * padded[1:-1].max():  # at rest
+            return
+        lowest = np.flatnonzero((padded[1:-1] < padded[:-2]) & (padded[1:-1] <= padded[2:]))
+        for k in lowest.tolist():
+            bounds = float(samples[max(0, k - 1)]), float(samples[min(k + 1, len(samples) - 1)])
+            best = minimize_scalar(
+                lambda u: self._ratio(*at(u)), bounds=bounds, method="bounded", options={"xatol": SHARP}
+            )
+            self._judge(run, nodes, int(best.x), *at(float(best.x)))
+
+    def _judge(self, run: "RunState", nodes: list[int], i: int, t: float, y: Array) -> None:
+        """Keep what was found on step i, and end the run there if it cannot pass or took another branch."""
+        gap = max(np.abs(self.workspace.residual(run.ts[n], *self.workspace.split(run.ys[n]))[0]).max() for n in nodes)
+        limit = open_limit(self.workspace, t, y, self.largest, gap)
+        found = singular(self.workspace, t, y, (run.ts[nodes[0]], run.ys[nodes[0]]), limit)
+        if found is None or any(abs(found.t - other.t) <= SAME * (1 + abs(t)) for other in self.found):
+            return
+        self.found.append(found)
+        if not self.controlled and not self.kept and gap > CLOSED:
+            text = f"{found}: a singular configuration, behind which loops that have drifted open by {gap:.1e}"
+            self.end(run, i, f"{text} may be on another branch; keep them closed by project=True or formulation 'ggl'")
+        self.compare(run, nodes[0], nodes[-1])
+
+    def _path(self, run: "RunState", i: int) -> Callable[[float], tuple[float, Array]]:
+        """Theta -> time and point on step i; straight where an end of it is too singular for dense output."""
+        t, h, y = run.ts[i], run.ts[i + 1] - run.ts[i], run.ys[i]
+        move = self.workspace.difference(y, run.ys[i + 1])
+        try:
+            dense = run.record().dense(i)
+        except StepError:
+            dense = partial(self._straight, y, move)
+        return lambda theta: (t + theta * h, dense(theta))
+
+    def _straight(self, y: Array, move: Array, theta: float) -> Array:
+        return self.workspace.add(y, theta * move)
