@@ -38,9 +38,12 @@ def driven(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
         InputError: for a joint of several coordinates, or one that is both driven and held.
     """
     for closure in mech.closures:
+        if closure.within:
+            within = f"{closure.name!r} is there within windows of {closure.within.joint!r} only"
+            raise InputError(f"{within}: poses are those of closures that stay")
         if not (closure.unilateral or mech.positional[mech.rows_of(closure.name)].all()):
             raise InputError(
-                f"{closure.name!r} has rows of velocity: where it rolls to depends on the way, not on the input alone"
+                f"{closure.name!r} has rows of velocity: where it goes depends on the way, not on the input alone"
             )
     own = {d.name: d for d in mech.drivers}
     if drive not in own and drive not in mech.joint_names:

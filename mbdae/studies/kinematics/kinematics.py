@@ -109,9 +109,10 @@ def _first(moved: Mechanism, q: Array, span: tuple[float, float] | None) -> tupl
     ]:  # there in small steps, as the drive would
         try:
             q = close_position(system, q, nothing, float(u))
-        except AssemblyError as e:
-            raise AssemblyError(f"the input cannot begin at {first:.6g}: it gets no further than about {u:.4g}; {e}",
-                                e.closure, e.gap) from None  # fmt: skip
+        except (AssemblyError, InputError) as e:
+            text = f"the input cannot begin at {first:.6g}: it gets no further than about {u:.4g}; {e}"
+            known = (e.closure, e.gap) if isinstance(e, AssemblyError) else ("", np.nan)
+            raise AssemblyError(text, *known) from None
     return q, first
 
 

@@ -8,7 +8,7 @@ from linkages import bar
 
 import mbdae
 from mbdae import Closure, Clutch, Driver, JointFriction, Mechanism, Stop, assembly_modes, kinematics
-from mbdae.errors import InputError
+from mbdae.errors import AssemblyError, InputError
 from mbdae.mechanism.start import Start
 from mbdae.studies.kinematics.passing import below
 
@@ -111,7 +111,7 @@ def test_contacts_that_open_are_open():
 @pytest.mark.parametrize("name", ["rolling_disc", "bicycle"])
 def test_what_rolls_is_refused_with_its_name(name):
     mech = mbdae.load(name)
-    with pytest.raises(InputError, match="has rows of velocity: where it rolls"):
+    with pytest.raises(InputError, match="has rows of velocity: where it goes"):
         kinematics(mech, mech.joint_names[-1])
 
 
@@ -146,3 +146,9 @@ def test_a_rope_is_passed_where_it_is_too_short():
     (passed,) = kinematics(Mechanism(model, [rope]), "bar", span=(0.0, 2.0)).passed
     assert np.cos(passed.first) == pytest.approx(0.25, abs=1e-12)
     assert passed.last == 2.0
+
+
+def test_an_input_that_cannot_begin_there_is_said():
+    """A rod of Bricard's mechanism turns from -pi/6 on; that loops close turned over behind it is no reason."""
+    with pytest.raises(AssemblyError, match=r"the input cannot begin at -1: it gets no further than about -0\.[4-6]"):
+        kinematics(mbdae.load("bricard"), "rod_1", span=(-1.0, 1.0))
