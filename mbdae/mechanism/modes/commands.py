@@ -38,13 +38,13 @@ class Commanded(Switch):
         found = [c for c in mechanism.constraints if isinstance(c, Clutch) and c.engaged]
         return [cls(c, mechanism.rows_of(c.name)[0]) for c in found]
 
-    def prescribed(self, t: float, v: "Array") -> int:
+    def prescribed(self, t: float, q: "Array", v: "Array") -> int:
         """Return the state that the signal commands, whatever the motion."""
         return ENGAGED if self.spec.engaged and self.spec.engaged.at(t) > 0 else OPEN
 
     def wanted(self, point: "ModePoint") -> int:
         """Return the state that the signal commands at a point."""
-        return self.prescribed(point.t, point.v)
+        return self.prescribed(point.t, point.q, point.v)
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         return (Guard("command", self.name, self.at, lambda x: 1.0 if self.wanted(x) == state else -1.0),)

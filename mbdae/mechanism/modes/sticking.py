@@ -75,7 +75,7 @@ class Sticking(Switch):
             limit = min(self.spec.kinetic, (1.0 - LESS) * limit)
         return (Candidate(self.row, -limit, limit),)
 
-    def prescribed(self, t: float, v: "Array") -> int:  # noqa: D102
+    def prescribed(self, t: float, q: "Array", v: "Array") -> int:  # noqa: D102
         return AHEAD if v[self.column] > 0 else BACK if v[self.column] < 0 else IDLE
 
     def settled(  # noqa: D102

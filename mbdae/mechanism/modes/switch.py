@@ -161,11 +161,12 @@ class Switch:
         """
         return int(held)
 
-    def prescribed(self, t: float, v: "Array") -> int:
+    def prescribed(self, t: float, q: "Array", v: "Array") -> int:
         """Return the state in a motion that is prescribed, where nothing that may open carries load.
 
         Args:
             t: time.
+            q: configuration, (nq,).
             v: velocity, (nv,).
         """
         return 0

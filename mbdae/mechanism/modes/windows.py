@@ -10,6 +10,7 @@ from ..frames import find_joint
 from .switch import Guard, Strike, Switch
 
 if TYPE_CHECKING:
+    from ...system import Array
     from ..mechanism import Mechanism
     from .point import ModePoint
 
@@ -50,6 +51,10 @@ class Window(Switch):
     @property
     def rows(self) -> tuple[int, ...]:  # noqa: D102
         return self.all_rows
+
+    def prescribed(self, t: float, q: "Array", v: "Array") -> int:
+        """Return whether the joint is within a window, whatever the motion."""
+        return ON if self.spec.depth(float(q[self.q])) > 0 else OFF
 
     def depth(self, point: "ModePoint") -> float:
         """Return how far inside a window the joint is."""

@@ -64,8 +64,11 @@ def _record(data: Any, name: str, signals: Sequence[str]) -> Recording:
     columns = {key: x for key, x in columns.items() if not signals or key in signals}
     if t.ndim != 1 or any(x.shape != t.shape for x in columns.values()) or not columns:
         raise InputError(f"{name}: expected a column t and signals of its length")
-    if not np.isfinite(t).all() or (np.diff(t) <= 0).any():
-        raise InputError(f"{name}: times must rise")
+    rises = np.append(np.diff(t) > 0, np.isfinite(t[-1:]))
+    if not rises.all():
+        pair = t[(i := int(rises.argmin())) : i + 2]
+        impact = ", as at an impact" if len(pair) == 2 and pair[0] == pair[1] else ""
+        raise InputError(f"{name}: times must rise, got {', then '.join(f'{x:.9g}' for x in pair)}{impact}")
     for key, x in columns.items():
         if np.isinf(x).any():
             raise InputError(f"{name}: column {key!r} has a value that is infinite")

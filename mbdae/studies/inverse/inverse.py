@@ -41,7 +41,8 @@ def inverse_dynamics(
     springs, dampers and all forces count, but for motors and controllers of the joints that are actuated; drivers
     count as motions, not as forces. In a run the rows that its modes have closed at a time carry: stops, ropes,
     contacts, clutches that lock, joints that stick. In any other motion none of them does, but clutches engaged on
-    command; exact friction acts against the velocity, and what the motion passes is told.
+    command and closures within their windows; exact friction acts against the velocity, and what the motion passes is
+    told.
 
     Args:
         mech: the mechanism.
@@ -112,7 +113,7 @@ def _modes(mech: Mechanism, moves: Prescribed) -> list[Mode]:
     found = [
         moves.modes[switch.name].tolist()
         if switch.name in moves.modes
-        else [switch.prescribed(t, v) for t, v in zip(moves.t, moves.v, strict=True)]
+        else [switch.prescribed(*point) for point in zip(moves.t, moves.q, moves.v, strict=True)]
         for switch in mech.switches
     ]
     return [tuple(states) for states in zip(*found, strict=True)] if found else [()] * len(moves.t)

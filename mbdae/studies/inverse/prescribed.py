@@ -167,8 +167,10 @@ def _of_table(mech: Mechanism, columns: Mapping[str, Any]) -> Prescribed:
         raise InputError(f"a table of a motion has columns of joints: {', '.join(single)}")
     if len(t) < 3 or any(x.shape != t.shape or not np.isfinite(x).all() for x in given.values()):
         raise InputError("columns of a motion are finite, of one length, with at least three times")
-    if not (np.diff(t) > 0).all():
-        raise InputError("the times of a motion must rise")
+    if not (rises := np.diff(t) > 0).all():
+        first, then = t[(i := int(np.argmin(rises)))], t[i + 1]
+        impact = " (a run has the time of an impact twice: give its .npz)" if first == then else ""
+        raise InputError(f"the times of a motion must rise, got {first:.9g} and then {then:.9g}{impact}")
     degree = next(k for k in (DEGREE, 3, 2) if k < len(t))
     curves = make_interp_spline(t, np.array(list(given.values())).T, k=degree)
     targets = np.stack([curves(t, k) for k in range(3)])
@@ -193,8 +195,12 @@ def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array
             q = system.manifold.integrate(q, x)
             if np.abs(x).max() < 1e-10:
                 break
+        names = ", ".join(free.coordinate_joint(k) for k in at)
+        if i == 0 and not free.positional.all() and _freedoms(G[free.positional], at):
+            rolls = free.row_names[int(np.argmin(free.positional))]
+            raise InputError(f"{rolls!r} has rows of velocity: where it goes depends on the way, not on {names} alone: "
+                             "give a run, or (t, q, v, a)")  # fmt: skip
         if i == 0 and _freedoms(G, at):
-            names = ", ".join(free.coordinate_joint(k) for k in at)
             raise InputError(
                 f"{_freedoms(G, at)} freedoms are left when {names} move as in the table: name more joints"
             )
