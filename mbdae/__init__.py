@@ -4,13 +4,13 @@ Names are imported when they are used: Pinocchio, numpy and scipy take a second,
 when it completes a word.
 """
 
+from .cli import interrupt  # noqa: F401, before all that takes time to import
+
+# isort: split
 from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .cli import interrupt  # noqa: F401, before all that takes a second to import
-
-# isort: split
 from .members import classes, public
 
 if TYPE_CHECKING:  # what editors and type checkers see of the names that `_places` finds

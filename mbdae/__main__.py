@@ -45,7 +45,7 @@ def main() -> None:
 
 def _say(text: str) -> None:
     """Say one line on stderr; names from files may hold anything."""
-    click.echo(printable(f"mbdae: {text}"), err=True)
+    click.echo(printable(" ".join(f"mbdae: {text}".split("\n"))), err=True)
 
 
 if __name__ == "__main__":

@@ -25,7 +25,8 @@ import pytest
 import mbdae
 from mbdae import backend
 from mbdae.__main__ import cli, main
-from mbdae.mechanism.closures.closure import KINDS, keys
+from mbdae.mechanism.closures.closure import KINDS
+from mbdae.mechanism.closures.keys import keys
 from mbdae.mechanism.forces import FORCES
 from mbdae.mechanism.formats.library import MECHANISM, PARAMETRIC, SOURCES
 

@@ -2,6 +2,7 @@
 
 import ast
 import operator
+import re
 from dataclasses import dataclass
 from fractions import Fraction
 from math import isqrt, sqrt
@@ -63,6 +64,8 @@ class Surd:
 
 Number = Union[Fraction, Surd]  # noqa: UP007  (a forward reference above needs the old spelling)
 
+PLAIN = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?")  # others fill the memory with digits
+
 _OPERATORS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
 
 
@@ -70,15 +73,26 @@ def exact(text: str) -> Number:
     """Read ``"161/1024"``, ``"0.25"`` or ``"1/6 - sqrt(3)/108"`` without rounding.
 
     Raises:
-        ValueError: for anything but numbers, + - * / and one square root of an integer.
+        ValueError: for anything but numbers, + - * / and one square root of an integer, and for a number that is too
+            large or too small for double precision.
     """
-    return _evaluate(ast.parse(text.strip(), mode="eval").body, text)
+    try:
+        value = _evaluate(ast.parse(text.strip(), mode="eval").body, text.strip())
+        rounded = float(value)
+    except (OverflowError, RecursionError, MemoryError):  # nested brackets exhaust the parser
+        raise ValueError(f"not an exact number in double precision: {text!r:.60}") from None
+    if not rounded and value:
+        raise ValueError(f"not an exact number in double precision: {text!r:.60}")
+    return value
 
 
 def _evaluate(node: ast.expr, text: str) -> Number:
     match node:
         case ast.Constant():
-            return Fraction(ast.get_source_segment(text.strip(), node) or "")
+            digits = ast.get_source_segment(text, node) or ""
+            if not PLAIN.fullmatch(digits):
+                raise ValueError(f"not a number: {digits!r:.60}")
+            return Fraction(digits)
         case ast.UnaryOp(op=ast.USub()):
             return -_evaluate(node.operand, text)
         case ast.BinOp() if type(node.op) in _OPERATORS:

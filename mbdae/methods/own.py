@@ -28,8 +28,9 @@ def tableau(data: Mapping[str, Any], what: str) -> Tableau:
     if missing:
         raise InputError(f"{what} needs {', '.join(missing)}: a tableau has {', '.join(NEEDED)}")
     numbers = {key: x for key, x in data.items() if key.startswith(("order", "project", "rounded"))}
-    if not isinstance(data["name"], str) or not all(isinstance(x, int) for x in numbers.values()):
-        raise InputError(f"{what}: a name is a text, orders are whole numbers")
+    name = data["name"]
+    if not (isinstance(name, str) and name.isprintable()) or not all(isinstance(x, int) for x in numbers.values()):
+        raise InputError(f"{what}: a name is a text of one line, orders are whole numbers")
     try:
         return Tableau(**data)
     except TypeError as e:

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from commands import call, found
@@ -80,6 +81,12 @@ def test_wrong_files_are_one_line(text, code, words, tmp_path):
     assert err.count("\n") == 1, err
     for word in words:
         assert word in err
+
+
+def test_what_is_said_is_one_line(capsys):
+    """Warnings, and what is said of a run, may hold names from files; those of errors are cleaned by the errors."""
+    mbdae.__main__._say("warning: 'a\nb', and\x1b[31m red")
+    assert capsys.readouterr().err == "mbdae: warning: 'a b', and\\x1b[31m red\n"
 
 
 EVERY = (
@@ -203,6 +210,26 @@ def test_ctrl_c_during_the_imports_is_one_line(module, arguments, tmp_path):
     command, environment = [sys.executable, "-m", "mbdae", *arguments.split()], os.environ | {"PYTHONPATH": paths}
     done = subprocess.run(command, env=environment, capture_output=True, timeout=60, cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"mbdae: stopped by the user\n")
+
+
+def test_nothing_that_takes_time_comes_before_ctrl_c_is_caught():
+    """Except for what Python imports before it comes to mbdae."""
+    program = """
+import signal, sys
+sys.orig_argv = ["python", "-m", "mbdae"]
+class Finder:
+    def find_spec(self, name, *_):
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            print(name)
+sys.meta_path.insert(0, Finder())
+sys.path.insert(0, sys.argv[1])
+import mbdae
+"""
+    root = str(Path(mbdae.__file__).parent.parent)
+    done = subprocess.run([sys.executable, "-I", "-S", "-c", program, root], capture_output=True, text=True, timeout=60)
+    sought = done.stdout.split()
+    assert sought[:3] == ["mbdae", "mbdae.cli", "mbdae.cli.interrupt"], done.stderr
+    assert not {"typing", "pathlib", "functools", "importlib.metadata", "click", "mbdae.members"} & set(sought)
 
 
 def test_ctrl_c_between_the_imports_can_be_caught():

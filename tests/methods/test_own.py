@@ -86,6 +86,14 @@ def test_wrong_ones_are_refused(tmp_path):
         (tmp_path / "mine.toml").write_text(text)
         with pytest.raises(InputError, match=words):
             read_tableau(tmp_path / "mine.toml")
+    deep = "(" * 300 + "1" + ")" * 300
+    for number in ("1e400", "1e-400", "1e9999999999", "1/0", "9" * 5000, deep, "-" * 5000 + "1", "0x10", "1_0", "True"):
+        (tmp_path / "mine.toml").write_text(f"name = 'x'\nA = [[]]\nb = ['{number}']\n")
+        with pytest.raises(InputError, match=r"^tableau 'x', b: expected exact numbers.*, got '.*$"):
+            read_tableau(tmp_path / "mine.toml")
+    (tmp_path / "mine.toml").write_text('name = "a\\nb"\nA = [[]]\nb = ["1"]\n')
+    with pytest.raises(InputError, match=r"^\S*mine.toml: a name is a text of one line"):
+        read_tableau(tmp_path / "mine.toml")
     with pytest.raises(InputError, match="cannot read"):
         mbdae.check_order(mbdae.load("pendulum"), ["gone.toml"])
     with pytest.raises(UnknownNameError, match="unknown method"):

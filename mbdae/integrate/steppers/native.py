@@ -110,7 +110,9 @@ class NativeStepper(Stepper):
             self.watched = events
             e.watch(events.plain() if events.by_signal else [])
             e.same, e.spacings, e.share, e.iterations = SAME, SHARP, SHARE, ITERATIONS
-            j.times, j.margin, j.crowd = sorted({*run.ahead.times, *self.system.breaks()}), MARGIN, CROWD
+            of_drivers = self.system.constraints.breaks
+            j.times = sorted({*run.ahead.times, *self.system.laws.breaks(), *of_drivers})
+            j.margin, j.crowd = MARGIN, CROWD
         j.crossed = (events.by_signal or not events.events) and not run.modes
         j.restart = np.nan if run.leg.restart is None else run.leg.restart
         if events.events and events.by_signal:

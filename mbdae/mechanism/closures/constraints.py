@@ -50,6 +50,7 @@ class Constraints:
         columns: which velocities move the joints of a row, or joints that carry them, (ng, nv).
         positional: which rows have a g, (ng,).
         W: the wrenches of the rows between frames where G was asked for last, (6, ng).
+        breaks: the times at which u'' of a driver jumps.
         off: numbers of the rows that the mode leaves out; g, G and Gdot v are 0 for them.
     """
 
@@ -92,6 +93,7 @@ class Constraints:
         self._periodic = np.array([p.at for p in periodic], int)
         self._periods = np.array([p.period for p in periodic])
         self._rates = np.flatnonzero(~self.positional)
+        self.breaks = sorted({t for _, driver in self.driven for t in driver.breaks()})
 
     def units(self) -> Array:
         """Return the unit of each row's g, ``"m"`` or ``"rad"``, (ng,)."""

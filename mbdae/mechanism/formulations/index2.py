@@ -4,7 +4,7 @@ q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(
 non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
 """
 
-from math import isfinite
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -185,13 +185,9 @@ class Index2System(System):
     def inner(self, y: Array) -> Array:  # noqa: D102
         return y[self.nq + self.nv : -1]
 
-    def breaks(self) -> list[float]:
-        """The times at which functions of time in laws and drivers are not smooth."""
-        return sorted({*self.laws.breaks(), *(t for d in self.mechanism.drivers for t in d.breaks())})
-
     def breakpoint(self, t: float, sign: float) -> float:  # noqa: D102
-        driven = (sign * s for d in self.mechanism.drivers for s in d.breaks() if sign * s > sign * t)
-        return sign * min((sign * self.laws.breakpoint(t, sign), *driven))
+        driven = (sign * s for s in self.constraints.breaks if sign * s > sign * t)
+        return min(sign * self.laws.breakpoint(t, sign), min(driven, default=inf)) * sign
 
     def jump(self, t: float, y: Array) -> Array:
         """See `mbdae.system.System`: the states of sampled controllers jump."""
