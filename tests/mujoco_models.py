@@ -3,7 +3,11 @@
 import warnings
 from pathlib import Path
 
+import numpy as np
+import pinocchio as pin
+
 import mbdae
+from mbdae.mechanism import from_mujoco, to_mujoco
 
 DATA = Path(__file__).parent / "data" / "mjcf"
 FILES = ("trees", "many_joints", "loops", "actuated", "open_four_bar", "heavy_rotor")
@@ -22,3 +26,23 @@ def compiled(name):
     m.opt.density = m.opt.viscosity = 0.0  # not carried over, as the warning says
     m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     return m, mujoco.MjData(m)
+
+
+def at(mech, m, d, q, v):
+    """Put MuJoCo into a state; return T with v = T qvel, and T' qvel."""
+    import mujoco
+
+    d.qpos[:], d.qvel[:] = to_mujoco(mech.model, q, v)
+    mujoco.mj_forward(m, d)
+    T = np.array([from_mujoco(mech.model, d.qpos, e)[1] for e in np.eye(m.nv)]).T
+    turning = np.zeros(m.nv)
+    for j in list(mech.model.joints)[1:]:
+        if j.shortname() == "JointModelFreeFlyer":  # linear velocity in the body: d/dt (R^T v) = R^T v' - w x R^T v
+            i = j.idx_v
+            turning[i : i + 3] = -np.cross(v[i + 3 : i + 6], v[i : i + 3])
+    return T, turning
+
+
+def mass_matrix(mech, q):
+    M = pin.crba(mech.model, mech.model.createData(), q)
+    return np.triu(M) + np.triu(M, 1).T

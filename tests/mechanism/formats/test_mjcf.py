@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from mujoco_models import DATA, FILES, compiled, load
+from mujoco_models import DATA, FILES, at, compiled, load, mass_matrix
 
 import mbdae
 from mbdae.errors import InputError
@@ -21,24 +21,6 @@ def random_states(mech, n=5):
     for _ in range(n):
         q = pin.integrate(mech.model, pin.neutral(mech.model), rng.uniform(-1, 1, mech.nv))
         yield q, rng.standard_normal(mech.nv)
-
-
-def at(mech, m, d, q, v):
-    """Put MuJoCo into a state; return T with v = T qvel, and T' qvel."""
-    d.qpos[:], d.qvel[:] = to_mujoco(mech.model, q, v)
-    mujoco.mj_forward(m, d)
-    T = np.array([from_mujoco(mech.model, d.qpos, e)[1] for e in np.eye(m.nv)]).T
-    turning = np.zeros(m.nv)
-    for j in list(mech.model.joints)[1:]:
-        if j.shortname() == "JointModelFreeFlyer":  # linear velocity in the body: d/dt (R^T v) = R^T v' - w x R^T v
-            i = j.idx_v
-            turning[i : i + 3] = -np.cross(v[i + 3 : i + 6], v[i : i + 3])
-    return T, turning
-
-
-def mass_matrix(mech, q):
-    M = pin.crba(mech.model, mech.model.createData(), q)
-    return np.triu(M) + np.triu(M, 1).T
 
 
 @pytest.mark.parametrize("name", FILES)
