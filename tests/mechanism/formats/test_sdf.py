@@ -1,10 +1,15 @@
 """SDF: a four-bar as a graph of links, whose loop is cut and closed, against the same linkage from a mechanism file."""
 
+import warnings
+
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import mbdae
 from mbdae.errors import InputError
+from mbdae.mechanism import describe, restore
+from mbdae.mechanism.formats.library import ROBOTS
 
 BAR = """<link name="{name}"><pose{to}>{pose}</pose><inertial><pose>{half} 0 0 0 0 0</pose><mass>{mass}</mass>
 <inertia><ixx>0.001</ixx><iyy>{I}</iyy><izz>{I}</izz></inertia></inertial>
@@ -95,3 +100,135 @@ def test_faults_are_said_by_name(linkage, old, new, words):
     linkage.write_text(SDF.replace(old, new, 1))
     with pytest.raises(InputError, match=words):
         mbdae.load(linkage)
+
+
+def loaded(tmp_path, content, head='<sdf version="1.9"><model name="m">', more=""):
+    (tmp_path / "x.sdf").write_text(f"{head}{content}</model></sdf>")
+    (tmp_path / "x.toml").write_text(f'source = "x.sdf"\n{more}')
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        return mbdae.load(tmp_path / "x.toml"), [str(w.message) for w in said]
+
+
+def test_what_acts_in_the_joint_that_closes_the_loop_acts(tmp_path):
+    """A parallelogram: the pin turns by -phi as the pivot does, so its damper and spring act as one at the drive."""
+    dynamics = "<dynamics><damping>0.4</damping><spring_stiffness>3</spring_stiffness></dynamics>"
+    motions = []
+    for at in (1, 3):  # the elbow of the tree, and the pin that closes the loop: both turn by -phi
+        joints = list(JOINTS)
+        joints[at] = joints[at].replace("</axis>", f"{dynamics}</axis>")
+        mech, said = loaded(tmp_path, "".join(LINKS + joints), more="[start]\nq = { drive = -0.3 }")
+        assert not said
+        sol = mbdae.solve(mech, (0, 1.0), rtol=1e-10)
+        motions.append(sol.q[-1, mech.joint_names.index("drive")])
+    assert motions[0] == pytest.approx(motions[1], abs=1e-7)
+    plain, _ = loaded(tmp_path, "".join(LINKS + JOINTS), more="[start]\nq = { drive = -0.3 }")
+    free = mbdae.solve(plain, (0, 1.0), rtol=1e-10)
+    assert abs(free.q[-1, plain.joint_names.index("drive")] - motions[0]) > 0.1
+    q, v = mech.assemble(q={"drive": -0.3}, v={"drive": 0.5})
+    a = mech.system().derivative(0.0, mech.point(q, v))[0][mech.nv + mech.joint_names.index("drive")]
+    inertia, weight = 2 * 0.5 * 0.2**2 / 3 + 1.0 * 0.2**2, 9.81 * (2 * 0.5 * 0.1 + 1.0 * 0.2)
+    assert a == pytest.approx((weight * np.sin(-0.3) + 3 * 0.3 - (0.1 + 0.4) * 0.5) / inertia, rel=1e-8)
+
+
+def test_a_joint_that_closes_a_loop_may_be_followed(tmp_path):
+    wheel = '<link name="w"/><joint name="dial" type="revolute"><parent>world</parent><child>w</child><axis><xyz>0 1 0'
+    wheel += '</xyz><mimic joint="pin"><multiplier>2</multiplier></mimic></axis></joint>'
+    mech, said = loaded(tmp_path, "".join([*LINKS, *JOINTS, wheel]))
+    assert not said
+    q, _ = mech.assemble(q={"drive": -0.3})
+    at = dict(zip(mech.joint_names, q, strict=True))
+    assert abs(at["pin"]) == pytest.approx(0.3, abs=1e-10)
+    assert at["dial"] == pytest.approx(2 * at["pin"], abs=1e-10)
+
+
+ARM = """<link name="arm"><inertial><pose>0.5 0 0 0 0 0</pose></inertial>{}</link>
+<joint name="hinge" type="{}"><parent>world</parent><child>arm</child><axis><xyz>0 1 0</xyz>{}</axis></joint>"""
+
+
+def test_limits_are_stops_and_friction_acts_where_that_is_asked_for(tmp_path):
+    ends = "<limit><lower>-0.5</lower><upper>0.25</upper><effort>3</effort></limit>"
+    ends += "<dynamics><friction>2</friction></dynamics>"
+    mech, said = loaded(tmp_path, ARM.format("", "revolute", ends))
+    named = ("limits of joints hinge", "limits of effort and velocity of joints hinge", "friction of joints hinge")
+    assert mech.left_out == named
+    assert said == [f"x: not carried over: {'; '.join(named)}"]
+    stops = '[[stop]]\nlimits = true\n[[force]]\nkind = "joint_friction"\nvelocity = 0.5'
+    mech, said = loaded(tmp_path, ARM.format("", "revolute", ends), more=stops)
+    assert [(s.lower, s.upper) for s in mech.stops] == [(-0.5, 0.25)]
+    assert said == [f"x: not carried over: {named[1]}"]
+    q, v = np.zeros(1), np.array([0.4])
+    assert mech.system().laws.torque(0.0, q, v, q[:0])[0][0] == pytest.approx(-2 * np.tanh(0.8))
+    assert not loaded(tmp_path, ARM.format("", "continuous", "<limit><upper>1e16</upper></limit>"))[0].stops
+
+
+def test_bodies_without_weight_float(tmp_path):
+    mech, said = loaded(tmp_path, ARM.format("<gravity>false</gravity>", "revolute", ""))
+    assert not said
+    assert mbdae.solve(mech, (0, 1.0)).q[-1, 0] == pytest.approx(0, abs=1e-12)
+    heavy, _ = loaded(tmp_path, ARM.format("<gravity>true</gravity>", "revolute", ""))
+    assert abs(mbdae.solve(heavy, (0, 1.0)).q[-1, 0]) > 0.5
+
+
+def test_inertia_of_shapes(tmp_path):
+    shapes = """<inertial auto="true"/>
+    <collision name="rod"><pose>0.5 0 0 0 1.5707963267948966 0</pose><density>2000</density><geometry><cylinder><radius>0.02</radius><length>1</length></cylinder></geometry></collision>
+    <collision name="bob"><pose>1 0 0 0 0 0</pose><geometry><sphere><radius>0.1</radius></sphere></geometry></collision>"""
+    text = ARM.replace("<inertial><pose>0.5 0 0 0 0 0</pose></inertial>", "")
+    mech, said = loaded(tmp_path, text.format(shapes, "revolute", ""))
+    assert not said
+    rod, bob = 2000 * np.pi * 0.02**2, 1000 * 4 / 3 * np.pi * 0.1**3
+    expected = rod * (0.02**2 / 4 + 1 / 12 + 0.5**2) + bob * (0.4 * 0.1**2 + 1)
+    assert mech.model.inertias[1].mass == pytest.approx(rod + bob, rel=1e-12)
+    assert pin.crba(mech.model, mech.model.createData(), np.zeros(1))[0, 0] == pytest.approx(expected, rel=1e-12)
+    half, _ = loaded(tmp_path, text.format(shapes.replace("/>", "><mass>1</mass></inertial>", 1), "revolute", ""))
+    assert pin.crba(half.model, half.model.createData(), np.zeros(1))[0, 0] == pytest.approx(expected / (rod + bob))
+    with pytest.raises(
+        InputError, match=r"the inertial of 'arm' is to follow from its shapes, and 'arm/bob' is no solid"
+    ):
+        loaded(tmp_path, text.format(shapes.replace("sphere", "heightmap"), "revolute", ""))
+
+
+def test_what_moves_nothing_or_is_not_modelled_is_named(tmp_path):
+    inner = """<kinematic>true</kinematic><velocity_decay><linear>0.1</linear></velocity_decay><sensor name="eye"/>
+    <collision name="hull"/>"""
+    arm = ARM.format(inner, "revolute", "").replace(
+        "</inertial>", "<fluid_added_mass><xx>1</xx></fluid_added_mass></inertial>"
+    )
+    head = '<sdf version="1.9"><world name="w"><physics type="ode"/></world><model name="m"><plugin name="p" filename="f"/>'
+    mech, said = loaded(tmp_path, arm, head)
+    named = [
+        "kinematic motion of links arm",
+        "world/physics of w",
+        "link/velocity_decay of arm",
+        "link/sensor of arm/eye",
+    ]
+    named += ["link/collision of arm/hull", "link/inertial/fluid_added_mass of arm", "plugin of p"]
+    assert sorted(mech.left_out) == sorted(named)
+    assert all(text in said[0] for text in named)
+
+
+def test_meshes_of_installed_packages_are_found(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        cassie = mbdae.load(f"{ROBOTS}cassie_description/robots/cassie_v2.sdf")
+    assert sum(s.kind == "mesh" for s in cassie.scene.shapes) == 23
+    again = restore(describe(cassie))
+    assert again.model == cassie.model
+    assert sum(s.kind == "mesh" for s in again.scene.shapes) == 23
+    mesh = '<visual name="v"><geometry><mesh><uri>model://nowhere/hip.stl</uri></mesh></geometry></visual>'
+    mech, said = loaded(tmp_path, ARM.format(mesh, "revolute", ""))
+    assert "shapes arm/v" in mech.left_out
+    assert said[0].startswith("x.sdf: meshes left out, 'model://nowhere/hip.stl' is not found in ")
+
+
+def test_joints_between_frames_and_axes_that_are_no_pair(tmp_path):
+    frames = '<frame name="f" attached_to="arm"><pose>0 0 0 0 0 1.5707963267948966</pose></frame>'
+    text = ARM.format("", "revolute", "").replace("<child>arm</child>", "<child>f</child>")
+    mech, _ = loaded(tmp_path, frames + text)  # y of the frame is -x of the arm: gravity has no lever about it
+    assert abs(pin.nle(mech.model, mech.model.createData(), np.zeros(1), np.zeros(1))[0]) < 1e-12
+    with pytest.raises(InputError, match="joint 'hinge' joins 'arm' with itself"):
+        loaded(tmp_path, frames + ARM.format("", "revolute", "").replace("world", "f"))
+    skew = ARM.format("", "universal", "").replace("</joint>", "<axis2><xyz>0 1 1</xyz></axis2></joint>")
+    with pytest.raises(InputError, match="the axes of joint 'hinge' are not perpendicular"):
+        loaded(tmp_path, skew)

@@ -20,6 +20,7 @@ MOVING: dict[str, Callable[..., Any]] = {
     "ball": pin.JointModelSpherical,
 }
 AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "universal": 2, "ball": 0, "fixed": 0}
+PERPENDICULAR = 1e-6  # cosine of the angle between axes, as accurate as files say them
 BOUNDLESS = 1e16  # what the format says for a joint without a limit
 
 
@@ -127,6 +128,8 @@ def read_joint(of: SdfElements, name: str, e: Recorded) -> SdfJoint:
         raise InputError(f"{of.file}: joint {name!r} joins {links[0]!r} with itself")
     place, tags = of.place(name), ("axis", "axis2")[: AXES[kind]]
     axes = tuple(_axis(of, name, kind, e.first(tag), place) for tag in tags)
+    if len(axes) == 2 and abs(np.dot(axes[0].xyz, axes[1].xyz)) > PERPENDICULAR:
+        raise InputError(f"{of.file}: the axes of joint {name!r} are not perpendicular")
     mimic, follows = _mimic(of, name, e.first("axis/mimic") if AXES[kind] == 1 else None)
     return SdfJoint(name, kind, links[0], links[1], place, axes, mimic, follows)
 
