@@ -143,7 +143,8 @@ def _recorded(tree: ET.Element) -> Recorded:
 
 def _not_acting(model: pin.Model, robot: Recorded, names: list[str]) -> list[tuple[str, list[str]]]:
     """What the model has of joints and the motion does not."""
-    limits = {e.get("name"): x for e in robot.all("joint") if (x := e.first("limit")) and e.get("name") in names}
+    of_one = [e for e in robot.all("joint") if e.get("name") in names and "limit!" in OF_KIND[e.get("type")]]
+    limits = {e.get("name"): x for e in of_one if (x := e.first("limit"))}
     ends = [n for n in limits if find_joint(model, n).nq == 1]
     bounds = [n for n, x in limits.items() if any(float(x.get(key) or 0) for key in ("effort", "velocity"))]
     dry = np.array(model.upperDryFrictionLimit)

@@ -194,7 +194,8 @@ def test_what_moves_nothing_or_is_not_modelled_is_named(tmp_path):
     arm = ARM.format(inner, "revolute", "").replace(
         "</inertial>", "<fluid_added_mass><xx>1</xx></fluid_added_mass></inertial>"
     )
-    head = '<sdf version="1.9"><world name="w"><physics type="ode"/></world><model name="m"><plugin name="p" filename="f"/>'
+    head = '<sdf version="1.9"><world name="w"><physics type="ode"/></world>'
+    head += '<model name="m"><plugin name="p" filename="f"/>'
     mech, said = loaded(tmp_path, arm, head)
     named = [
         "kinematic motion of links arm",

@@ -39,7 +39,7 @@ READ = {
     "freejoint": "align",
     "geom": GEOM,
     "site": f"class pos {TURN} fromto",
-    "equality": "active class",  # in a class of defaults, too
+    "equality": "active",  # in a class of defaults, too
     "equality/connect": "active class anchor body1 body2 site1 site2",
     "equality/weld": "active class anchor body1 body2 site1 site2 relpose torquescale",
     "equality/joint": "active class joint1 joint2 polycoef",
