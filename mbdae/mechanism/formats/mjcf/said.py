@@ -16,8 +16,8 @@ GEOM = f"""class type size pos {TURN} fromto mass density shellinertia group rgb
     conaffinity adhesion"""
 JOINT = """class type pos axis springdamper springref springyield stiffness damping armature ref range limited
     frictionloss actuatorfrclimited actuatorfrcrange"""
-ACTUATOR = """class joint jointinparent tendon slidersite cranksite site refsite body gear cranklength group ctrllimited
-    ctrlrange forcelimited forcerange inheritrange armature damping delay"""
+ACTUATOR = """class joint jointinparent tendon slidersite cranksite site refsite gear cranklength group ctrllimited
+    ctrlrange forcelimited forcerange armature damping delay"""
 OTHER = 2 * ALL  # actuators that are named as a whole
 READ = {
     "compiler": ALL,
@@ -53,9 +53,9 @@ READ = {
     "asset/skin": OTHER,
     "mujoco/extension": OTHER,
     "actuator": "",
-    "general": f"{ACTUATOR} gaintype gainprm biastype biasprm dyntype",
+    "general": f"{ACTUATOR} body inheritrange gaintype gainprm biastype biasprm dyntype",
     "motor": ACTUATOR,
-    "position": f"{ACTUATOR} kp kv dampratio",
+    "position": f"{ACTUATOR} inheritrange kp kv dampratio",
     "actuator/velocity": f"{ACTUATOR} kv",
     "default/velocity": f"{ACTUATOR} kv",
     **{f"actuator/{kind}": OTHER for kind in ("intvelocity", "orientation", "pid", "damper", "cylinder", "muscle",
