@@ -1,14 +1,13 @@
 """How observed orders are measured.
 
-The error is the largest over the ends of the coarsest run's steps, ten or more; the slope is a least-squares fit over
-the four finest halvings of the step whose rates agree, or else the four finest, among errors above 100 times the
+The error is the largest over the ends of the coarsest run's steps, ten or more, among errors above 100 times the
 uncertainty of the reference plus the rounding floor; the floor of the own multipliers is eps / (h min |ahat_ii|), apart
 from that of q and v; the reference comes from two methods other than the one judged, their disagreement is its
-uncertainty. Where these are fewer than four halvings, coarser steps are added, down to ten; a slope below the claim
-that needs them refutes it only where its rates agree with each other. What cannot be judged is said so.
+uncertainty. Where these are fewer than four halvings, coarser steps are added, down to ten. How a slope is fitted and
+judged, `mbdae.studies.order.rates` says.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -21,12 +20,11 @@ from ...methods import method as find_method
 from ...methods.radau import Method
 from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
+from .rates import ABOVE, HALVINGS, above, done, fit
 from .result import Slope
 
-HALVINGS, MARGIN, ABOVE = 4, 0.2, 100.0
 LEAST_OUTPUTS = 10
 LARGEST_RUN = 120_000  # solves in one run of the study
-SETTLED = 0.1  # the spread of the last slopes below which finer steps would not say more
 EPS = float(np.finfo(float).eps)
 Progress = Callable[[str], None]
 Found = TypeVar("Found")
@@ -167,12 +165,13 @@ class Measurement:
         slopes = self._slopes(tableau, samples, reference, uncertainty)
         while self.lower and self.steps % (2 * every) == 0 and self.steps // (2 * every) >= LEAST_OUTPUTS:
             every *= 2
-            if all(s.judged for s in slopes) or (sol := self.run(tableau, self.steps // every)) is None:
+            few = any(above(s.errors, s.floors) <= HALVINGS for s in slopes)
+            if not few or (sol := self.run(tableau, self.steps // every)) is None:
                 break
             reference, *seen = (tuple(x[1::2] for x in found) for found in (reference, *samples.values()))
             ns = [self.steps // every, *samples]
             samples = dict(zip(ns, [self.sample(sol, every), *seen], strict=True))
-            slopes = self._slopes(tableau, samples, reference, uncertainty, self.steps)
+            slopes = self._slopes(tableau, samples, reference, uncertainty)
         return slopes
 
     def _slopes(
@@ -181,48 +180,16 @@ class Measurement:
         samples: dict[int, tuple[Array, ...]],
         reference: tuple[Array, ...],
         uncertainty: Array,
-        least: int = 0,
     ) -> tuple[Slope, ...]:
-        """The slope of each quantity that is judged, from samples by number of steps; see `_fit` for ``least``."""
+        """The slope of each quantity that is judged, from samples by number of steps."""
         claims, number = self.claims(tableau)
         errors = [self.difference(x, reference) for x in samples.values()]
         floors = [self.floors(tableau, n, reference, uncertainty) for n in samples]
+        changes = [float(np.ptp(x, axis=0).max(initial=0.0)) for x in reference]
         return tuple(
-            self._fit(q, claims[i], [*samples], [e[i] for e in errors], [f[i] for f in floors], u, least)
+            fit(q, claims[i], [*samples], [e[i] for e in errors], [f[i] for f in floors], u, changes[i], self.largest)
             for i, (q, u) in enumerate(zip(self.names[:number], uncertainty.tolist()[:number], strict=True))
         )
-
-    def _fit(
-        self,
-        quantity: str,
-        claimed: int,
-        ns: list[int],
-        errors: list[float],
-        floors: list[float],
-        uncertainty: float,
-        least: int = 0,
-    ) -> Slope:
-        """Fit a slope; one that takes fewer steps than ``least`` and misses its claim must have rates that agree."""
-        end = settled(errors[: above(errors, floors)])
-        window = slice(max(0, end - HALVINGS - 1), end)
-        record = (tuple(ns), tuple(float(e) for e in errors), tuple(float(f) for f in floors))
-        if end < HALVINGS + 1:
-            counted = f"only {end - 1} halvings" if end else "no error"
-            if end == len(ns):
-                what = f"{counted} within {self.largest} solves" if end else "no run came to its end"
-            elif 2 * ABOVE * uncertainty > floors[end]:
-                what = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
-            else:
-                what = f"{counted} above {ABOVE:g} times rounding"
-            return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
-        slope = -float(np.polyfit(np.log2(ns[window]), np.log2(errors[window]), 1)[0])
-        verdict = "holds" if slope >= claimed - MARGIN else "misses"
-        if verdict == "misses" and ns[window.start] < least:
-            rates = -np.diff(np.log2(errors[window]))
-            if np.ptp(rates) > 2 * SETTLED:
-                what = f"rates from {rates.min():.1f} to {rates.max():.1f} with fewer steps than {least}"
-                return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
-        return Slope(quantity, claimed, slope, verdict, *record, (window.start, end))
 
 
 def finished(
@@ -250,27 +217,3 @@ def ended(sol: Solution) -> Solution | None:
         KeyboardInterrupt: for one that the user stopped.
     """
     return sol if uninterrupted(sol).ended else None
-
-
-def above(errors: Sequence[float], floors: Sequence[float]) -> int:
-    """How many of the errors, coarse steps first, stand above the floor; those that rose from it again do not count."""
-    good = [e > f for e, f in zip(errors, floors, strict=True)]
-    return good.index(False) if False in good else len(good)
-
-
-def settled(errors: Sequence[float]) -> int:
-    """How many of the errors there are up to the last four halvings whose rates agree; all where there are none.
-
-    Steps are halved on for the sake of other quantities, by which rounding of many steps adds up beyond its floor.
-    """
-    rates = np.diff(np.log2(errors))
-    ends = range(len(errors), HALVINGS, -1)
-    return next((end for end in ends if np.ptp(rates[end - 1 - HALVINGS : end - 1]) < SETTLED), len(errors))
-
-
-def done(errors: Sequence[float], floors: Sequence[float]) -> bool:
-    """True when an error reached its floor, or the slopes of the four finest halvings agree."""
-    if above(errors, floors) < len(errors):
-        return True
-    slopes = np.diff(np.log2(errors))[-HALVINGS:]
-    return len(slopes) == HALVINGS and float(np.ptp(slopes)) < SETTLED

@@ -1,0 +1,101 @@
+"""From errors over steps to an order: which halvings count, the slope fitted to them, and what it says of a claim.
+
+The slope is a least-squares fit over the four finest halvings of the step whose rates agree, or else the four finest.
+With error = C h^p (1 + O(h)) the rate between two steps is p + O(h): with each halving what it still has to change by
+is halved. Rates that change more than that (long steps, or errors of several orders that cancel) are not the order.
+Where they end above a claim, the slope is that of the last two halvings; where they have fallen through it, nothing is
+known. They refute it only if the last one misses it even after all the change that the four have shown, and if errors
+are small beside the motion.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...system import Array
+from .result import Slope
+
+HALVINGS, LAST, MARGIN, ABOVE = 4, 2, 0.2, 100.0
+LARGE = 0.1  # of what a quantity moves by: errors as large are not of the leading order yet
+SETTLED = 0.1  # the spread of the last slopes below which finer steps would not say more
+
+
+def fit(
+    quantity: str,
+    claimed: int,
+    ns: list[int],
+    errors: list[float],
+    floors: list[float],
+    uncertainty: float,
+    moves: float,
+    largest: int,
+) -> Slope:
+    """Fit a slope to errors over numbers of steps, coarse ones first, and hold it against the claim.
+
+    Errors count above their floors; one that is a tenth of what the quantity moves by refutes nothing. Reasons name the
+    uncertainty of the reference, and the largest number of solves.
+    """
+    end = settled(errors[: above(errors, floors)])
+    record = (tuple(ns), tuple(float(e) for e in errors), tuple(float(f) for f in floors))
+    if end < HALVINGS + 1:
+        counted = f"only {end - 1} halvings" if end else "no error"
+        if end == len(ns):
+            what = f"{counted} within {largest} solves" if end else "no run came to its end"
+        elif 2 * ABOVE * uncertainty > floors[end]:
+            what = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
+        else:
+            what = f"{counted} above {ABOVE:g} times rounding"
+        return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
+    x, y = np.log2(ns[end - 1 - HALVINGS : end]), -np.log2(errors[end - 1 - HALVINGS : end])
+    last, verdict = judged(x, y, claimed - MARGIN)
+    if not verdict:
+        changing = ", ".join(f"{rate:.2f}" for rate in np.diff(y) / np.diff(x))
+        return Slope(quantity, claimed, None, f"cannot be judged: rates still change, {changing}", *record)
+    if verdict == "misses" and errors[end - 1 - HALVINGS] > LARGE * moves > 0:
+        what = f"errors are up to {errors[end - 1 - HALVINGS]:.1e}, where it moves by {moves:.1e}"
+        return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
+    return Slope(quantity, claimed, slope(x[-1 - last :], y[-1 - last :]), verdict, *record, (end - 1 - last, end))
+
+
+def slope(x: Array, y: Array) -> float:
+    """Return the derivative of the straight line through y over x, by least squares."""
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def judged(x: Array, y: Array, least: float) -> tuple[int, str]:
+    """Hold four halvings, -log2 of the errors over log2 of the steps, against the least order that holds.
+
+    Returns:
+        How many of the last ones the slope is fitted to, and ``"holds"``, ``"misses"``, or "" where they leave it open.
+    """
+    rates, fitted, last = np.diff(y) / np.diff(x), slope(x, y), slope(x[-1 - LAST :], y[-1 - LAST :])
+    change, turns = float(np.ptp(rates)), np.diff(rates)
+    if change > 2 * SETTLED and last >= least and (fitted >= least or (turns > 0).all()):
+        return LAST, "holds"
+    if fitted >= least and (change <= 2 * SETTLED or turns[-1] > 0):
+        return HALVINGS, "holds"
+    return HALVINGS, "misses" if rates[-1] + change < least else ""
+
+
+def above(errors: Sequence[float], floors: Sequence[float]) -> int:
+    """How many of the errors, coarse steps first, stand above the floor; those that rose from it again do not count."""
+    good = [e > f for e, f in zip(errors, floors, strict=True)]
+    return good.index(False) if False in good else len(good)
+
+
+def settled(errors: Sequence[float]) -> int:
+    """How many of the errors there are up to the last four halvings whose rates agree; all where there are none.
+
+    Steps are halved on for the sake of other quantities, by which rounding of many steps adds up beyond its floor.
+    """
+    rates = np.diff(np.log2(errors))
+    ends = range(len(errors), HALVINGS, -1)
+    return next((end for end in ends if np.ptp(rates[end - 1 - HALVINGS : end - 1]) < SETTLED), len(errors))
+
+
+def done(errors: Sequence[float], floors: Sequence[float]) -> bool:
+    """True when an error reached its floor, or the slopes of the four finest halvings agree."""
+    if above(errors, floors) < len(errors):
+        return True
+    slopes = np.diff(np.log2(errors))[-HALVINGS:]
+    return len(slopes) == HALVINGS and float(np.ptp(slopes)) < SETTLED
