@@ -13,20 +13,21 @@ import click
 from ..backend import BACKENDS
 from ..errors import InputError, printable
 from ..files import TABLE_SUFFIXES
+from ..integrate.defaults import DEFAULTS
 from ..progress import progress_bar as bar
 from .completion import FORMULATIONS, completed, methods
 
 if TYPE_CHECKING:
     from ..solution.solution import Problem, Solution
 
-RTOL = 1e-8  # of a run on the command line
 HOLDS, FAILED, USAGE, UNJUDGED = 0, 1, 2, 3  # exit codes: holds, failed or refuted, wrong usage, cannot be judged
 as_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 methods_completed = completed(methods)
 method_option = click.option(
-    "-m", "--method", help="A name of `mbdae methods`; the model's own, or pherk6.", shell_complete=methods_completed
-)
-rtol_option = click.option("--rtol", type=float, help="Relative tolerance; the model's own, or 1e-8.")
+    "-m", "--method", help=f"A name of `mbdae methods`; the model's own, or {DEFAULTS['method']}.",
+    shell_complete=methods_completed,
+)  # fmt: skip
+rtol_option = click.option("--rtol", type=float, help=f"Relative tolerance; the model's own, or {DEFAULTS['rtol']:g}.")
 atol_option = click.option("--atol", type=float, help="Absolute tolerance; 0.01 rtol when left out.")
 step_option = click.option("--step", type=float, help="Fixed step in s, instead of tolerances.")
 formulation_option = click.option(
@@ -118,12 +119,12 @@ def simulate(
     Raises:
         InputError: for tolerances beside a fixed step, and as `mbdae.solve`.
     """
-    from ..integrate.defaults import completed, with_tolerance
+    from ..integrate.settings import completed
     from ..integrate.solve import solve
 
     if step is not None and (rtol is not None or options.get("atol") is not None):
         raise InputError("give --step for steps of one size, or --rtol and --atol for steps under control, not both")
-    given = with_tolerance(mech, {"method": method, "rtol": rtol, "step": step, **options}, RTOL)
+    given = {"method": method, "rtol": rtol, "step": step, **options}
     with bar(str(completed(mech, given)["method"]), 1.0) as tell:
         return solve(mech, span(mech, end), progress=tell, **given)
 

@@ -1,14 +1,7 @@
-"""Settings of a run: those given, then those of the mechanism's file, then the defaults."""
+"""What a run takes where neither its arguments nor the mechanism's file say otherwise."""
 
-from collections.abc import Mapping
+from math import inf
 from typing import Any
-
-import numpy as np
-
-from ..errors import UnknownNameError
-from ..mechanism import Mechanism
-from ..solution.solution import Problem
-from .steppers.scipy_ivp import find
 
 DEFAULTS: dict[str, Any] = {
     "method": "pherk6",
@@ -16,41 +9,9 @@ DEFAULTS: dict[str, Any] = {
     "project": "auto",
     "baumgarte": None,
     "step": None,
-    "rtol": 1e-6,
+    "rtol": 1e-8,  # of every run, in Python, on the command line and in studies: examples/guide/methods.md says why
     "atol": None,
     "first_step": None,
-    "max_step": np.inf,
+    "max_step": inf,
     "max_steps": None,
 }
-OF_METHOD, OF_CONTROL = ("formulation", "project", "baumgarte"), ("rtol", "atol")
-
-
-def completed(problem: Problem, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings of a run, of which those that are None are not given.
-
-    Raises:
-        UnknownNameError, InputError: for a method of the mechanism's file that there is not.
-    """
-    said = {name: x for name, x in given.items() if x is not None}
-    own = _own(problem)
-    left = set(OF_METHOD if "method" in said or "formulation" in said else ())
-    left |= set(OF_CONTROL if "step" in said else ())
-    left |= {"step"} if any(name in said for name in OF_CONTROL) else set()
-    found = {**DEFAULTS, **{name: x for name, x in own.items() if name not in left}, **said}
-    if "method" in own and "method" not in said:
-        try:
-            find(found["formulation"], found["method"])
-        except UnknownNameError as e:
-            raise UnknownNameError(f"solve.{e.kind}", e.name, e.valid) from None
-    return found
-
-
-def with_tolerance(problem: Problem, given: Mapping[str, Any], rtol: float) -> dict[str, Any]:
-    """Settings with a tolerance of one's own, where neither they nor the mechanism's file say a step or one."""
-    said = {name for name, x in given.items() if x is not None} | set(_own(problem))
-    return {**given, "rtol": rtol} if not said & {"step", "rtol"} else dict(given)
-
-
-def _own(problem: Problem) -> dict[str, Any]:
-    """Settings that a mechanism's file says."""
-    return problem.settings.given if isinstance(problem, Mechanism) else {}

@@ -57,7 +57,7 @@ def prepare(
         UnknownNameError: for a method that does not exist.
     """
     tableau = find(formulation, method)
-    project = _projected(problem, project, formulation, tableau, step)
+    project = projected(problem, project, formulation, tableau, step)
     t0, t1 = checked_span(t_span, pair=True)
     system, fallback = bind(problem, formulation, baumgarte, backend)
     inner = _stepper(system, tableau, formulation, step, control, t0, t1)
@@ -183,7 +183,7 @@ def _start(problem: Problem, start: Start, t: float, rtol: Any) -> Array:
     return problem.point(q, v, t, s, max(START, drifted))
 
 
-def _projected(problem: Problem, project: bool | str, formulation: str, tableau: Any, step: float | None) -> bool:
+def projected(problem: Problem, project: bool | str, formulation: str, tableau: Any, step: float | None) -> bool:
     """Say whether positions are restored after each step."""
     if project not in (True, False, "auto"):
         raise InputError(f"project is True, False or 'auto', got {project!r}")

@@ -7,10 +7,10 @@ from typing import Any
 from ..errors import require
 from ..solution.solution import Problem, Solution
 from ..system import Array
-from .defaults import completed
 from .ending import report
 from .loop import Progress, carry_out
 from .prepare import positive, prepare, within
+from .settings import completed
 
 
 def solve(
@@ -63,7 +63,7 @@ def solve(
         baumgarte: alpha and beta in 1/s, for ``"index1"``: 0 = G v' + gamma + 2 alpha G v + beta^2 g.
         step: fixed step in s; the step size is controlled when left out, and singular configurations are then leapt
             over. Where a fixed one would end in one, three shorter steps take the place of two.
-        rtol: relative tolerance per step of q and v; 1e-6 when left out.
+        rtol: relative tolerance per step of q and v; 1e-8 when left out.
         atol: absolute tolerance, a number or one for each component of (q, v) in the tangent; 0.01 rtol when left out.
         first_step: first step in s; guessed when left out.
         max_step: largest step in s.

@@ -10,8 +10,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import InputError, UnknownNameError, several
+from ..integrate.prepare import projected
+from ..integrate.settings import completed
 from ..integrate.steppers.scipy_ivp import SCIPY, find
+from ..mechanism import Mechanism
 from ..methods import EXPLICIT, METHODS, Tableau, method_of
+from ..solution.solution import Problem
 
 NEUTRAL = "pherk6"  # stands for any half-explicit method
 FORMULATIONS = ("index2", "project", "ggl", "index1", "baumgarte=ALPHA,BETA")
@@ -103,6 +107,27 @@ def variants(methods: str | Iterable[str | Variant], formulations: str | Iterabl
     if not out:
         raise InputError("a comparison needs at least one method")
     return list(dict.fromkeys(out))
+
+
+def default(problem: Problem, **given: Any) -> Variant:
+    """The variant that `mbdae.solve` takes with these settings: with none, that of ``mbdae run MODEL``.
+
+    Raises:
+        InputError, UnknownNameError: as `mbdae.solve`.
+    """
+    c = completed(problem, given)
+    tableau = find(c["formulation"], c["method"])
+    return of({**c, "project": projected(problem, c["project"], c["formulation"], tableau, c["step"])})
+
+
+def usual(problem: Problem, names: Iterable[str], **given: Any) -> list[Variant]:
+    """What studies take where no method is named: the default with these settings, then those of a list.
+
+    Left out are formulations that the problem does not have: textbook problems, stops, and what sticks have index 2.
+    """
+    every = isinstance(problem, Mechanism) and not problem.switches
+    rest = (v for v in variants(names) if every or v.formulation == "index2")
+    return list(dict.fromkeys([default(problem, **given), *rest]))
 
 
 def of(settings: dict[str, Any]) -> Variant:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import require
-from ...integrate.defaults import completed
+from ...integrate.settings import completed
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.frames import find_joint, fixed_links
 from ...mechanism.joints import kind_of

@@ -12,14 +12,14 @@ from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...solution.solution import Problem
 from ...system import Array
-from ..variant import Variant, variants
+from ..variant import Variant, usual, variants
 from .bench import Bench, Progress
 from .comparison import Comparison
 from .motion import Motion, Trial
 
 __all__ = ["compare"]
 
-METHODS = ("pherk5", "pherk6", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:dop853")
+METHODS = ("pherk6", "pherk5", "herk5", "hedop5", "radau5", "ggl:pherk5", "index1:dop853")  # behind the default
 TOLERANCES = tuple(10.0**-k for k in range(3, 11))
 REFERENCE = ("pherk6", "radau9")
 
@@ -62,7 +62,8 @@ def compare(
         v: consistent start velocity (nv,); the model's when left out.
         methods: names, or tableaus, alone or with a formulation in front: ``"pherk5"``, ``"project:pherk5"``,
             ``"ggl:radau5"``, ``"index1:dop853"``, ``"baumgarte=20,20:dop853"``, see `mbdae.studies.variant`; a textbook
-            problem has none but index 2. `METHODS` when left out, as far as the problem has their formulation.
+            problem has none but index 2. When left out, what `mbdae.solve` takes by default, with its projection, and
+            those of `METHODS` whose formulation the problem has.
         formulations: for the names without one: each of these; ``"index2"`` when left out.
         rtol: relative tolerances, 1e-3 to 1e-10 when left out; atol is 0.01 rtol.
         steps: numbers of fixed steps over the span, instead of tolerances.
@@ -86,12 +87,15 @@ def compare(
     """
     require(problem, Problem, "compare takes a Mechanism (see mbdae.load) or a Hessenberg problem")
     motion = _motion(problem, t_span, q, v, outputs, max_steps)
-    usual = METHODS if isinstance(problem, Mechanism) else tuple(m for m in METHODS if ":" not in m)
-    trials = _trials(variants(usual if methods is None else methods, formulations), rtol, steps)
+    if methods is None and formulations is None:
+        chosen = usual(problem, METHODS, **({"rtol": TOLERANCES[0]} if steps is None else {"step": 1.0}))
+    else:
+        chosen = variants(METHODS if methods is None else methods, formulations)
+    trials = _trials(chosen, rtol, steps)
     kinds = {str(t.variant): t.variant for t in trials}.values()
     runs = [(v.formulation, v.baumgarte) for v in kinds]
-    chosen, because = common(problem, runs, backend)
-    motion = replace(motion, backend=chosen, because=because)
+    shared, because = common(problem, runs, backend)
+    motion = replace(motion, backend=shared, because=because)
     pair = variants(reference)
     if len(pair) != 2 or not 1e-14 < reference_rtol < 1e-5:
         raise InputError(f"a reference is two methods and a tolerance below 1e-5, got {reference!r}, {reference_rtol}")

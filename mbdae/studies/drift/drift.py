@@ -147,7 +147,7 @@ class Drift(Tabular):
 
 
 def _of_textbook(sol: Solution, problem: Hessenberg) -> Drift:
-    system, (method, label) = problem.system(), _names(sol)
+    system, (method, label) = problem.system(), names_of_run(sol)
     points = list(zip(sol.t.tolist(), sol.y, sol.z_own, strict=True))
     g = np.array([np.abs(problem.g(t, y)).max(initial=0.0) for t, y, _ in points])
     hidden = np.array([np.abs(system.hidden(t, y, z)).max(initial=0.0) for t, y, z in points])
@@ -164,8 +164,8 @@ def brief(x: float) -> str:
     return np.format_float_scientific(x, trim="-", exp_digits=2)
 
 
-def _names(sol: Solution) -> tuple[str, str]:
-    """The method of a run, and the same with its tolerance or step."""
+def names_of_run(sol: Solution) -> tuple[str, str]:
+    """Return the method of a run as a `mbdae.studies.variant.Variant` is written, and the same with its control."""
     method, settings = str(variant_of(sol.settings)), sol.settings
     control = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {brief(settings.get('rtol', np.nan))}"
     return method, f"{method}, {control}"
@@ -193,7 +193,7 @@ def drift(sol: Solution) -> Drift:
     mech, r = sol.mechanism, residuals(sol)
     gaps, rates = np.abs(r.g), np.abs(r.Gv)
     error, scale = balance(sol.v, r.kinetic, r.potential, sol.work)
-    method, label = _names(sol)
+    method, label = names_of_run(sol)
     history = History(
         mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
         error / (scale if 0 < scale < np.inf else 1.0),

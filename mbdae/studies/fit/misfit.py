@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, MbdaeError, is_number
-from ...integrate.defaults import with_tolerance
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
@@ -20,7 +19,6 @@ from ..sensitivity.signal_slopes import differentiable
 from .data import Recording
 
 FEWEST = 3  # samples of a span for each parameter
-RTOL = 1e-8  # of runs
 
 
 class Misfit:
@@ -74,9 +72,8 @@ class Misfit:
                 span = (self.start, float(times[-1]))
                 for name in record.columns:
                     differentiable(mech, name)
-                settings = with_tolerance(mech, self.settings, RTOL)
                 run = times[-1] > self.start
-                sol = uninterrupted(solve(mech, span, t_eval=times, **settings)) if run else None
+                sol = uninterrupted(solve(mech, span, t_eval=times, **self.settings)) if run else None
                 if sol is None or not sol.ended:
                     why = f"with {numbers(values)}, {sol.message}" if sol else "no time passes"
                     raise InputError(f"{record.name}: {why}")

@@ -9,14 +9,12 @@ import numpy as np
 
 from ... import backend
 from ...errors import InputError, is_number
-from ...integrate.defaults import with_tolerance
 from ...integrate.solve import solve
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import attempted, numbers
 from ...mechanism.variations.parameters import Parameters
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
-from ..fit.misfit import RTOL
 from ..kinematics.driven import driven
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
@@ -137,7 +135,7 @@ def runs(make: Makes, t_span: tuple[float, float] | None, settings: Mapping[str,
     def run(values: dict[str, float]) -> RunMotion:
         mech = make.make(values)
         span = (0.0, mech.duration) if t_span is None else t_span
-        sol = uninterrupted(solve(mech, span, **with_tolerance(mech, settings, RTOL)))
+        sol = uninterrupted(solve(mech, span, **settings))
         if not sol.ended:
             raise InputError(f"the run ends at t = {sol.nodes[0][-1]:.6g}: {sol.message}")
         return RunMotion(sol, make, values)

@@ -7,7 +7,6 @@ import click
 from ...cli.model import ChosenModel, model_argument
 from ...cli.options import (
     PAGES,
-    RTOL,
     as_json,
     bar,
     emit,
@@ -42,7 +41,6 @@ def report(
     written = writable((output, PAGES))
     mech = model.load()
     with bar("report", 1.0) as tell:
-        options["rtol"] = RTOL if options["rtol"] is None else options["rtol"]
         result = study(mech, span(mech, end)[1], methods=listed(names) or None, progress=tell, **options)
     try:
         result.save(output)

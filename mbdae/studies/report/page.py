@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from .. import figures
 from ..comparison.figure import work_precision
 from ..comparison.tables import comparison_rows
+from ..drift.drift import names_of_run
 from ..drift.figure import drifts
 from ..order.figure import convergence
 from ..replay.document import frame
@@ -69,14 +70,10 @@ def _model(report: "Report") -> str:
 
 def _run(report: "Report") -> str:
     sol = report.sol
-    s, settings = sol.stats, sol.settings
     speed = pace(sol)
     slow = f" The replay runs at {speed:.2g} of real time." if speed < 1 else ""
-    text = (
-        f"<p>{escape(report.drifts[0].label if report.drifts else settings['method'])}, "
-        f"{sol.t[0]:g} to {sol.t[-1]:g} s: {escape(sol.message)}. {s['steps']} steps, {s['rejected'] or 0} rejected, "
-        f"{s['solves']} linear solves, {s['seconds']:.2g} s ({s['backend']} back end).{slow}</p>"
-    )
+    ended, counts = map(str.strip, str(sol).splitlines())
+    text = f"<p>{escape(names_of_run(sol)[1])}: {escape(ended)}. {counts} back end.{slow}</p>"
     return text + frame(replay_page(sol, fps=30.0, speed=speed), 660) + image(motion(sol), "motion over time")
 
 

@@ -25,11 +25,11 @@ from ..comparison.comparison import Comparison
 from ..drift.drift import Drift, drift
 from ..order.order import check_order
 from ..order.result import OrderStudy
-from ..variant import Variant, variants
+from ..variant import Variant, default, usual, variants
 
 __all__ = ["report"]
 
-METHODS = ("pherk5", "pherk6", "herk5", "radau5", "ggl:pherk5", "index1:dop853")
+METHODS = ("pherk6", "pherk5", "herk5", "radau5", "ggl:pherk5", "index1:dop853")  # behind the default
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 SHARES = {"runs": 0.1, "orders": 0.35, "comparison": 1.0}  # where each part ends, as a fraction of the work
 Progress = Callable[[float, str], None]
@@ -41,7 +41,7 @@ class Report:
 
     Attributes:
         card: what the mechanism is.
-        sol: the run that is replayed.
+        sol: the run that is replayed, that of ``mbdae run``.
         drifts: drift of every method's run.
         orders: observed and claimed orders; None when no method without a formulation was asked for.
         comparison: methods against a reference; None when the user stopped it before the reference was there.
@@ -62,7 +62,8 @@ class Report:
     @property
     def parts(self) -> list[Any]:
         """The results in order."""
-        return [part for part in (self.card, *self.drifts, self.orders, self.comparison) if part is not None]
+        every = (self.card, self.sol, *self.drifts, self.orders, self.comparison)
+        return [part for part in every if part is not None]
 
     @property
     def without(self) -> str:
@@ -101,7 +102,7 @@ def report(
     end: float | None = None,
     *,
     methods: Sequence[str | Variant] | None = None,
-    rtol: float = 1e-8,
+    rtol: float | None = None,
     tolerances: Sequence[float] = TOLERANCES,
     repeats: int = 3,
     workers: int = 1,
@@ -112,9 +113,10 @@ def report(
     Args:
         mech: the mechanism.
         end: end time in s; the model's own when left out.
-        methods: as for `mbdae.compare`; the first one makes the run that is replayed, those without a formulation are
-            judged for their orders.
-        rtol: relative tolerance of the run and of the drift table.
+        methods: as for `mbdae.compare`, the default first when left out. That one makes the run that is replayed, as
+            ``mbdae run`` does, with positions kept where no formulation is said; those without a formulation are judged
+            for their orders.
+        rtol: relative tolerance of the run and of the drift table; that of `mbdae.solve` when left out.
         tolerances: relative tolerances of the comparison.
         repeats: runs for the median of the wall time.
         workers: processes of the comparison.
@@ -125,13 +127,15 @@ def report(
     """
     require(mech, Mechanism, "report takes a Mechanism (see mbdae.load)")
     tell = progress or (lambda done, name: None)
-    chosen = variants(methods or METHODS)
+    chosen = variants(methods) if methods else usual(mech, METHODS, rtol=rtol)
+    first = chosen[0] if not methods or chosen[0].prefix else default(mech, rtol=rtol, method=chosen[0].method)
+    moved = list(dict.fromkeys([first, *chosen]))
     span = checked_span(mech.duration if end is None else end)
     plain = [v.method for v in chosen if not v.prefix]
     sols, orders, comparison, left = list[Solution](), None, None, 1.0 - SHARES["orders"]
     try:
-        for i, v in enumerate(chosen):
-            tell(SHARES["runs"] * i / len(chosen), f"run, {v}")
+        for i, v in enumerate(moved):
+            tell(SHARES["runs"] * i / len(moved), f"run, {v}")
             sols.append(_finished(uninterrupted(solve(mech, span, rtol=rtol, **v.arguments()))))
         if plain:
             orders = check_order(mech, plain, progress=lambda name: tell(SHARES["runs"], f"order, {name}"))
@@ -151,7 +155,7 @@ def report(
     parameters = {
         "t_span": list(span),
         "methods": [str(v) for v in chosen],
-        "rtol": rtol,
+        "rtol": sols[0].settings.get("rtol"),
         "tolerances": list(tolerances),
         "repeats": repeats,
         "workers": workers,
@@ -165,7 +169,7 @@ def report(
         comparison=comparison,
         mechanism=describe(mech),
         meta=provenance(parameters),
-        missing=tuple(_missing([str(v) for v in chosen[len(sols) :]], orders, bool(plain), comparison)),
+        missing=tuple(_missing([str(v) for v in moved[len(sols) :]], orders, bool(plain), comparison)),
     )
 
 

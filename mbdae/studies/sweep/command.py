@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
-from ...cli.options import FAILED, PICTURES, RTOL, TABLES, as_json, bar, emit, stopped, writable
+from ...cli.options import FAILED, PICTURES, TABLES, as_json, bar, emit, stopped, writable
 
-OWN, KEPT = {"rtol", "step"}, ".parquet"
+KEPT = ".parquet"
 
 
 @click.command()
@@ -31,18 +31,12 @@ def sweep(file: str, output: str | None, fresh: bool, plot: str | None, as_json:
     Runs that fail are rows with a status. Ctrl-C writes what is finished; a .parquet file, which takes pyarrow, keeps
     each run, and the same command goes on from there.
     """
-    from .plan import swept
-    from .sweep import first_mechanism
     from .sweep import sweep as study
     from .toml_file import read_sweep
 
     written = writable((output, (KEPT, *TABLES)), (plot, PICTURES))
     path = output if output and Path(output).suffix == KEPT else None
     arguments = {**read_sweep(file), **{key: value for key, value in chosen.items() if value is not None}}
-    said = {*arguments, *(name.removeprefix("solve.") for name in swept(arguments["parameters"]))}
-    if not said & OWN:
-        mech = first_mechanism(arguments["model"], arguments["parameters"], arguments.get("seed", 0))
-        arguments |= {} if OWN & set(mech.settings.given) else {"rtol": RTOL}
     with bar("sweep", 1.0) as tell:
         result = study(**arguments, path=path, fresh=fresh, progress=tell)
     wrote = written if result.complete else [output] if output and not path and len(result) else []

@@ -102,13 +102,6 @@ def _named(parameters: Any) -> Iterable[Any]:
     return (name for run in runs if isinstance(run, Mapping) for name in run)
 
 
-def swept(parameters: Parameters) -> set[str]:
-    """Names of the parameters, before their values are drawn."""
-    if isinstance(parameters, Random):
-        return set(parameters.parameters)
-    return set(parameters) if isinstance(parameters, Mapping) else {name for run in parameters for name in run}
-
-
 def own_seed(seed: int, run: int) -> int:
     """The seed of a run, 63 bits: from the seed of the sweep and the number of the run alone."""
     return int(np.random.SeedSequence(seed, spawn_key=(run, OWN)).generate_state(1, np.uint64)[0] >> np.uint64(1))

@@ -143,15 +143,6 @@ def sweep(
     return result
 
 
-def first_mechanism(model: Model, parameters: Parameters, seed: int = 0) -> Mechanism:
-    """Return the mechanism of the first run of a sweep that can be made.
-
-    Raises:
-        UnknownNameError, InputError: as `sweep`.
-    """
-    return _checked(_job(model, None, None, (), {}), tasks(parameters, seed))
-
-
 def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], settings: dict[str, Any]) -> Job:
     """Check the arguments that need no mechanism."""
     if not isinstance(model, str | Path) and (not callable(model) or isinstance(model, type)):

@@ -12,7 +12,7 @@ from mbdae.studies.comparison.comparison import Comparison
 from mbdae.studies.comparison.motion import Motion
 from mbdae.studies.comparison.point import Point
 from mbdae.studies.comparison.ranking import rank, sentence, targets, work_at
-from mbdae.studies.variant import Variant, of, variants
+from mbdae.studies.variant import Variant, of, usual, variants
 from mbdae.textbook.problems import TEXTBOOK
 
 METHODS = ("pherk5", "herk3", "ggl:pherk5", "project:pherk5", "index1:RK45")
@@ -40,6 +40,18 @@ def test_variants_are_written_as_they_are_read(text, four_bar):
     assert str(variant) == text
     sol = mbdae.solve(four_bar, (0, 0.05), rtol=1e-4, **variant.arguments())
     assert of(sol.settings) == variant
+
+
+def test_the_first_method_is_the_default_with_its_projection(four_bar, monkeypatch):
+    """Its run is that of `mbdae.solve`; what opens and closes has no other formulation than index 2."""
+    monkeypatch.setattr("mbdae.studies.comparison.compare.METHODS", ("pherk6", "ggl:pherk5"))
+    study = mbdae.compare(four_bar, (0, 0.2), rtol=[1e-8], repeats=0)
+    assert study.methods == ["project:pherk6", "pherk6", "ggl:pherk5"]
+    sol = mbdae.solve(four_bar, (0, 0.2))
+    assert [getattr(study.points[0], n) for n in ("steps", "solves")] == [sol.stats[n] for n in ("steps", "solves")]
+    study = mbdae.compare(four_bar, (0, 0.2), steps=[20], repeats=0)
+    assert study.methods == ["pherk6", "ggl:pherk5"], "with steps of one size nothing is projected"
+    assert not [v for v in usual(mbdae.load("pendulum_on_stop"), METHODS) if v.formulation != "index2"]
 
 
 def test_formulations_belong_to_names_without_one():

@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +16,11 @@ from commands import call
 
 import mbdae
 from mbdae.errors import InputError
+from mbdae.mechanism.formats.library import model_names
+from mbdae.studies.variant import default, of, usual
 
 OPTIONS = {"methods": ("pherk5", "ggl:herk3"), "tolerances": (1e-3, 1e-5), "rtol": 1e-6, "repeats": 1}
+LIBRARY = Path(__file__).parents[3] / "models"
 BLUE, RED = np.array([33, 97, 171]), np.array([200, 50, 45])
 
 
@@ -100,10 +104,53 @@ def test_what_repeats_it_is_in_it(result, page):
     assert {"mbdae", "pin", "numpy", "scipy", "python"} == set(result.meta["versions"])
 
 
+NUMBERS = re.compile(r"t = (\S+) s\n  (\d+ steps, \S+ rejected, \d+ solves)")
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_the_run_of_a_report_is_that_of_the_command_line_and_of_solve(name, monkeypatch):
+    """The same steps and solves, with no settings; and the comparison begins with that method."""
+    compared = []
+    monkeypatch.setattr("mbdae.studies.report.report.METHODS", ("pherk6",))
+    monkeypatch.setattr("mbdae.studies.report.report.check_order", lambda *_, **__: None)
+    monkeypatch.setattr("mbdae.studies.report.report.compare", lambda *_, **o: compared.extend(o["methods"]))
+    mech = mbdae.load(name)
+    T = min(mech.duration, 0.05)
+    sol = mbdae.solve(mech, (0, T))
+    assert sol.settings["rtol"] == 1e-8
+    found = mbdae.report(mech, T)
+    printed = call("run", name, "-t", T)[1]
+    assert NUMBERS.search(printed)[0] == NUMBERS.search(str(found))[0] == NUMBERS.search(str(sol))[0]
+    np.testing.assert_array_equal(found.sol.y, sol.y)
+    assert compared[0] == of(sol.settings) == default(mech)
+    closed = mech.ng > 0
+    assert [str(v) for v in compared] == (["project:pherk6", "pherk6"] if closed else ["pherk6"])
+    assert f"{compared[0]}, rtol 1e-08" in str(found)
+
+
+def test_the_page_shows_the_numbers_of_the_run(result, page):
+    numbers = NUMBERS.search(str(result.sol))
+    assert f"t = {numbers[1]} s. {numbers[2]}, " in outside(page.read_text("utf-8"))
+    assert "project:pherk5, rtol 1e-06: finished" in outside(page.read_text("utf-8"))
+
+
+def test_what_a_file_says_of_runs_is_what_report_and_comparison_begin_with(tmp_path):
+    """A mechanism of its own method, and one with steps of one size: without a projection, as its run."""
+    text = (LIBRARY / "slider_crank" / "mechanism.toml").read_text("utf-8")
+    text = text.replace('source = "', f'source = "{LIBRARY}/slider_crank/')
+    for said, words in (('method = "herk5"\nrtol = 1e-5', "project:herk5"), ("step = 1e-2", "pherk6")):
+        path = tmp_path / "own.toml"
+        path.write_text(f"{text}\n[solve]\n{said}\n", "utf-8")
+        mech = mbdae.load(path)
+        assert [str(v) for v in usual(mech, ["herk5"])][0] == words == str(of(mbdae.solve(mech, (0, 0.05)).settings))
+    assert str(default(mech, rtol=1e-6)) == "project:pherk6", "a tolerance takes the place of the step"
+
+
 def test_results_are_data_and_text(result, told):
     data = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert set(data) == {"card", "run", "drift", "orders", "comparison", "meta", "missing"}
-    assert [d["method"] for d in data["drift"]] == list(OPTIONS["methods"])
+    assert [d["method"] for d in data["drift"]] == ["project:pherk5", *OPTIONS["methods"]], "the run is first"
+    assert data["run"]["settings"]["project"] is True
     assert list(data["orders"]["methods"]) == ["pherk5"]
     assert len(data["comparison"]["points"]) == 4
     assert str(result.orders) in str(result)
