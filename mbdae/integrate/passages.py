@@ -55,8 +55,8 @@ class Passages:
         return self._workspace
 
     def _ratio(self, t: float, y: Array) -> float:
-        """See `Index2System.pivot_ratio`."""
-        return self.workspace.pivot_ratio(t, y)
+        """See `Index2System.pivot_ratio`; 1 where no row is in use."""
+        return self.workspace.pivot_ratio(t, y) if self.workspace.in_use else 1.0
 
     def compare(self, run: "RunState", a: int, b: int) -> None:
         """Compare tangent spaces at nodes a and b, before and after a singular configuration that lies between."""

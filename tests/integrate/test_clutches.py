@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import mbdae
@@ -130,3 +131,49 @@ def test_a_ratchet_winch_lifts_a_tooth_in_each_stroke():
     assert [x.t for x in sol.impacts[:2]] == pytest.approx([catches, 1 + catches], abs=1e-11)
     assert [x.where for x in sol.impacts[:2]] == [("driving pawl",), ("holding pawl",)]
     assert mbdae.drift(sol).energy_relative < 1e-10
+
+
+LAWS = {"sin": lambda t: np.sin(4 * t), "linear": lambda t: 3 * t, "square": lambda t: t**2, "cubic": lambda t: t**3}
+
+
+@pytest.mark.parametrize("method", ["pherk6", "radau5"])
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_clutch_at_rest_under_a_torque_that_grows_from_nothing(law, sign, method):
+    """It locks or runs free by the first derivative of the torque that is not 0; J x'' = T(t) is integrated twice."""
+    torque = LAWS[law]
+    push = [lambda t, q, v: np.array([sign * torque(t), 0.0])]
+    mech = wheels(push, pin.JointModelRUBZ, clutches=[Clutch(joints=("wheel", "input"))])
+    sol = mbdae.solve(mech, (0, 0.75), rtol=1e-10, method=method)
+    assert sol.success, sol.message
+    assert [m for _, m in sol.modes] == [(1,) if sign > 0 else (0,)]
+    whole = quad(torque, 0, 0.75, epsabs=1e-14)[0] / INERTIA
+    assert sol.v[-1] == pytest.approx([whole / 2, whole / 2] if sign > 0 else [-whole, 0.0], abs=1e-9)
+
+
+@pytest.mark.usefixtures("back_end")
+def test_a_clutch_at_rest_locks_and_lets_go_of_a_wheel_with_drag():
+    """2 J v' + c v = T sin wt while it locks; the wheel runs ahead from where its drag alone slows it down as much."""
+    T, w, c = 1.0, 4.0, 0.1
+    push = JointTorque(joint="input", torque=Harmonic(amplitude=T, omega=w))
+    forces = [push, JointDamping(joint="wheel", damping=c)]
+    sol = mbdae.solve(wheels(forces, clutches=[Clutch(joints=("wheel", "input"))]), (0, 2), rtol=1e-11)
+    a, b = np.linalg.solve([[c, 2 * INERTIA * w], [-2 * INERTIA * w, c]], [0.0, T])  # v = a cos + b sin - a exp
+
+    def load(t):
+        v = a * np.cos(w * t) + b * np.sin(w * t) - a * np.exp(-c * t / (2 * INERTIA))
+        return INERTIA * (T * np.sin(w * t) - c * v) / (2 * INERTIA) + c * v
+
+    assert [m for _, m in sol.modes[:2]] == [(1,), (0,)]
+    assert sol.t[sol.modes[1][0]] == pytest.approx(brentq(load, 0.5, 1.2, xtol=1e-15), abs=1e-12)
+
+
+def test_stops_at_rest_are_pressed_one_by_one():
+    """Of two stops that touch at rest the one closes towards which the torque grows."""
+    stops = [mbdae.Stop(joint="input", lower=0.0, upper=1.0, name="a"), mbdae.Stop(joint="wheel", upper=0.0, name="b")]
+    mech = wheels([lambda t, q, v: np.array([-t, -(t**3)])], stops=stops)
+    sol = mbdae.solve(mech, (0, 1), np.zeros(2), np.zeros(2), rtol=1e-9)
+    assert sol.success, sol.message
+    assert len(sol.modes) == 1
+    assert sol.v[-1] == pytest.approx([0.0, -1 / 4 / INERTIA], abs=1e-9)
+    assert sol.lam[-1] == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)

@@ -150,3 +150,12 @@ def test_wrong_friction_is_refused():
         block(JointFriction(friction=2.0, exact=True), JointFriction(friction=2.0, exact=True))
     with pytest.raises(InputError, match="friction that sticks needs a joint with one velocity; 'top' has 6"):
         mbdae.load("heavy_top", forces=[JointFriction(joint="top", friction=1.0, exact=True)])
+
+
+@pytest.mark.parametrize("torque", [0.0, 1e-300, 1e-170, 1e-155])
+def test_a_joint_that_sticks_without_a_load_goes_on(torque):
+    push = JointTorque(joint="x", torque=Harmonic(amplitude=torque, omega=3.0, phase=1.0))
+    sol = mbdae.solve(block(push, JointFriction(joint="x", friction=1.0, static=1.0)), (0, 1))
+    assert sol.success, sol.message
+    assert words(sol) == [("sticks",)]
+    assert not sol.q.any()

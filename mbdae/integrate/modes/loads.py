@@ -79,7 +79,7 @@ def places(guard: Guard, at: At, thetas: Array) -> Array:
             for x in np.roots(np.polyder(near)):
                 if abs(x.imag) < EPS and -BESIDE < x.real < 1 + BESIDE:
                     value = float(np.polyval(near, x.real))
-                    if value > ((1 - NEARLY) / size) ** 2 if slips else value < NEARLY:
+                    if size * np.sqrt(max(value, 0.0)) > 1 - NEARLY if slips else value < NEARLY:
                         found.append(float(np.clip((k + x.real) * 4 / (len(thetas) - 1), 0.0, 1.0)))
     return np.unique(found)
 

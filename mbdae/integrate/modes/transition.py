@@ -7,15 +7,17 @@ import numpy as np
 
 from ...errors import StepError
 from ...mechanism.modes.impact import RANK, Rub, strike
-from ...mechanism.modes.point import AllRows, ModePoint
+from ...mechanism.modes.point import ROUNDING, AllRows, ModePoint
 from ...mechanism.modes.rubs import Limit, choose_with_friction
 from ...mechanism.modes.switch import Candidate, Strike
 from ...solution.impact import Impact
 from ...system import Array
+from .onset import later, pressing
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
     from ...mechanism.modes.switches import Mode
+    from ..run import RunState
 
 NEAR = 1e-12  # m or rad: rows nearer than that touch, and are brought together: a flight of a microsecond is as high
 EXACT = 1e-13  # of 1 + |v|: rows that are kept are met as well as that
@@ -99,10 +101,11 @@ class Transition:
         loss = -blow.work
         return y, Impact(at.t, tuple(where), tuple(impulse), tuple(whole.tolist()), loss)
 
-    def choice(self, t: float, y: Array, opened: set[int]) -> "Mode":
+    def choice(self, run: "RunState", t: float, y: Array, opened: set[int]) -> "Mode":
         """Return the mode behind a point, whose velocities do not jump any more.
 
         Args:
+            run: the run, whose method says what presses from now on where nothing does at the point itself.
             t: time.
             y: the point.
             opened: numbers of switches that let go there.
@@ -140,7 +143,20 @@ class Transition:
             mode[i] = self.switches[i].settled(at, *values, held[i])
         for i in waiting:
             mode[i] = self.switches[i].settled(at, (), (), False)
+        alone = {i: c[0] for i, c in among.items() if len(c) == 1 and c[0].one_sided}
+        open_ = {i: c for i, c in alone.items() if self._undecided(at, c, lam, rates, LOADED * largest)}
+        if open_:
+            presses = pressing(tuple(0 if i in open_ else k for i, k in enumerate(mode)), open_, later(run, at))
+            for i, c in open_.items():
+                mode[i] = self.switches[i].settled(at, [lam[c.row]], [rates[c.row]], i in presses)
         return tuple(mode)
+
+    def _undecided(self, at: ModePoint, c: Candidate, lam: Array, rates: Array, near: float) -> bool:
+        """Say whether a row neither presses nor separates, to the rounding of the forces at the point."""
+        row = at.G[c.row]
+        along = np.linalg.solve(np.triu(self.system.inertia(at.t, at.q)).T, row)
+        least = HELD / ROUNDING * at.rounding * float(along @ along) / (float(np.abs(row).max()) or 1.0)
+        return bool(abs(lam[c.row]) <= max(near, at.rounding) and abs(rates[c.row]) <= least)
 
     def _named(self, reason: StepError, t: float, which: Iterable[int]) -> StepError:
         names = " and ".join(repr(self.switches[i].name) for i in dict.fromkeys(which))

@@ -71,7 +71,7 @@ class ModeWatch:
             if gap < -TOUCHING:
                 unit = self.system.mechanism.row_units[s.rows[0]]
                 raise InputError(f"{s.name!r} is passed by {-gap:.3g} {unit} at the start")
-        y, mode = self._settled(at, set())
+        y, mode = self._settled(run, at, set())
         self.modes = [(0, mode)]
         self._enter(mode, run)
         return y
@@ -83,13 +83,13 @@ class ModeWatch:
         """Return the names of what touches at a point, or nearly."""
         return [s.name for s, gap in self._gaps(self.transition.point(t, y)) if abs(gap) <= near]
 
-    def _settled(self, at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
+    def _settled(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.struck.items() if abs(at.t - when) < self.switches[i].rest}
         y, impact = self.transition.impact(at, recent)
         if impact:
             self.impacts.append(impact)
             self.struck |= {s.at: at.t for s in self.switches if s.name in impact.where}
-        return y, self.transition.choice(at.t, y, opened)
+        return y, self.transition.choice(run, at.t, y, opened)
 
     def look(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
         """Return the share of a step at which the mode ends, and the guards that say so; 2 and none where it lasts."""
@@ -133,7 +133,7 @@ class ModeWatch:
         """
         if not any(g.kind in COMMANDS for g in self.violated(run.t, y)):
             return y
-        y, mode = self._settled(self.transition.point(run.t, y), set())
+        y, mode = self._settled(run, self.transition.point(run.t, y), set())
         if mode != self.system.mode:
             self.modes.append((len(run.ts) - 1, mode))
         self._enter(mode, run)
@@ -154,7 +154,7 @@ class ModeWatch:
         if run.singular:
             run.singular.end_leg(run)
         opened = {g.at for g in fired if g.kind == "let go"}
-        y, mode = self._settled(self.transition.point(run.t, run.ys[-1]), opened)
+        y, mode = self._settled(run, self.transition.point(run.t, run.ys[-1]), opened)
         self._enter(mode, run)
         if run.project:
             y = self.system.restore(run.t, y)

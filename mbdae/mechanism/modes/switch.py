@@ -83,6 +83,11 @@ class Candidate(NamedTuple):
         return cls(row, lower=0.0) if sign > 0 else cls(row, upper=0.0)
 
     @property
+    def one_sided(self) -> bool:
+        """Its multiplier has a sign."""
+        return bool(np.isfinite(self.lower) != np.isfinite(self.upper))
+
+    @property
     def slips(self) -> bool:
         """It gives way at both ends."""
         return bool(np.isfinite(self.upper - self.lower))
