@@ -26,7 +26,8 @@ def characteristic_length(mech: "Mechanism") -> float:
 
     It is the longest of: distances of joints, and of the frames of closures and drivers, from the joint that carries
     them (on the ground, from its first joint); lengths, radii and profiles of closures. Where there are none, the
-    largest distance of a frame or a centre of mass from its joint, or radius of gyration; 1 where there is none either.
+    largest distance of a frame, of an end of a force, or of a centre of mass from its joint, or radius of gyration; 1
+    where there is none either.
     """
     longest, bodies = max(linkage_lengths(mech), default=0.0), max(_bodies(mech), default=0.0)
     return (longest if longest > ROUNDING * bodies else bodies) or 1.0
@@ -62,9 +63,13 @@ def linkage_lengths(mech: "Mechanism") -> Iterator[float]:
 
 
 def _bodies(mech: "Mechanism") -> Iterator[float]:
-    """Sizes of the bodies."""
+    """Sizes of the bodies, and distances of the ends of forces."""
     model = mech.model
     yield from (float(np.linalg.norm(f.placement.translation)) for f in model.frames if f.parentJoint)
+    ground = model.jointPlacements[min(1, model.njoints - 1)].translation
+    for force in mech.forces:
+        for found in (anchor(model, name) for name in getattr(force, "frames", None) or ()):
+            yield float(np.linalg.norm(found.p if found.joint else found.p - ground))
     for body in list(model.inertias)[1:]:
         yield float(np.linalg.norm(body.lever))
         if body.mass > 0:
