@@ -62,6 +62,7 @@ class ActuatorElement(ForceElement):
     def __init__(self, spec: Actuator, model: pin.Model) -> None:
         super().__init__(spec.name, states=spec.start)
         self.spec, self.model = spec, model
+        self.differenced = spec.slopes is None
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[float, Array, Array]:  # noqa: D102
         what = [f"{part} of actuator {self.name!r}" for part in ("torque", "rate")]

@@ -68,6 +68,7 @@ class ForceElement:
         return False
 
     tension = False  # a pull between two points
+    differenced = False  # its slopes are differences
     by_state = True  # it follows from (t, q, v, s), without multipliers and modes
     deflections: Sequence[tuple[int, str]] = ()  # of springs: a velocity component and "", or -1 and what is deflected
 

@@ -23,13 +23,15 @@ from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
 from .derivatives import jacobians
 from .freedom import Freedom, close, freedom
+from .spectrum import EPS, null_space
+from .term_sizes import TermSizes
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-SINGULAR = 1e-10  # of the largest singular value of h_s, or of 1/s
 GRAVITY = "gravity"
 SETTLE = 20  # iterations for states
+ROUNDED = 1e-15  # of a state: a change that is none
 
 
 class Balance(NamedTuple):
@@ -46,6 +48,7 @@ class Balance(NamedTuple):
         holding: what holds the coordinates that are held, N m or N, (m,).
         free: the free motions.
         size: |M^-1/2 f| with the reactions left out: what rho is compared with.
+        terms: sizes of the terms that were summed for K, (nv, nv), see `mbdae.mechanism.formulations.term_sizes`.
     """
 
     q: Array
@@ -58,6 +61,13 @@ class Balance(NamedTuple):
     holding: Array
     free: Freedom
     size: float
+    terms: Array
+
+    @property
+    def noise(self) -> Array:
+        """How closely each entry of H is known, (k, k)."""
+        Z = np.abs(self.free.Z)
+        return EPS * (Z.T @ self.terms @ Z)
 
 
 class Statics:
@@ -92,6 +102,7 @@ class Statics:
         if self.loads.ns:
             raise InputError(f"a load has no states of its own, got {', '.join(self.loads.states())}")
         self.rows = np.eye(s.nv)[held]
+        self.sizes, self.units = TermSizes(s, v), np.append(mech.row_scales, mech.coordinate_scales[held])
         self.factor = 1.0
 
     def point(self, q: Array, s: Array) -> Balance:
@@ -102,20 +113,43 @@ class Statics:
         G = system.jacobian()
         f, load = system.force(self.t, q, v, s)[0], self.load(q)
         f = f + (self.factor - 1.0) * load
-        R = self.asked(q, s)[1]
-        free = freedom(U, np.vstack([G, self.rows, R]))
+        free, R = self.free(U, q, s)
         lam = free.multipliers(f)
         K, S, hq, hs = self.slopes(q, s, lam[: system.ng])
-        K = K - S @ np.linalg.pinv(hs, SINGULAR) @ hq if len(s) else K
+        terms = self.terms(q, s, U, np.abs(f) + np.abs(lam) @ np.abs(np.vstack([G, self.rows, R])), np.abs(K))
+        if len(s):
+            follow = partial_inverse(hs, EPS * self.sizes.states(hs))
+            K, terms = K - S @ follow @ hq, terms + np.abs(S) @ np.abs(follow) @ np.abs(hq)
         size = float(np.linalg.norm(np.linalg.solve(U.T, f)))
         if len(R):
             mu = lam[len(lam) - len(R) :]
-            along = null(hs)
+            along = null_space(hs, EPS * self.sizes.states(hs)).vectors
             s = s + along @ np.linalg.lstsq(S @ along, R.T @ mu)[0]
         m = system.ng + len(self.held)
-        return Balance(
-            q, s, f, load, free.Z.T @ f, -free.Z.T @ K @ free.Z, lam[: system.ng], lam[system.ng : m], free, size
-        )
+        rho, H = free.Z.T @ f, -free.Z.T @ K @ free.Z
+        return Balance(q, s, f, load, rho, H, lam[: system.ng], lam[system.ng : m], free, size, terms)
+
+    def free(self, U: Array, q: Array, s: Array) -> tuple[Freedom, Array]:
+        """Return the free motions at q, where J stands, and the rows of integrators among what keeps the others."""
+        G, R = self.system.jacobian(), self.asked(q, s)[1]
+        asked = (np.abs(R) * self.sizes.l).max(1, initial=0.0)
+        units = np.append(self.units, np.where(asked > 0, asked, 1.0))
+        return freedom(U, np.vstack([G, self.rows, R]), units, self.sizes.l), R
+
+    def terms(self, q: Array, s: Array, U: Array, forces: Array, K: Array) -> Array:
+        """Return the sizes of the terms of K, (nv, nv), from those of the sums of forces and slopes."""
+        forces = forces + self.sizes.forces(self.t, q, s) + abs(self.factor - 1.0) * np.abs(self.load(q))
+        mu = np.linalg.norm(U, axis=0)
+        return self.sizes.stiffness(mu, forces, K + self.sizes.slopes(self.t, q, s)[0])
+
+    def met(self, here: Balance) -> Array:
+        """Return the sizes of the terms of rho, and of what 1 rad or characteristic length would change of it, (k,)."""
+        return np.abs(here.free.Z.T) @ (here.terms @ self.sizes.l)
+
+    def residual(self, here: Balance) -> float:
+        """Return the largest share that rho is of its terms, see `met`."""
+        rho = np.abs(here.rho)
+        return float(np.divide(rho, self.met(here), out=np.zeros_like(rho), where=rho > 0).max(initial=0.0))
 
     def close(self, q: Array, s: Array) -> Array:
         """Return the configuration near q that closes all loops and meets integrators.
@@ -160,9 +194,9 @@ class Statics:
             return s
         for _ in range(SETTLE):
             rates, _, hs = self.rates(q, s)
-            change = np.linalg.pinv(hs, SINGULAR) @ rates
+            change = partial_inverse(hs, EPS * self.sizes.states(hs)) @ rates
             s = s - change
-            if np.abs(change).max() <= 1e-15 * (1 + np.abs(s).max()):
+            if (np.abs(change) <= ROUNDED * np.abs(s)).all():
                 break
         return s
 
@@ -171,7 +205,7 @@ class Statics:
         if not len(s):
             return np.empty(0), np.empty((0, self.system.nv))
         rates, hq, hs = self.rates(q, s)
-        left = null(hs.T).T
+        left = null_space(hs.T, EPS * self.sizes.states(hs).T).vectors.T
         return left @ rates, left @ hq
 
     def rates(self, q: Array, s: Array) -> tuple[Array, Array, Array]:
@@ -183,7 +217,9 @@ class Statics:
         return system.laws.torque(self.t, q, self.v, s)[1][:-1], laws[nv:-1, :nv], laws[nv:-1, 2 * nv :]
 
 
-def null(A: Array) -> Array:
-    """Return an orthonormal basis of the vectors that A (n, n) takes to zero, (n, m)."""
-    S, Vt = np.linalg.svd(A)[1:]
-    return Vt[max(1.0, S.max(initial=0.0)) * SINGULAR >= S].T
+def partial_inverse(A: Array, e: Array) -> Array:
+    """Return X (n, n) with A X A = A (n, n), known to e (n, n): A^-1 on rows and columns of pivots, 0 elsewhere."""
+    null, out = null_space(A, e), np.zeros_like(A)
+    rows, columns = null.rows[: len(null.others)], null.others
+    out[np.ix_(columns, rows)] = np.linalg.inv(A[np.ix_(rows, columns)])
+    return out

@@ -1,9 +1,10 @@
 """What closures leave free at a configuration, in coordinates in which the mass matrix is the unit matrix.
 
-    M = U^T U,   G U^-1 = P S V^T,   rank r,   Z = U^-1 V_2:   G Z = 0,  Z^T M Z = 1
+    M = U^T U,   R^-1 G U^-1 = P S V^T,   rank r,   Z = U^-1 V_2:   G Z = 0,  Z^T M Z = 1
 
-Statics and modes move along Z and close the loops again by Gauss-Newton steps of least size in coordinates: in the mass
-metric a light body would close them alone, where it cannot.
+R = diag(what 1 of each row is in its unit): a rank knows no units. Statics and modes move along Z and close the loops
+again by Gauss-Newton steps of least size in coordinates: in the mass metric a light body would close them alone, where
+it cannot.
 """
 
 from collections.abc import Callable
@@ -20,11 +21,11 @@ from ..closures.closure_error import largest_error
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-RANK = 1e-9  # of the largest singular value of G M^-1/2
+RANK = 1e-9  # of the largest singular value of R^-1 G M^-1/2
 ITERATIONS = 20
 FALLING = 0.5  # of a residual: a whole correction that leaves more of it is rounding, or goes too far
 SHARES = (1.0, 0.5, 0.25, 0.125)  # of corrections
-OPEN = 1e-9  # m or rad: what stays open by more is not closed
+OPEN = 1e-9  # rad or characteristic lengths: what stays open by more is not closed
 Rows = Callable[[Array], tuple[Array, Array]]
 """Further residuals (k,) at a configuration (nq,), where the kinematics of the workspace stand, and slopes (k, nv)."""
 
@@ -34,8 +35,10 @@ class Freedom(NamedTuple):
 
     Attributes:
         U: Cholesky factor of M = U^T U, (nv, nv).
-        P, S, V: of G U^-1 = P diag(S) V^T, cut off at the rank, (m, r), (r,), (nv, r).
+        P, S, V: of R^-1 G U^-1 = P diag(S) V^T, cut off at the rank, (m, r), (r,), (nv, r).
         Z: free motions, (nv, k), G Z = 0, Z^T M Z = 1.
+        dependent: orthonormal lam of the rows of G that make no forces, G^T lam = 0, (m, m - r).
+        scale: what 1 of each row is in its unit, (m,).
     """
 
     U: Array
@@ -43,6 +46,8 @@ class Freedom(NamedTuple):
     S: Array
     V: Array
     Z: Array
+    dependent: Array
+    scale: Array
 
     @property
     def pivot(self) -> float:
@@ -51,41 +56,50 @@ class Freedom(NamedTuple):
 
     def multipliers(self, f: Array) -> Array:
         """Return lam (m,) of least norm such that f + G^T lam is made of inertial forces of free motions, M Z x."""
-        return -self.P @ ((self.V.T @ dgesv(self.U.T, f)[2]) / self.S)
+        lam = -(self.P @ ((self.V.T @ dgesv(self.U.T, f)[2]) / self.S)) / self.scale
+        return lam - self.dependent @ (self.dependent.T @ lam)
 
     def smallest(self, r: Array) -> Array:
-        """Return x (nv, ...) of least |U x| with G x = r (m, ...), in the sense of least squares."""
-        return dgesv(self.U, self.V @ ((self.P.T @ r).T / self.S).T)[2]
+        """Return x (nv, ...) of least |U x| with G x = r (m, ...), in the sense of least squares of R^-1 r."""
+        return dgesv(self.U, self.V @ ((self.P.T @ (r.T / self.scale).T).T / self.S).T)[2]
 
 
-def freedom(U: Array, G: Array) -> Freedom:
+def freedom(U: Array, G: Array, scale: Array, coordinates: Array) -> Freedom:
     """Split the motions of a mechanism into those that rows keep from it and those that they leave free.
 
     Args:
         U: Cholesky factor of M = U^T U, (nv, nv).
         G: rows, (m, nv).
+        scale: what 1 of each row is in its unit, (m,).
+        coordinates: what 1 of each coordinate is in its unit, (nv,).
     """
     nv = len(U)
     if not len(G):
-        return Freedom(U, np.empty((0, 0)), np.empty(0), np.empty((nv, 0)), dgesv(U, np.eye(nv))[2])
-    P, S, Vt = np.linalg.svd(dgesv(U.T, G.T)[2].T)
+        empty = np.empty((0, 0))
+        return Freedom(U, empty, np.empty(0), np.empty((nv, 0)), dgesv(U, np.eye(nv))[2], empty, scale)
+    rows = G / scale[:, None]
+    P, S, Vt = np.linalg.svd(dgesv(U.T, rows.T)[2].T)
     r = int((S[0] * RANK < S).sum())
     if r < min(G.shape):  # light bodies beside heavy ones
-        r = max(r, independent_rows.geometric_rank(G))
-    return Freedom(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2])
+        r = max(r, independent_rows.geometric_rank(rows * coordinates))
+    dependent = np.linalg.qr(P[:, r:] / scale[:, None])[0]
+    return Freedom(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2], dependent, scale)
 
 
 def close(system: "Index2System", t: float, q: Array, more: Rows | None = None) -> Array:
     """Return the configuration (nq,) near q that closes all loops, and meets further rows, to rounding.
 
-    Gauss-Newton steps of least size; the last one that makes the residual less than half as large is kept.
+    Gauss-Newton steps of least size in rad and characteristic lengths; the last one that makes the residual less than
+    half as large is kept.
 
     Raises:
         StepError: if rows stay open.
     """
+    units, length = system.mechanism.row_scales, system.mechanism.coordinate_scales
 
     def residual(x: Array) -> tuple[Array, Array]:
         g, G = system.closures(x, t)
+        g, G = g / units, G / units[:, None]
         if more is None:
             return g, G
         r, R = more(x)
@@ -93,13 +107,13 @@ def close(system: "Index2System", t: float, q: Array, more: Rows | None = None) 
 
     if not system.ng and more is None:
         return q
-    one = np.eye(system.nv)
+    one = np.diag(1 / length)
     g, G = residual(q)
     for _ in range(ITERATIONS):
         size = np.linalg.norm(g)
         if not size or not np.isfinite(size):
             break
-        x = freedom(one, G).smallest(-g)
+        x = freedom(one, G, np.ones(len(G)), length).smallest(-g)
         for share in SHARES if size > OPEN else SHARES[:1]:
             nearer = system.manifold.integrate(q, share * x)
             found = residual(nearer)
@@ -111,6 +125,6 @@ def close(system: "Index2System", t: float, q: Array, more: Rows | None = None) 
     if not np.linalg.norm(g) <= OPEN:
         if len(g) > system.ng and np.linalg.norm(g[: system.ng]) <= OPEN:
             raise StepError("newton", "what controllers ask for cannot be reached")
-        gap = largest_error(system.mechanism, g[: system.ng])
+        gap = largest_error(system.mechanism, g[: system.ng] * units)
         raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
     return q

@@ -18,12 +18,12 @@ from ...errors import InputError
 from ...system import Array
 from .derivatives import jacobians
 from .freedom import Freedom, freedom
+from .spectrum import EPS
 
 if TYPE_CHECKING:
     from .balance import Balance, Statics
 
 STEADY = 1e-6  # of the largest term: what may be left of the accelerations of a steady motion
-ZERO = 1e-12  # of the size of A: what stands for zero where symmetries are divided out
 
 
 class LinearMotion(NamedTuple):
@@ -38,6 +38,7 @@ class LinearMotion(NamedTuple):
         free: all rows.
         damping: Z^T D Z, (m, m).
         stiffness: -Z^T (K Z_p + D W), (m, k).
+        noise: how closely each entry of A is known, (n, n).
     """
 
     q: Array
@@ -50,6 +51,7 @@ class LinearMotion(NamedTuple):
     free: Freedom
     damping: Array
     stiffness: Array
+    noise: Array
 
     def state(self, dq: Array, dv: Array, ds: Array) -> Array:
         """Return z (n,) of small changes that keep the rows; dq and dv (nv,), ds (ns,)."""
@@ -82,11 +84,11 @@ def linearize_at(statics: "Statics", here: "Balance") -> LinearMotion:
     M, K, D = slopes.E[:nv, :nv], slopes.K[:nv], slopes.D[:nv, :nv]
     S, hq = slopes.D[:nv, nv:-1], slopes.K[nv:-1]
     hv, hs = slopes.D[nv:-1, :nv], slopes.D[nv:-1, nv:-1]
-    kept = np.vstack([slopes.G, statics.rows])
+    kept, units = np.vstack([slopes.G, statics.rows]), statics.units
     positional = np.concatenate([system.constraints.positional, np.ones(len(statics.rows), bool)])
-    free = freedom(here.free.U, kept)
+    free = freedom(here.free.U, kept, units, statics.sizes.l)
     Z = free.Z
-    Zp = Z if positional.all() else freedom(here.free.U, kept[positional]).Z
+    Zp = Z if positional.all() else freedom(here.free.U, kept[positional], units[positional], statics.sizes.l).Z
     B = np.vstack([slopes.B, np.zeros((len(statics.rows), nv))])
     W = -free.smallest(B @ Zp) if len(kept) else np.zeros((nv, Zp.shape[1]))
     ad = np.zeros((nv, nv))
@@ -98,48 +100,47 @@ def linearize_at(statics: "Statics", here: "Balance") -> LinearMotion:
         [stiffness, damping, Z.T @ S],
         [hq @ Zp + hv @ W, hv @ Z, hs],
     ])  # fmt: skip
-    return LinearMotion(here.q, v, here.s, A, Zp, Z, W, free, -damping, -stiffness)
+    sizes = statics.sizes
+    size_D = sizes.damping(np.linalg.norm(here.free.U, axis=0), np.abs(D) + sizes.slopes(statics.t, here.q, here.s)[1])
+    z, zp, m = np.abs(Z), np.abs(Zp), np.abs(M)
+    w = np.maximum(np.abs(W), sizes.speed * zp)  # W comes from a pseudoinverse
+    noise = EPS * np.block([
+        [zp.T @ m @ (w + np.abs(ad) @ zp), zp.T @ m @ z, np.zeros((zp.shape[1], len(here.s)))],
+        [z.T @ (here.terms @ zp + size_D @ w), z.T @ size_D @ z, z.T @ np.abs(S)],
+        [sizes.states(hq) @ zp + sizes.states(hv) @ w, sizes.states(hv) @ z, sizes.states(hs)],
+    ])  # fmt: skip
+    return LinearMotion(here.q, v, here.s, A, Zp, Z, W, free, -damping, -stiffness, noise)
 
 
 def refuse_unsteady(statics: "Statics", here: "Balance") -> None:
     """Refuse a point that is neither an equilibrium nor a steady motion.
 
+    What is left of forces, speeds and rates is compared with the terms that were summed, and with those that a change
+    of the coordinates by 1 rad or characteristic length would make.
+
     Raises:
         InputError: naming the joint that accelerates.
     """
-    system, v = statics.system, statics.v
-    free, G = freedom(here.free.U, np.vstack([system.jacobian(here.q), statics.rows])), system.jacobian()
-    pull = free.Z @ (free.Z.T @ statics.force(here.q, here.s))
+    system, v, sizes = statics.system, statics.v, statics.sizes
+    G = system.jacobian(here.q)
+    free = freedom(here.free.U, np.vstack([G, statics.rows]), statics.units, sizes.l)
+    z, pull = np.abs(free.Z), free.Z @ (free.Z.T @ statics.force(here.q, here.s))
     if v.any():
-        if np.abs(G @ v + system.g_t(statics.t)).max(initial=0.0) > STEADY * (1 + np.abs(v).max()):
+        g_t, units = system.g_t(statics.t), statics.units[: len(G)]
+        if (np.abs(G @ v + g_t) > STEADY * (np.abs(G) @ np.abs(v) + np.abs(g_t) + units * sizes.speed)).any():
             raise InputError("these speeds do not fit the closures: give those of a steady motion")
-        pull = pull - freedom(here.free.U, G).smallest(system.gamma(here.q, v, statics.t))
-    if np.abs(pull).max(initial=0.0) > STEADY * (1 + here.size + np.abs(v).max() ** 2):
-        worst = int(np.abs(pull).argmax())
+        loops = freedom(here.free.U, G, units, sizes.l)
+        pull = pull - loops.smallest(system.gamma(here.q, v, statics.t))
+    most = z @ (z.T @ (here.terms @ sizes.l)) + sizes.l * sizes.speed**2
+    if (np.abs(pull) > STEADY * most).any():
+        worst = int((np.abs(pull) / sizes.l).argmax())
         name, size = system.mechanism.coordinate_joint(worst), abs(pull[worst])
         raise InputError(f"this is no equilibrium and no steady motion: joint {name!r} accelerates by {size:.3g}")
-    K, _, hq, _ = statics.slopes(here.q, here.s, here.lam)
-    change, most = free.Z.T @ K, np.vstack([K @ v, np.abs(K) @ np.abs(v)])
-    if np.abs(change @ v).max(initial=0.0) > STEADY * np.abs(free.Z.T).dot(most[1]).max(initial=1.0) or (
-        np.abs(hq @ v).max(initial=0.0) > STEADY * np.abs(v).max()
-    ):
+    K, _, hq, hs = statics.slopes(here.q, here.s, here.lam)
+    if (np.abs(free.Z.T @ K @ v) > STEADY * sizes.speed * (z.T @ (here.terms @ sizes.l))).any() or (
+        np.abs(hq @ v) > STEADY * sizes.speed * (np.abs(hq) @ sizes.l)
+    ).any():
         raise InputError("these speeds are not steady: the forces change along the motion")
-    if len(here.s) and np.abs(statics.rates(here.q, here.s)[0]).max() > STEADY * (1 + np.abs(here.s).max()):
+    change = np.abs(hq) @ sizes.l + np.abs(hs) @ np.abs(here.s)
+    if (np.abs(statics.rates(here.q, here.s)[0]) > STEADY * change).any():
         raise InputError("this is no equilibrium: states of controllers or motors change")
-
-
-def spectrum(A: Array, motion: int = 0) -> Array:
-    """Eigenvalues of A (n, n), those of symmetries exactly 0: chains of null vectors are divided out first.
-
-    Rounding would make the p-th root of itself of a Jordan block of p zeros.
-    """
-    rest, zeros = A, 0
-    size = np.linalg.norm(A, 2) if A.size else 0.0
-    while len(rest):
-        S, Vt = np.linalg.svd(rest)[1:]
-        n = int((size * ZERO >= S).sum())
-        if not n:
-            break
-        Q = Vt[::-1].T  # null vectors first
-        rest, zeros = (Q.T @ rest @ Q)[n:, n:], zeros + n
-    return np.concatenate([np.zeros(zeros), np.linalg.eigvals(rest) if len(rest) else np.empty(0)])

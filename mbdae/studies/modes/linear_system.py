@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from ...errors import UnknownNameError, several
 from ...mechanism import Mechanism
@@ -13,6 +14,7 @@ from ...mechanism.efforts import named_laws
 from ...mechanism.forces.linear import LinearElement
 from ...mechanism.formulations.balance import Statics
 from ...mechanism.formulations.linearization import LinearMotion
+from ...mechanism.formulations.spectrum import spectrum
 from ...mechanism.frames import WORLD, Pair, anchor, frame_names
 from ...system import Array
 from ...tabular import Columns, Tabular
@@ -28,7 +30,6 @@ __all__ = ["linearize"]
 
 AXES = "xyz"
 BAND = 400  # frequencies of a response
-ZERO = 1e-6  # of the largest eigenvalue: one of a motion without force, but for rounding
 
 
 @dataclass(frozen=True)
@@ -63,12 +64,14 @@ class LinearSystem(Tabular):
     def response(self, omega: Sequence[float] | Array) -> Array:
         """The response C (i omega - A)^-1 B + D at angular frequencies (k,) in rad/s, (k, outputs, inputs)."""
         one = np.eye(len(self.A))
-        return np.array([self.C @ np.linalg.solve(1j * w * one - self.A, self.B) + self.D for w in omega])
+        A, (d, _) = matrix_balance(self.A, permute=False, separate=True)  # positions and speeds alike
+        B, C = self.B / d[:, None], self.C * d
+        return np.array([C @ np.linalg.solve(1j * w * one - A, B) + self.D for w in omega])
 
     def band(self) -> Array:
         """Frequencies in Hz from a tenth of the lowest of the eigenvalues to ten times the highest, (k,)."""
-        size = np.abs(np.linalg.eigvals(self.A))
-        size = size[size > ZERO * size.max(initial=0.0)] if size.any() else np.array([2 * np.pi])
+        size = np.abs(spectrum(self.A, self.motion.noise).values)
+        size = size[size > 0] if size.any() else np.array([2 * np.pi])
         return np.geomspace(size.min() / 10, size.max() * 10, BAND) / (2 * np.pi)
 
     def plot(self, path: str | Path | None = None, hertz: Sequence[float] | Array | None = None) -> "Figure":

@@ -11,7 +11,8 @@ import numpy as np
 from ...errors import StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.freedom import close
-from ...mechanism.formulations.linearization import LinearMotion, spectrum
+from ...mechanism.formulations.linearization import LinearMotion
+from ...mechanism.formulations.spectrum import Spectrum, spectrum
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular, aligned
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["modes"]
 
-ALIKE = 1e-7  # of the largest: eigenvalues that stand together
-STILL = 1e-12  # of the largest eigenvalue: none
+DIGITS = 9  # by which sizes of eigenvalues are sorted; conjugate ones stay together
 FRAMES, SECONDS = 121, 2.0  # of one cycle in a replay
 SWING = 0.25  # rad or m: the largest in a replay, where nothing is said
 PARTS = 3  # coordinates of a shape that the text shows
@@ -41,14 +41,19 @@ class Modes(Tabular):
         t: time in s.
         motion: the linearised motion: A, and the point q, v, s around which.
         around: ``"start"``, ``"given"``, ``"equilibrium"`` or ``"steady motion"``.
-        eigenvalues: of A, (n,), by their size; those of symmetries are exactly 0.
+        spectrum: eigenvalues of A, by their size, with their vectors and how closely they are known.
     """
 
     mechanism: Mechanism
     t: float
     motion: LinearMotion
     around: str
-    eigenvalues: Array
+    spectrum: Spectrum
+
+    @property
+    def eigenvalues(self) -> Array:
+        """Eigenvalues of A, (n,), by their size; those of symmetries are exactly 0."""
+        return self.spectrum.values
 
     @cached_property
     def roots(self) -> Array:
@@ -72,20 +77,13 @@ class Modes(Tabular):
 
         A mode of states alone, as a current's, has a shape of zeros; so has the speed of a free motion.
         """
-        A, n = self.motion.A, self.motion.positions.shape[1]
-        size, out = np.abs(self.eigenvalues).max(initial=0.0), []
-        done: list[complex] = []
-        for root in self.roots:
-            again = sum(abs(root - other) <= ALIKE * size for other in done)
-            S, Vh = np.linalg.svd(A - root * np.eye(len(A)))[1:]
-            z = Vh[-1 - again].conj() * (S[-1 - again] <= ALIKE * S[0])  # a chain of zeros has one vector
-            done.append(root)
-            out.append(self._normalised(self.motion.positions @ z[:n]))
-        return np.array(out).reshape(-1, self.mechanism.nv)
+        n = self.motion.positions.shape[1]
+        ways = self.motion.positions @ self.spectrum.vectors[:n, self.eigenvalues.imag >= 0]
+        return np.array([self._normalised(dq) for dq in ways.T]).reshape(-1, self.mechanism.nv)
 
     def _normalised(self, dq: Array) -> Array:
         size = np.linalg.norm(self.motion.free.U @ dq)
-        if size <= STILL:
+        if not size:
             return np.zeros(len(dq), complex)
         turn = dq[np.abs(dq).argmax()]
         return dq * (abs(turn) / (turn * size))
@@ -93,7 +91,7 @@ class Modes(Tabular):
     @property
     def stable(self) -> bool:
         """No eigenvalue has a positive real part that counts."""
-        return bool((self.eigenvalues.real <= ALIKE * np.abs(self.eigenvalues).max(initial=0.0)).all())
+        return not self.spectrum.growing.any()
 
     def configurations(self, i: int, amplitude: float | None = None) -> Array:
         """One cycle of mode i, (121, nq): q (+) a Re(e^(i phi) dq), with the loops closed.
@@ -241,7 +239,7 @@ def modes(
         EquilibriumError: where no equilibrium is found.
     """
     _, _, motion, around = operating_point(mech, q, v, t, hold, "modes")
-    found = spectrum(motion.A).astype(complex)
-    found[np.abs(found) <= STILL * np.abs(found).max(initial=0.0)] = 0.0
-    order = np.lexsort((-found.imag, found.real, np.round(np.abs(found), 9)))
-    return Modes(mech, t, motion, around, found[order])
+    found = spectrum(motion.A, motion.noise)
+    size = np.log(np.abs(found.values), out=np.full(len(motion.A), -np.inf), where=found.values != 0)
+    order = np.lexsort((-found.values.imag, found.values.real, np.round(size, DIGITS)))
+    return Modes(mech, t, motion, around, found.sorted(order))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +11,11 @@ from scipy.optimize import brentq, linear_sum_assignment
 
 from ...errors import InputError, MbdaeError
 from ...mechanism import Mechanism
+from ...mechanism.formulations.spectrum import CERTAIN, Spectrum
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ..sweep.run import Job
-from .modes import ALIKE, modes
+from .modes import modes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,6 +25,7 @@ __all__ = ["root_locus"]
 SPEED = "v."
 ACROSS = 1e-2  # of an interval: where a root is seen to cross
 EXACT = 1e-11  # of a value: how closely a change is found
+RELATIVE = 1e-15  # of a value: how closely a crossing is found
 Model = str | Path | Callable[..., Mechanism]
 
 
@@ -124,11 +127,11 @@ def root_locus(
     first = {} if speed else {name: float(numbers[0])}
     maker.check({n: x for n, x in {**kept, **first}.items() if n not in maker.parameters})
 
-    def roots(value: float) -> Array:
+    def roots(value: float) -> Spectrum:
         speeds = {**(v or {}), **({speed: value} if speed else {})}
-        return modes(maker.make(kept if speed else {**kept, name: value}), v=speeds or None, **options).eigenvalues
+        return modes(maker.make(kept if speed else {**kept, name: value}), v=speeds or None, **options).spectrum
 
-    rows: list[Array | None] = []
+    rows: list[Spectrum | None] = []
     messages: dict[int, str] = {}
     for i, value in enumerate(numbers.tolist()):
         try:
@@ -136,33 +139,29 @@ def root_locus(
         except MbdaeError as e:
             rows.append(None)
             messages[i] = str(e)
-    known = [row for row in rows if row is not None]
+    known = [row.values for row in rows if row is not None]
     if not known:
         raise InputError(f"no value of {name} has modes: {messages[0]}")
     size = max(len(row) for row in known)
     out = np.full((len(rows), size), np.nan + 0j)
     last: Array | None = None
     for i, row in enumerate(rows):
-        if row is not None and len(row) == size:
-            out[i] = row if last is None else _followed(last, row)
+        if row is not None and len(row.values) == size:
+            out[i] = row.values if last is None else row.values[_followed(last, row.values)]
             last = out[i]
     title = model if isinstance(model, str) else getattr(model, "__name__", str(model))
+    found = [None if np.isnan(out[i]).any() else row for i, row in enumerate(rows)]
     changes = [
         _change(roots, *numbers[i : i + 2].tolist())
-        for i in range(len(rows) - 1)
-        if not np.isnan(out[i : i + 2]).any() and growing(out[i]) != growing(out[i + 1])
+        for i, (a, b) in enumerate(pairwise(found))
+        if a and b and a.growing.sum() != b.growing.sum()
     ]
     return RootLocus(title, name, numbers, out, messages, tuple(changes))
 
 
-def growing(roots: Array) -> int:
-    """The number of eigenvalues with a positive real part that counts."""
-    return int((roots.real > ALIKE * np.abs(roots).max(initial=0.0)).sum())
-
-
-def _change(roots: Callable[[float], Array], low: float, high: float) -> float:
+def _change(roots: Callable[[float], Spectrum], low: float, high: float) -> float:
     """Where between two values the number of growing eigenvalues changes, by bisection."""
-    before, reach = growing(roots(low)), ACROSS * (high - low)
+    before, reach = roots(low).growing.sum(), ACROSS * (high - low)
     crossed = None
     while abs(high - low) > EXACT * max(abs(low), abs(high)):
         if crossed is None and abs(high - low) < abs(reach):
@@ -171,35 +170,38 @@ def _change(roots: Callable[[float], Array], low: float, high: float) -> float:
                 return crossed
         middle = (low + high) / 2
         try:
-            same = growing(roots(middle)) == before
+            same = roots(middle).growing.sum() == before
         except MbdaeError:
             break
         low, high = (middle, high) if same else (low, middle)
     return (low + high) / 2
 
 
-def _crossing(roots: Callable[[float], Array], value: float, reach: float) -> float:
-    """Where the real part is zero of the root that comes next to the imaginary axis; nan where it only leaves."""
-    there = roots(value)
-    moving = there[there != 0]
-    size, root = np.abs(there).max(), moving[np.abs(moving.real).argmin()]
+def _crossing(roots: Callable[[float], Spectrum], value: float, reach: float) -> float:
+    """Where the real part is zero of the root that crosses the imaginary axis; nan where one only leaves it."""
 
     def growth(x: float) -> float:
-        found = roots(x)
-        found = found[found != 0]
+        found = roots(x).values
         return float(found[np.abs(found - root).argmin()].real)
 
     try:
+        a, b = roots(value - reach), roots(value + reach)
+        across = b.sorted(_followed(a.values, b.values))
+        clear = [np.abs(x.values.real) > CERTAIN * x.noise for x in (a, across)]
+        crossing = np.flatnonzero(clear[0] & clear[1] & (a.values.real * across.values.real < 0))
+        if not len(crossing):
+            return np.nan
+        root = (a.values + across.values)[crossing[0]] / 2
         ends = growth(value - reach), growth(value + reach)
-        clear = ends[0] * ends[1] < 0 and min(map(abs, ends)) > ALIKE * size
-        return float(brentq(growth, value - reach, value + reach, xtol=1e-14)) if clear else np.nan
+        exact = RELATIVE * max(abs(value), abs(reach))
+        return float(brentq(growth, value - reach, value + reach, xtol=exact)) if ends[0] * ends[1] < 0 else np.nan
     except MbdaeError:
         return np.nan
 
 
 def _followed(before: Array, after: Array) -> Array:
-    """Eigenvalues in the order of those before that they are nearest to, all together."""
-    return after[linear_sum_assignment(np.abs(before[:, None] - after))[1]]
+    """The order in which eigenvalues are the nearest to those before, all together."""
+    return linear_sum_assignment(np.abs(before[:, None] - after))[1]
 
 
 def read_range(text: str) -> tuple[str, Array]:

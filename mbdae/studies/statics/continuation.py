@@ -4,8 +4,10 @@ With the forces f + (p - 1) f_load, p the factor on the load, rho(y, p) = 0 is a
 
     [H  -Z^T f_load] tau = 0,   predictor q (+) h Z tau_y, p + h tau_p,   corrector [H  -Z^T f_load; tau^T] x = [rho; 0]
 
-tau_p changes sign at limit points, where the equilibrium snaps through if the load goes on; the determinant of the
-corrector's matrix changes sign at branch points, where a symmetric mechanism buckles.
+tau_p changes sign at limit points, where the equilibrium snaps through if the load goes on. At branch points, where a
+symmetric mechanism buckles, eigenvalues of H pass zero, one or several at once: those whose numbers lie between the
+numbers of negative eigenvalues before and behind, each the root of that eigenvalue along the path. Forces without a
+potential leave the sign of the determinant of the corrector's matrix, which two roots at once do not change.
 Source: Keller, Numerical solution of bifurcation and nonlinear eigenvalue problems (1977).
 """
 
@@ -16,15 +18,16 @@ import numpy as np
 
 from ...errors import InputError, MbdaeError, StepError
 from ...mechanism.formulations.balance import Balance, Statics
+from ...mechanism.formulations.spectrum import CERTAIN, EPS, Curvature, curvature, null_space, scale_of
 from ...system import Array
+from .search import symmetric
 
-LARGEST, LEAST = 0.03, 1e-7  # of a step: rad or m of every coordinate, and of the range of the factor
-ROUNDED = 1e-11  # of the largest force: balanced
+LARGEST, LEAST = 0.03, 1e-7  # of a step: rad or characteristic lengths, and of the range of the factor
+ROUNDED = 1e-11  # of the terms of forces: balanced
 CORRECTIONS, POINTS, LOCATED = 8, 5000, 40
 TURNED = 0.95  # cosine of the largest angle between tangents of neighbours
-FLAT = 1e-9  # of the largest singular value of [H  -Z^T f_load]: a motion without force
-NOTHING = 1e-13  # of the largest singular value of the corrector's matrix
 STILL = 1e-6  # of a tangent: the factor does not change along it
+SAME = 1e-7  # of the range of the factor: roots that are one of several eigenvalues
 BACK = -2.0  # ranges of the factor: where a path that runs away ends
 
 
@@ -35,24 +38,42 @@ class CriticalPoint(NamedTuple):
         kind: ``"limit"``: the load can be no larger nearby; ``"branch"``: paths cross.
         factor: on the load.
         q: configuration, (nq,).
+        shapes: motions dq against which there is no stiffness, (m, nv), dq^T M dq = 1 and each orthogonal to the
+            others: at a branch point the buckling shapes, in whose directions, or in combinations of them, the other
+            paths lead off. m is the multiplicity.
     """
 
     kind: str
     factor: float
     q: Array
+    shapes: Array
+
+    @property
+    def multiplicity(self) -> int:
+        """How many eigenvalues of the stiffness are zero."""
+        return len(self.shapes)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        return {"kind": self.kind, "factor": self.factor, "q": self.q.tolist()}
+        return {"kind": self.kind, "factor": self.factor, "q": self.q.tolist(), "shapes": self.shapes.tolist()}
 
 
 class PathPoint(NamedTuple):
-    """A point of a path: the factor's share of its range, the balance, the tangent, and the determinant's sign."""
+    """A point of a path.
+
+    Attributes:
+        u: the factor's share of its range.
+        here: the balance.
+        dq, du: the tangent.
+        bent: the signs of the eigenvalues of H; None where forces have no potential.
+        sign: of the determinant of the corrector's matrix.
+    """
 
     u: float
     here: Balance
     dq: Array
     du: float
+    bent: Curvature | None
     sign: float
 
 
@@ -61,7 +82,7 @@ class Continuation:
 
     def __init__(self, statics: Statics, first: float, range: float) -> None:
         self.statics, self.first, self.range = statics, first, range
-        self.scale = 0.0
+        self.l = statics.sizes.l
 
     def run(self, start: Balance) -> tuple[list[PathPoint], list[CriticalPoint], bool]:
         """Follow the path from an equilibrium at u = 0; say whether it came to u = 1."""
@@ -74,65 +95,96 @@ class Continuation:
                 if h < LEAST:
                     return points, critical, False
                 continue
-            if there.u >= 1.0:
-                end = self.located(here, h, lambda p: p.u - 1.0)
-                return [*points, end], critical, True
-            if there.du * here.du < 0:
-                points.append(self.located(here, h, lambda p: p.du))
-                critical.append(self.critical("limit", points[-1]))
-            elif there.sign * here.sign < 0:
-                points.append(self.located(here, h, lambda p: p.sign))
-                critical.append(self.critical("branch", points[-1]))
+            if ended := there.u >= 1.0:
+                h, there = self.located(here, h, lambda p: p.u - 1.0)
+            for at, point in self.critical(here, there, h):
+                points.append(at)
+                critical.append(point)
+            points.append(there)
+            if ended or there.u < BACK:
+                return points, critical, ended
             here, h = there, min(LARGEST, 1.5 * h)
-            points.append(here)
-            if here.u < BACK:
-                break
         return points, critical, False
 
-    def critical(self, kind: str, at: PathPoint) -> CriticalPoint:
-        """A critical point of the path."""
-        return CriticalPoint(kind, float(self.first + self.range * at.u), at.here.q)
+    def critical(self, here: PathPoint, there: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
+        """The critical points of a step, in their order along it."""
+        if there.du * here.du < 0:
+            at = self.located(here, h, lambda p: p.du)[1]
+            return [(at, self._point("limit", at, at.dq[None] / np.linalg.norm(at.here.free.U @ at.dq)))]
+        if here.bent is None or there.bent is None:
+            if there.sign * here.sign > 0:
+                return []
+            at = self.located(here, h, lambda p: p.sign)[1]
+            return [(at, self._point("branch", at, at.here.free.Z[:, :0].T))]
+        return self._branches(here, there, h)
+
+    def _branches(self, here: PathPoint, there: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
+        """The branch points of a step, each where one eigenvalue, or several, pass zero."""
+        assert here.bent is not None
+        assert there.bent is not None
+        flat = min(here.bent.flat, there.bent.flat)
+        numbers = range(*sorted((here.bent.negative, there.bent.negative)))
+        roots = [self.located(here, h, lambda p, k=k: passing(p, k, flat)) for k in numbers]  # type: ignore[misc]
+        out: list[tuple[PathPoint, CriticalPoint]] = []
+        roots.sort(key=lambda root: root[0])
+        while roots:
+            at = roots[0][1]
+            m = sum(abs(other.u - at.u) <= SAME for _, other in roots)
+            out.append((at, self._point("branch", at, buckling_shapes(at, m, flat))))
+            roots = roots[m:]
+        return out
+
+    def _point(self, kind: str, at: PathPoint, shapes: Array) -> CriticalPoint:
+        return CriticalPoint(kind, float(self.first + self.range * at.u), at.here.q, shapes)
 
     def balance(self, q: Array, s: Array, u: float) -> Balance:
         """The balance at a closed configuration under a share of the load."""
         self.statics.factor = self.first + self.range * u
-        here = self.statics.point(q, s)
-        stiff = np.abs(here.H).max(initial=0.0) / np.abs(here.free.Z).max(initial=1e-300)  # times 1 rad or m
-        self.scale = max(self.scale, here.size, float(stiff))
-        return here
+        return self.statics.point(q, s)
 
     def step(self, at: PathPoint, h: float) -> PathPoint | None:
         """A step of the given length; None where it cannot be taken."""
+        residual = self.statics.residual
         try:
             u, manifold = at.u + h * at.du, self.statics.system.manifold
             q = self.statics.close(manifold.integrate(at.here.q, h * at.dq), at.here.s)
             here = self.balance(q, at.here.s, u)
             for _ in range(CORRECTIONS):
-                size = np.linalg.norm(here.rho)
-                x = self.correction(here, at, here.rho)
+                size = residual(here)
+                x = self.correction(here, at)
                 q = self.statics.close(manifold.integrate(here.q, here.free.Z @ x[:-1]), here.s)
                 next_u = u + x[-1]
                 there = self.balance(q, here.s, next_u)
-                if size <= ROUNDED * self.scale and not np.linalg.norm(there.rho) < 0.5 * size:
+                if size <= ROUNDED and not residual(there) < 0.5 * size:
                     break
                 here, u = there, next_u
         except StepError:
             return None
-        if np.linalg.norm(here.rho) > ROUNDED * self.scale:
+        if residual(here) > ROUNDED:
             return None
         found = self.tangent(u, self.balance(here.q, here.s, u), at)
-        before, after = (np.append(p.dq, p.du) for p in (at, found))
+        before, after = (np.append(p.dq / self.l, p.du) for p in (at, found))
         return found if before @ after >= TURNED * np.linalg.norm(before) * np.linalg.norm(after) else None
 
-    def correction(self, here: Balance, at: PathPoint, rho: Array) -> Array:
-        """The change (y, u) that balances forces across the tangent of another point."""
-        rows = np.column_stack([here.H, -self.range * (here.free.Z.T @ here.load)])
-        along = np.append(here.free.Z.T @ self.metric(here, at.dq), at.du)
-        return np.linalg.lstsq(np.vstack([rows, along]), np.append(rho, 0.0), rcond=NOTHING)[0]
+    def rows(self, here: Balance) -> tuple[Array, Array]:
+        """The matrix [H  -Z^T f_load] (k, k + 1) for unknowns (d y, u), in scaled rows too, and d with 1, (k + 1,)."""
+        d = np.append(scale_of(here.noise), 1.0)
+        return np.column_stack([here.H, -self.range * (here.free.Z.T @ here.load)]) / np.outer(d[:-1], d), d
 
-    def metric(self, here: Balance, dq: Array) -> Array:
-        """M dq, (nv,)."""
-        return here.free.U.T @ (here.free.U @ dq)
+    def ways(self, here: Balance, d: Array) -> Array:
+        """How (dq / l, u) follow from (d y, u), (nv + 1, k + 1)."""
+        Z = here.free.Z / self.l[:, None]
+        return np.block([[Z, np.zeros((len(Z), 1))], [np.zeros(Z.shape[1]), np.ones(1)]]) / d
+
+    def correction(self, here: Balance, at: PathPoint) -> Array:
+        """The change (y, u) that balances forces across the tangent of another point."""
+        rows, d = self.rows(here)
+        along = np.append(at.dq / self.l, at.du) @ self.ways(here, d)
+        size = np.linalg.norm(rows[:, -1]) or 1.0
+        columns = np.append(np.ones(len(rows)), 1 / size)
+        A = np.vstack([rows, along / np.linalg.norm(along * columns)]) * columns
+        x = np.linalg.lstsq(A, np.append(here.rho / d[:-1], 0.0), rcond=CERTAIN * EPS)[0]
+        return x * columns / d
 
     def tangent(self, u: float, here: Balance, before: PathPoint | None) -> PathPoint:
         """The unit tangent at a point of the path, in the direction of the point before it.
@@ -142,38 +194,63 @@ class Continuation:
         Raises:
             InputError: where the first equilibrium does not move with the load.
         """
-        rows = np.column_stack([here.H, -self.range * (here.free.Z.T @ here.load)])
-        sizes, right = np.linalg.svd(rows)[1:]
-        null = right[int((sizes > FLAT * sizes.max()).sum()) :]
-        onward = np.eye(len(right))[-1]
-        if before is not None:
-            onward = np.append(here.free.Z.T @ self.metric(here, before.dq), before.du)
-        x = null.T @ (null @ onward)
-        if before is None and np.linalg.norm(x) < STILL:
+        rows, d = self.rows(here)
+        met = EPS * abs(self.range) * self.statics.met(here)
+        null = null_space(rows, np.column_stack([here.noise, met]) / np.outer(d[:-1], d)).vectors
+        Q, R = np.linalg.qr(self.ways(here, d) @ null)
+        onward = np.eye(len(Q))[-1] if before is None else np.append(before.dq / self.l, before.du)
+        c = Q.T @ onward
+        if before is None and np.linalg.norm(c) < STILL:
             at = f"at factor {self.first:g} forces let it rest anywhere or turn back"
             raise InputError(f"{at}: no path leads on from there; begin at another factor")
+        way = Q @ c / np.abs(Q @ c).max()
+        x = null @ np.linalg.solve(R, c)
         x /= np.linalg.norm(x)
-        neutral = np.linalg.svd(null - np.outer(null @ x, x))[2][: len(null) - 1]
+        basis = np.linalg.qr(null)[0].T
+        neutral = np.linalg.svd(basis - np.outer(basis @ x, x))[2][: len(basis) - 1]
         sign = float(np.linalg.slogdet(np.vstack([rows + neutral[:, :-1].T @ neutral, x]))[0])
-        dq = here.free.Z @ x[:-1]
-        size = max(float(np.abs(dq).max()), abs(x[-1]))
-        return PathPoint(u, here, dq / size, x[-1] / size, sign)
+        bent = curvature(here.H, here.noise) if symmetric(here.H, here.noise) else None
+        return PathPoint(u, here, way[:-1] * self.l, float(way[-1]), bent, sign)
 
-    def located(self, at: PathPoint, h: float, value: Callable[[PathPoint], float]) -> PathPoint:
-        """The point of a step where a value changes its sign, by bisection and the rule of false position."""
+    def located(self, at: PathPoint, h: float, value: Callable[[PathPoint], float]) -> tuple[float, PathPoint]:
+        """Where in a step a value changes its sign, by bisection and the rule of false position, and the point."""
         low, high = 0.0, h
         here, end = at, self.step(at, h)
         if end is None:
             raise MbdaeError("a point of a path of equilibria cannot be located")
         a, b = value(at), value(end)
-        best = end
+        if a == 0:
+            return 0.0, at
+        best = h, end
         for k in range(LOCATED):
             middle = (low + high) / 2 if k % 3 == 2 or abs(a) == abs(b) == 1.0 else high - b * (high - low) / (b - a)
             found = self.step(here, middle) if low < middle < high else None
             if found is None:
                 break
-            c, best = value(found), found
+            c, best = value(found), (middle, found)
             if c == 0:
                 break
             low, high, a, b = (middle, high, c, b) if c * a > 0 else (low, middle, a, c)
         return best
+
+
+def passing(p: PathPoint, k: int, flat: int) -> float:
+    """Eigenvalue k of H among those that are not always zero, as it passes zero; 0 where it is zero to rounding.
+
+    Args:
+        p: a point of a path.
+        k: number of the eigenvalue, from the most negative one.
+        flat: how many are zero along the path.
+    """
+    bent = p.bent
+    if bent is None or bent.negative <= k < bent.negative + bent.flat - flat:
+        return 0.0
+    return float(bent.values[k if k < bent.negative else k + bent.flat])
+
+
+def buckling_shapes(at: PathPoint, m: int, flat: int) -> Array:
+    """The m motions of a point without stiffness that have some beside it, (m, nv), with unit mass."""
+    assert at.bent is not None
+    order = np.abs(at.bent.values).argsort()[: m + flat]
+    Y = np.linalg.qr(at.bent.vectors[:, order[flat:]])[0]
+    return (at.here.free.Z @ Y).T

@@ -59,7 +59,6 @@ def equilibria(
     for stretch in curve.stretches:
         at = range(stretch.first, stretch.last - 1)
         met = [point(q) for q in curve.q[stretch.first : stretch.last]]
-        scale = max(here.size for here in met)
         values = [along(here, tau) for here, tau in zip(met, curve.tangent[stretch.first :], strict=False)]
         for i, a, b in zip(at, values, values[1:], strict=False):
             if a * b > 0 or b == 0:
@@ -69,7 +68,7 @@ def equilibria(
                 share = brentq(
                     lambda c, i=i, x=x, tau=tau: along(point(manifold.integrate(curve.q[i], c * x)), tau), 0, 1
                 )
-                search = Search(statics, point(manifold.integrate(curve.q[i], share * x)), scale)
+                search = Search(statics, point(manifold.integrate(curve.q[i], share * x)))
                 found = search.run("any")
             except (StepError, ValueError):
                 continue

@@ -245,7 +245,7 @@ def balanced(statics: Statics, q: Array, find: str) -> tuple[Balance, float, int
         raise EquilibriumError(f"no equilibrium: {e}", q.tolist(), np.inf, "") from e
     here = search.here
     if not found:
-        pull = np.abs(here.free.Z @ here.rho)
+        pull = np.abs(here.free.Z @ here.rho) / statics.sizes.l
         worst = mech.coordinate_joint(int(pull.argmax()))
         where = f"{search.residual:.2e} of the largest force met is left, most at joint {worst!r}"
         text = f"no equilibrium found in {search.iterations} iterations: {where}"

@@ -10,6 +10,7 @@ import numpy as np
 from ...errors import InputError, UnknownNameError, require
 from ...mechanism import Mechanism
 from ...mechanism.formulations.balance import Statics
+from ...mechanism.formulations.spectrum import curvature
 from ...mechanism.units import coordinate_units
 from ...solution.columns import coordinates
 from ...solution.solution import Solution
@@ -17,7 +18,6 @@ from ...system import Array
 from ...tabular import Columns, Tabular
 from .continuation import Continuation, CriticalPoint
 from .equilibrium import balanced, settle_arguments
-from .search import FLAT, symmetric
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -102,10 +102,14 @@ class LoadPath(Tabular):
             f"factor {self.factor[0]:.6g} to {self.factor[-1]:.6g}, {name} {values[0]:.6g} to {values[-1]:.6g} {unit}"
         ]
         said = {"limit": "limit point: it snaps", "branch": "branch point: it buckles"}
-        lines += [f"  {said[e.kind]} at factor {e.factor:.12g}" for e in self.critical]
+        lines += [f"  {said[e.kind]} at factor {e.factor:.12g}{_several(e)}" for e in self.critical]
         share = float((self.unstable > 0).mean())
         lines.append(f"  {100 * share:.0f} % of the equilibria are unstable")
         return "\n".join(lines if self.complete else [*lines, "  the path did not come to the end of the range"])
+
+
+def _several(point: CriticalPoint) -> str:
+    return f", in {point.multiplicity} shapes at once" if point.multiplicity > 1 else ""
 
 
 def load_path(
@@ -155,6 +159,6 @@ def load_path(
     if not len(start.rho):
         raise InputError(f"{mech.title!r} has no freedom left: nothing moves with the load")
     points, critical, complete = follow.run(start)
-    bad = [int((w < -FLAT * np.abs(w).max()).sum()) for w in (symmetric(p.here.H)[0] for p in points)]
+    bad = [curvature(p.here.H, p.here.noise).negative for p in points]
     factor = np.array([first + (last - first) * p.u for p in points])
     return LoadPath(mech, load, factor, np.array([p.here.q for p in points]), np.array(bad), tuple(critical), complete)

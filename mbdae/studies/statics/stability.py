@@ -7,13 +7,13 @@ import numpy as np
 
 from ...errors import StepError
 from ...mechanism.formulations.balance import Balance, Statics
-from ...mechanism.formulations.freedom import freedom
-from ...mechanism.formulations.linearization import linearize_at, spectrum
+from ...mechanism.formulations.linearization import linearize_at
+from ...mechanism.formulations.spectrum import curvature, spectrum
 from ...system import Array
-from .search import FLAT, SYMMETRIC, symmetric
+from .search import symmetric, symmetric_part
 
-GROWTH = 1e-8  # of the largest eigenvalue: growth rates below are rounding
-ASIDE, LOST = 1e-2, 1e-4  # a neighbour, and what the smallest singular value falls to from there where rank is lost
+ASIDE = 1e-2  # rad or characteristic lengths: a neighbour
+LOST = 1e-4  # of the smallest singular value there: what it falls to where rank is lost
 
 
 @dataclass(frozen=True)
@@ -62,23 +62,20 @@ def verdict(statics: Statics, here: Balance) -> Verdict:
     By the stiffness where it has a potential and velocities only dissipate (Kelvin, Tait, Chetaev); by the eigenvalues
     of the linearised motion where controllers have states, forces have no potential, or speeds turn the motions.
     """
-    w = symmetric(here.H)[0]
+    w = symmetric_part(here.H)[0]
     if not len(w) and not len(here.s):
         return Verdict("rigid", 0, 0, w, "stiffness")
     if loses_rank(statics, here):
         return Verdict("singular", 0, 0, w, "stiffness")
-    motion = linearize_at(statics, here)
-    size, C = np.abs(here.H).max(initial=0.0), motion.damping
-    potential = np.abs(here.H - here.H.T).max(initial=0.0) <= SYMMETRIC * size and not len(here.s)
-    turns = np.abs(C - C.T).max(initial=0.0) > SYMMETRIC * np.abs(C).max(initial=1.0)
-    dissipates = symmetric(C)[0].min(initial=0.0) >= -FLAT * np.abs(C).max(initial=1.0)
-    largest = np.abs(w).max(initial=0.0)
-    if potential and dissipates and (not turns or w.min() > FLAT * largest):
-        return _judged(int((w < -FLAT * largest).sum()), int((np.abs(w) <= FLAT * largest).sum()), w, "stiffness")
-    roots = spectrum(motion.A)
-    largest = np.abs(roots).max(initial=0.0)
-    growing, still = roots.real > GROWTH * largest, np.abs(roots) <= GROWTH * largest
-    return _judged(int((growing & ~still).sum()), -(-int(still.sum()) // 2), w, "eigenvalues")
+    motion, bent = linearize_at(statics, here), curvature(here.H, here.noise)
+    (k, m), C = (motion.positions.shape[1], motion.speeds.shape[1]), motion.damping
+    doubt = motion.noise[k : k + m, k : k + m]
+    potential = symmetric(here.H, here.noise) and not len(here.s)
+    turns, dissipates = not symmetric(C, doubt), not curvature(C, doubt).negative
+    if potential and dissipates and (not turns or (bent.signs > 0).all()):
+        return _judged(bent.negative, bent.flat, w, "stiffness")
+    roots = spectrum(motion.A, motion.noise)
+    return _judged(int(roots.growing.sum()), -(-int((roots.values == 0).sum()) // 2), w, "eigenvalues")
 
 
 def loses_rank(statics: Statics, here: Balance) -> bool:
@@ -89,11 +86,11 @@ def loses_rank(statics: Statics, here: Balance) -> bool:
     y = np.random.default_rng(0).standard_normal(Z.shape[1])
     x = Z @ y
     try:
-        q = statics.close(system.manifold.integrate(here.q, ASIDE / np.abs(x).max() * x), here.s)
+        q = statics.close(system.manifold.integrate(here.q, ASIDE / np.abs(x / statics.sizes.l).max() * x), here.s)
     except StepError:
         return True
     U = system.inertia(statics.t, q)
-    beside = freedom(U, np.vstack([system.jacobian(), statics.rows, statics.asked(q, here.s)[1]]))
+    beside = statics.free(U, q, here.s)[0]
     return len(beside.S) > len(here.free.S) or here.free.pivot < LOST * beside.pivot
 
 

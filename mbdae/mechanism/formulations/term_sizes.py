@@ -1,0 +1,94 @@
+"""How large the terms are whose sums are the slopes of forces: eps times that is what rounding leaves of a sum.
+
+With mu_i = sqrt(M_ii), coordinates in units of l_i (1 rad, or the mechanism's characteristic length), the stiffness of
+coordinate i is known to eps mu_i^2 rho_i, where rho_i in 1/s^2 is the largest of
+
+    |K_ij| / (mu_i mu_j) over row and column i,   m_i / (mu_i l_i)^2,   |a_0| sqrt(m_c) / (mu_i l_i),  max (v_j / l_j)^2
+
+with the largest moment m_i of forces and reactions on the joint of i, and the weight m_c |a_0| of what it carries. An
+entry K_ij is known to eps mu_i mu_j sqrt(rho_i rho_j), also where it is a sum that comes out as 0. Damping alike, with
+the speed in place of these.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...system import Array
+
+if TYPE_CHECKING:
+    from .index2 import Index2System
+
+DIFFERENCES = 2e5  # times rounding: what differences of Python functions leave of a slope
+
+
+class TermSizes:
+    """Sizes of terms of a mechanism at constant speeds.
+
+    Args:
+        system: a workspace.
+        v: speeds, (nv,).
+
+    Attributes:
+        l: what 1 of each coordinate is in its unit, (nv,).
+        speed: max |v_j / l_j| in 1/s.
+    """
+
+    def __init__(self, system: "Index2System", v: Array) -> None:
+        model = system.model
+        self.system, self.v, self.l = system, v, system.mechanism.coordinate_scales
+        self.speed = float(np.abs(v / self.l).max(initial=0.0))
+        self.starts = np.array(list(model.idx_vs)[1:], int)
+        self.joint = np.repeat(np.arange(len(self.starts)), list(model.nvs)[1:])
+        masses = [sum(model.inertias[i].mass for i in tree) for tree in list(model.subtrees)[1:]]
+        self.weight = (float(np.linalg.norm(model.gravity.linear)) * np.sqrt(masses))[self.joint]
+
+        self.errors = [DIFFERENCES if law.differenced else 1.0 for law, _ in system.laws.acting]
+
+    def forces(self, t: float, q: Array, s: Array) -> Array:
+        """The sum of the sizes of all laws, (nv,); kinematics stand at q and v."""
+        out = np.zeros(len(self.v))
+        for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
+            conservative, other, _ = law.evaluate(t, q, self.v, s[at])
+            out += error * (np.abs(conservative) + np.abs(other))
+        return out
+
+    def slopes(self, t: float, q: Array, s: Array) -> tuple[Array, Array]:
+        """The sums of the sizes of all laws' derivatives by q and v, (nv, nv) each; kinematics stand at q and v."""
+        nv = len(self.v)
+        out = np.zeros((nv, 2 * nv))
+        for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
+            out += error * np.abs(law.slopes(t, q, self.v, s[at])[:nv, : 2 * nv])
+        return out[:, :nv], out[:, nv:]
+
+    def states(self, X: Array) -> Array:
+        """Sizes of the terms of slopes X (ns, ...) of the rates of states."""
+        out = np.abs(X)
+        for (law, at), error in zip(self.system.laws.acting, self.errors, strict=True):
+            if law.differenced:
+                out[at] = error * out[at].max(1, keepdims=True, initial=0.0)
+        return out
+
+    def stiffness(self, mu: Array, forces: Array, K: Array) -> Array:
+        """Sizes of the terms of K, (nv, nv).
+
+        Args:
+            mu: square roots of the diagonal of M, (nv,).
+            forces: sizes of the forces on each coordinate, (nv,).
+            K: sizes of the slopes, (nv, nv).
+        """
+        moments = np.maximum.reduceat(forces * self.l, self.starts)[self.joint]
+        floor = np.maximum(moments / (mu * self.l), self.weight) / (mu * self.l)
+        return raised(mu, K, np.maximum(floor, self.speed**2))
+
+    def damping(self, mu: Array, D: Array) -> Array:
+        """Sizes of the terms of D, (nv, nv), from the sizes of the slopes."""
+        return raised(mu, D, np.full(len(mu), self.speed))
+
+
+def raised(mu: Array, X: Array, floor: Array) -> Array:
+    """Sizes X (nv, nv), each at least as large as its row and column make the terms: see the head of this file."""
+    per = X / np.outer(mu, mu)
+    rates = np.maximum(floor, np.maximum(per.max(0, initial=0.0), per.max(1, initial=0.0)))
+    root = mu * np.sqrt(rates)
+    return np.maximum(X, np.outer(root, root))
