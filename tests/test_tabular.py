@@ -135,7 +135,7 @@ def test_plots_are_figures(results, name, tmp_path):
     assert isinstance(figure, Figure)
     assert figure._repr_svg_().startswith("<?xml")
     if name == "solution":
-        drawn = results[name].plot(tmp_path / "a.svg", ["force.crank.x", "force.rocker.x"])
+        drawn = results[name].plot(["force.crank.x", "force.rocker.x"], path=tmp_path / "a.svg")
         assert [ax.get_ylabel() for ax in drawn.axes] == ["forces (N)"]
         assert (tmp_path / "a.svg").exists()
 

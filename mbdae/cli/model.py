@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import InputError, UnknownNameError
+from ..errors import InputError
 from ..members import model_names, public
 from .completion import completed, problems
 from .options import values_by_name
@@ -51,18 +51,16 @@ class ChosenModel:
         Raises:
             UnknownNameError, InputError: as `load`; for a start value of a textbook problem.
         """
-        from ..textbook.problems import TEXTBOOK
+        from ..mechanism import Mechanism
+        from ..mechanism.formats.template import with_start
+        from ..solution.problem import problem_of
 
-        if not self.textbook:
-            try:
-                return self.load()
-            except UnknownNameError as e:
-                if e.kind != "model":
-                    raise
-                raise UnknownNameError("model", e.name, [*e.valid[:-1], *TEXTBOOK, e.valid[-1]]) from None
+        found = problem_of(self.name, "MODEL")
+        if isinstance(found, Mechanism):
+            return with_start(found, self.start)
         if self.start:
             raise InputError(f"start values are those of mechanisms, {self.name!r} is a textbook problem")
-        return TEXTBOOK[self.name]()
+        return found
 
     @property
     def textbook(self) -> bool:

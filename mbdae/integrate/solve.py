@@ -1,10 +1,11 @@
 """Integrate a mechanism or a textbook problem."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from ..errors import require
+from ..solution.problem import problem_of
 from ..solution.solution import Problem, Solution
 from ..system import Array
 from .ending import report
@@ -14,7 +15,7 @@ from .settings import completed
 
 
 def solve(
-    problem: Problem,
+    problem: Problem | str | Path,
     t_span: Sequence[float],
     q: Array | None = None,
     v: Array | None = None,
@@ -46,7 +47,8 @@ def solve(
     What is left out, a mechanism file's ``[solve]`` table says (`mbdae.mechanism.start.SolveSettings`).
 
     Args:
-        problem: a mechanism, or a `mbdae.Hessenberg` problem (which brings its own start).
+        problem: a mechanism, a `mbdae.Hessenberg` problem (which brings its own start), or the name or path of one, see
+            `mbdae.load`.
         t_span: start and end in s; the end may lie before the start.
         q: consistent start configuration (nq,); the model's start when left out.
         v: consistent start velocity (nv,); the model's start when left out.
@@ -86,7 +88,7 @@ def solve(
         InputError: for wrong arguments, or an inconsistent start.
         UnknownNameError: for a method that does not exist.
     """
-    require(problem, Problem, "solve takes a Mechanism (see mbdae.load) or a Hessenberg problem")
+    problem = problem_of(problem, "solve")
     positive(step=step, first_step=first_step, max_step=max_step, max_steps=max_steps)
     sizes = {"step": step, "rtol": rtol, "atol": atol, "first_step": first_step, "max_step": max_step}
     kinds = {"method": method, "formulation": formulation, "project": project, "baumgarte": baumgarte}

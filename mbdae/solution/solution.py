@@ -227,13 +227,13 @@ class Solution(DenseOutput, Tabular):
         known = units(self.problem) if isinstance(self.problem, Mechanism) else {"t": "s"}
         return Columns(self.signals(), known, "t")
 
-    def plot(self, path: str | Path | None = None, names: str | Sequence[str] = ()) -> "Figure":
+    def plot(self, names: str | Sequence[str] = (), *, path: str | Path | None = None) -> "Figure":
         """Draw signals by unit over time; written where a path is given.
 
         Args:
+            names: of `signals`, a name or several, or the beginning of several: ``"q"``; coordinates, velocities,
+                residuals and energy when left out, y and z of a textbook problem.
             path: a file to be written as well, .png, .svg or .pdf.
-            names: of `signals`, a name or several; coordinates, velocities, residuals and energy when left out, y and z
-                of a textbook problem.
 
         Raises:
             UnknownNameError: for a signal that does not exist.

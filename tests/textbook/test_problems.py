@@ -68,14 +68,14 @@ def test_what_a_problem_has_not_is_not_told(tmp_path):
 
 def test_a_run_is_drawn(tmp_path):
     sol = mbdae.solve(TEXTBOOK["circle"](), (0, 1), method="herk3", step=0.1)
-    y, z = sol.plot(tmp_path / "run.svg").axes
+    y, z = sol.plot(path=tmp_path / "run.svg").axes
     assert (tmp_path / "run.svg").stat().st_size > 5000
     assert (y.get_ylabel(), z.get_ylabel()) == ("$y$", "$z$")
     np.testing.assert_array_equal(y.lines[1].get_ydata(), sol.y[:, 1])
-    (only,) = sol.plot(names="y.2").axes
+    (only,) = sol.plot("y.2").axes
     np.testing.assert_array_equal(only.lines[0].get_ydata(), sol.y[:, 1])
     with pytest.raises(mbdae.MbdaeError, match="unknown signal 'lam'; valid: y, z, t"):
-        sol.plot(names="lam")
+        sol.plot("lam")
 
 
 def test_what_has_no_name_is_not_saved(tmp_path):

@@ -1,16 +1,17 @@
 """The model card: what a mechanism consists of, its degrees of freedom, and what is not modelled."""
 
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...errors import require
 from ...integrate.settings import completed
 from ...mechanism import Closure, Mechanism, redundant
 from ...mechanism.frames import find_joint, fixed_links
 from ...mechanism.joints import kind_of
 from ...mechanism.reactions import rank, scaled
+from ...solution.problem import mechanism_of
 from ...tabular import Tabular
 
 __all__ = ["card"]
@@ -139,11 +140,11 @@ class Card(Tabular):
         return "\n".join(lines)
 
 
-def card(mech: Mechanism) -> Card:
+def card(mech: Mechanism | str | Path) -> Card:
     """Describe a mechanism at its start state.
 
     Args:
-        mech: the mechanism.
+        mech: the mechanism, or what `mbdae.load` takes.
 
     Returns:
         Sizes, rank r of G and degrees of freedom nv - r, joints, closures, forces, and what is not modelled.
@@ -153,7 +154,7 @@ def card(mech: Mechanism) -> Card:
         InputError: for anything but a mechanism.
         UnknownNameError: for a method of its file that there is not.
     """
-    require(mech, Mechanism, "card takes a Mechanism (see mbdae.load)")
+    mech = mechanism_of(mech, "card")
     completed(mech, {})
     q, v = mech.start
     system = mech.system()

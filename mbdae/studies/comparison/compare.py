@@ -10,6 +10,7 @@ from ...errors import InputError, require
 from ...integrate.binding import common
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
+from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from ...system import Array
 from ..variant import Variant, usual, variants
@@ -25,7 +26,7 @@ REFERENCE = ("pherk6", "radau9")
 
 
 def compare(
-    problem: Problem,
+    problem: Problem | str | Path,
     t_span: Sequence[float] | None = None,
     q: Array | None = None,
     v: Array | None = None,
@@ -56,7 +57,7 @@ def compare(
     same call goes on from there.
 
     Args:
-        problem: a mechanism (see `mbdae.load`) or a textbook problem.
+        problem: a mechanism, a textbook problem, or the name or path of one, see `mbdae.load`.
         t_span: start and end in s; from 0 to the model's duration when left out.
         q: consistent start configuration (nq,); the model's when left out.
         v: consistent start velocity (nv,); the model's when left out.
@@ -85,7 +86,7 @@ def compare(
         InputError: for wrong arguments, a reference that cannot be computed, or a file with another comparison.
         UnknownNameError: for a method or formulation that does not exist.
     """
-    require(problem, Problem, "compare takes a Mechanism (see mbdae.load) or a Hessenberg problem")
+    problem = problem_of(problem, "compare")
     motion = _motion(problem, t_span, q, v, outputs, max_steps)
     if methods is None and formulations is None:
         chosen = usual(problem, METHODS, **({"rtol": TOLERANCES[0]} if steps is None else {"step": 1.0}))

@@ -1,17 +1,19 @@
 """Inverse dynamics of closed loops: what actuators must give for a motion, and what all joints carry."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, require
+from ...errors import InputError
 from ...mechanism import Mechanism
 from ...mechanism.closures.brake import Brake
 from ...mechanism.closures.independent_rows import minimum_norm
 from ...mechanism.frames import find_joint
 from ...mechanism.joint_wrenches import joint_wrenches
 from ...mechanism.modes.switches import Mode
+from ...solution.problem import mechanism_of
 from ...system import Array
 from ..kinematics.passing import Passed, passages
 from ..kinematics.result import Kinematics
@@ -26,7 +28,7 @@ REACHED = 1e-8  # of the largest force: what actuators may leave
 
 
 def inverse_dynamics(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     motion: Any,
     actuators: str | Sequence[str] | None = None,
     *,
@@ -45,7 +47,7 @@ def inverse_dynamics(
     told.
 
     Args:
-        mech: the mechanism.
+        mech: the mechanism, or what `mbdae.load` takes.
         motion: a run (`mbdae.Solution`, or the path of its .npz); a curve of `mbdae.kinematics`, with ``speed``; a
             table of columns ``t`` and joints of one coordinate, or the path of its .csv, through which splines of
             degree 5 are laid and from which the closures tell the other joints; or arrays (t, q, v, a).
@@ -62,7 +64,7 @@ def inverse_dynamics(
         >>> turn = kinematics(mech, "crank")                              # doctest: +SKIP
         >>> print(inverse_dynamics(mech, turn, speed=10.0))               # doctest: +SKIP
     """
-    require(mech, Mechanism, "inverse_dynamics takes a Mechanism (see mbdae.load)")
+    mech = mechanism_of(mech, "inverse_dynamics")
     motion = read_motion(motion)
     acting = actuators_of(mech, actuators, motion.drive if isinstance(motion, Kinematics) else "")
     weight = weights_of(acting.names, weights)

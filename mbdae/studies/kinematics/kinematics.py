@@ -2,14 +2,16 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import AssemblyError, InputError, StepError, is_number, require
+from ...errors import AssemblyError, InputError, StepError, is_number
 from ...mechanism import Mechanism
 from ...mechanism.assembly import close_position
 from ...mechanism.joints import turning
+from ...solution.problem import mechanism_of
 from ...system import Array
 from .branching import leave, same
 from .crossing import BranchPoint
@@ -28,7 +30,7 @@ BOUNDED = 1e3  # rad or characteristic lengths: an input that is followed furthe
 
 
 def kinematics(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     drive: str,
     *,
     span: tuple[float, float] | None = None,
@@ -50,7 +52,8 @@ def kinematics(
     Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003).
 
     Args:
-        mech: the mechanism; drivers other than the drive stand still where they are at t = 0.
+        mech: the mechanism, or what `mbdae.load` takes; drivers other than the drive stand still where they are at
+            t = 0.
         drive: a joint of one coordinate, or a driver of the mechanism.
         span: the input's range in rad or m; the curve begins at its first value. The start pose, and up to so many
             turns to both sides, when left out.
@@ -71,7 +74,7 @@ def kinematics(
     Example:
         >>> found = kinematics(mbdae.load("four_bar"), "crank", turns=2)   # doctest: +SKIP
     """
-    require(mech, Mechanism, "kinematics takes a Mechanism (see mbdae.load)")
+    mech = mechanism_of(mech, "kinematics")
     if not (isinstance(points, int) and points >= 2):
         raise InputError(f"points is a number of poses, at least 2, got {points!r}")
     begin = start_pose(mech) if q is None else mech.vector("q", q, mech.nq)

@@ -7,14 +7,16 @@ They are searched from random starts. Modes that the mechanism reaches from each
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, require, several
+from ...errors import InputError, several
 from ...mechanism import Mechanism
 from ...mechanism.frames import find_joints
 from ...mechanism.units import PARTS
+from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Tabular
 from .driven import Hold, check_freedom, driven, input_at, left_open, start_pose
@@ -89,7 +91,7 @@ class AssemblyModes(Tabular):
 
 
 def assembly_modes(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     drive: str,
     at: float | None = None,
     *,
@@ -104,7 +106,7 @@ def assembly_modes(
     one circuit. Source: Chase, Mirth, J. Mech. Design 115 (1993).
 
     Args:
-        mech: the mechanism.
+        mech: the mechanism, or what `mbdae.load` takes.
         drive: a joint of one coordinate, or a driver of the mechanism.
         at: the input in rad or m; that of the model's start when left out.
         hold: joints that stand still, as in `mbdae.kinematics`.
@@ -116,7 +118,7 @@ def assembly_modes(
         UnknownNameError: for a joint that does not exist.
         InputError: as `mbdae.kinematics`, or where no pose is found.
     """
-    require(mech, Mechanism, "assembly_modes takes a Mechanism (see mbdae.load)")
+    mech = mechanism_of(mech, "assembly_modes")
     q0 = start_pose(mech)
     moved = driven(mech, drive, hold, q0)
     system = moved.system()

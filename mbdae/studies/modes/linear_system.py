@@ -16,6 +16,7 @@ from ...mechanism.formulations.balance import Statics
 from ...mechanism.formulations.linearization import LinearMotion
 from ...mechanism.formulations.spectrum import spectrum
 from ...mechanism.frames import WORLD, Pair, anchor, frame_names
+from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Columns, Tabular
 from ..statics.equilibrium import labels
@@ -109,7 +110,7 @@ class LinearSystem(Tabular):
 
 
 def linearize(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     q: "Coordinates | Array | None" = None,
     v: "Coordinates | Array | None" = None,
     *,
@@ -127,12 +128,12 @@ def linearize(
     An input is the name of a joint (a torque on it in N m or N; ``joint.2`` for one of several coordinates), of a
     force whose value is a function of time (the voltage of a dc_motor, the reference of a joint_pid, the torque of a
     joint_torque; "(force)" stands behind a name that a joint, closure or driver has, too), or ``frame.x``, a force in N
-    on a frame's origin along an axis of the world. An output is ``q.joint`` or ``v.joint`` (in the tangent),
-    ``s.state``, or ``frame.x``, where a frame's origin is, in m. Where a reference acts by its rate, too (kd), the
-    states are z less what its jump would do, which shows in D.
+    on a frame's origin along an axis of the world. An output is named as a signal of runs: ``q.joint`` or ``v.joint``
+    (in the tangent), ``s.state``, or ``position.frame.x``, where a frame's origin is, in m. Where a reference acts by
+    its rate, too (kd), the states are z less what its jump would do, which shows in D.
 
     Args:
-        mech: the mechanism.
+        mech: the mechanism, or what `mbdae.load` takes.
         q: see `mbdae.modes`; so v, t and hold.
         v: constant speeds.
         inputs: names.
@@ -147,7 +148,8 @@ def linearize(
         UnknownNameError: for a name that does not exist; lists those that do.
         InputError, EquilibriumError: as `mbdae.modes`.
     """
-    statics, here, motion, _ = operating_point(mech, q, v, t, hold, "linearize")
+    mech = mechanism_of(mech, "linearize")
+    statics, here, motion, _ = operating_point(mech, q, v, t, hold)
     into = several(inputs, "inputs is a list of names")
     joints = labels(mech, np.arange(mech.nv))
     out = several(outputs, "outputs is a list of names") or [f"{x}.{n}" for x in "qv" for n in joints]
@@ -202,7 +204,8 @@ def _seen(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Array]
     one = np.eye(2 * nv + len(names))
     out = {f"q.{n}": one[i] for i, n in enumerate(joints)} | {f"v.{n}": one[nv + i] for i, n in enumerate(joints)}
     out |= {f"s.{n}": one[2 * nv + i] for i, n in enumerate(names)}
-    return out | {n: np.pad(slope, (0, nv + len(names))) for n, slope in _places(statics, q).items()}
+    places = {f"position.{n}": slope for n, slope in _places(statics, q).items()}
+    return out | {n: np.pad(slope, (0, nv + len(names))) for n, slope in places.items()}
 
 
 def _places(statics: Statics, q: Array) -> dict[str, Array]:

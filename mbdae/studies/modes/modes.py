@@ -13,6 +13,7 @@ from ...mechanism import Mechanism
 from ...mechanism.formulations.freedom import close
 from ...mechanism.formulations.linearization import LinearMotion
 from ...mechanism.formulations.spectrum import Spectrum, spectrum
+from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular, aligned
@@ -210,7 +211,7 @@ class Modes(Tabular):
 
 
 def modes(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     q: "Coordinates | Array | None" = None,
     v: "Coordinates | Array | None" = None,
     *,
@@ -223,7 +224,7 @@ def modes(
     G^T lam among them; with gyroscopic terms, states of controllers, and rows of velocity only.
 
     Args:
-        mech: the mechanism.
+        mech: the mechanism, or what `mbdae.load` takes.
         q: a whole configuration (nq,), taken as it is; or joint values by name from which the equilibrium is searched.
             When left out, the start where it is steady, else the equilibrium found from there.
         v: constant speeds by joint, or a whole velocity (nv,), of a steady motion.
@@ -238,7 +239,8 @@ def modes(
             where no freedom is left.
         EquilibriumError: where no equilibrium is found.
     """
-    _, _, motion, around = operating_point(mech, q, v, t, hold, "modes")
+    mech = mechanism_of(mech, "modes")
+    _, _, motion, around = operating_point(mech, q, v, t, hold)
     found = spectrum(motion.A, motion.noise)
     size = np.log(np.abs(found.values), out=np.full(len(motion.A), -np.inf), where=found.values != 0)
     order = np.lexsort((-found.values.imag, found.values.real, np.round(size, DIGITS)))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...errors import InputError, require, several
+from ...errors import InputError, several
 from ...mechanism import Mechanism
 from ...mechanism.formulations.balance import Balance, Statics
 from ...mechanism.formulations.linearization import LinearMotion, linearize_at, refuse_unsteady
@@ -23,7 +23,6 @@ def operating_point(
     v: "Coordinates | Array | None",
     t: float,
     hold: str | Iterable[str],
-    what: str,
 ) -> tuple[Statics, Balance, LinearMotion, str]:
     """Return the balance around which to linearise, and what it is.
 
@@ -35,7 +34,6 @@ def operating_point(
             a force has no direction.
         EquilibriumError: where none is found.
     """
-    require(mech, Mechanism, f"{what} takes a Mechanism (see mbdae.load)")
     names = several(hold, "hold is a list of joints")
     held = np.unique(np.array([i for name in names for i in velocities(mech, name)], int))
     found = None

@@ -8,12 +8,13 @@ tangents of ever finer steps approach the derivative of the motion: with the ord
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...differences import PLACES, quotient
-from ...errors import InputError, require, several
+from ...errors import InputError, several
 from ...integrate.binding import common
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
@@ -21,6 +22,7 @@ from ...mechanism import Mechanism
 from ...methods import METHODS
 from ...methods import method as find_method
 from ...methods.radau import Method
+from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ..sensitivity.numbers import maker
@@ -84,7 +86,7 @@ class GradientStudy(OrderStudy):
 
 
 def check_gradients(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     methods: str | Iterable[str] | None = None,
     *,
     parameter: str | None = None,
@@ -96,7 +98,7 @@ def check_gradients(
     """Compare tangents of runs with difference quotients of runs, and observe the order of the derivatives.
 
     Args:
-        mech: a mechanism, started as its order study is.
+        mech: a mechanism, or what `mbdae.load` takes, started as its order study is.
         methods: a name or several; all half-explicit and Radau IIA methods when left out.
         parameter: dotted name of a number, as of `mbdae.sensitivity`; when left out, a velocity of the start that the
             closures allow.
@@ -109,7 +111,7 @@ def check_gradients(
         UnknownNameError: for a method or parameter that does not exist.
         InputError: for wrong T or steps, no mechanism, or one without freedom and no parameter.
     """
-    require(mech, Mechanism, "check_gradients takes a Mechanism (see mbdae.load)")
+    mech = mechanism_of(mech, "check_gradients")
     names = several(methods or METHODS, "methods is a list of names")
     chosen = {m.name: m for m in map(find_method, names)}
     _, T = checked_span(T if T is not None else mech.order.T, end=True)

@@ -1,13 +1,15 @@
 """Observed orders against claimed orders, on any mechanism and on textbook problems."""
 
+from pathlib import Path
 from typing import Any
 
-from ...errors import InputError, require, several
+from ...errors import InputError, several
 from ...integrate.binding import common
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
 from ...methods import METHODS
 from ...methods import method as find_method
+from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from .measurement import LEAST_OUTPUTS, Measurement, Progress, finished
 from .result import OrderStudy
@@ -16,7 +18,7 @@ __all__ = ["check_order"]
 
 
 def check_order(
-    problem: Problem,
+    problem: Problem | str | Path,
     methods: Any = None,
     *,
     T: float | None = None,
@@ -31,7 +33,7 @@ def check_order(
     methods that were finished.
 
     Args:
-        problem: a mechanism (started from its model file's state) or a textbook problem.
+        problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
         methods: a name or several, or tableaus; all of them when left out.
         T: end time in s; from the model file when left out.
         steps: coarsest number of steps, at least ten; when left out that of the model file, or fewer for methods that
@@ -42,7 +44,7 @@ def check_order(
         UnknownNameError: for a method that does not exist.
         InputError: for wrong T or steps, or no problem.
     """
-    require(problem, Problem, "check_order takes a Mechanism (see mbdae.load) or a Hessenberg problem")
+    problem = problem_of(problem, "check_order")
     names = several(methods or METHODS, "methods is a list of names")
     chosen = {m.name: m for m in map(find_method, names)}
     mech = problem if isinstance(problem, Mechanism) else None

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from ...backend import machine
-from ...errors import InputError, require
+from ...errors import InputError
 from ...files import write_page
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism, describe
 from ...solution.archive import versions
+from ...solution.problem import mechanism_of
 from ...solution.solution import Solution, uninterrupted
 from ..card.card import Card, card
 from ..comparison.compare import compare
@@ -98,7 +99,7 @@ class Report:
 
 
 def report(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     end: float | None = None,
     *,
     methods: Sequence[str | Variant] | None = None,
@@ -111,7 +112,7 @@ def report(
     """Study a mechanism from its start state. Stopped by Ctrl-C, it returns what was finished.
 
     Args:
-        mech: the mechanism.
+        mech: the mechanism, or what `mbdae.load` takes.
         end: end time in s; the model's own when left out.
         methods: as for `mbdae.compare`, the default first when left out. That one makes the run that is replayed, as
             ``mbdae run`` does, with positions kept where no formulation is said; those without a formulation are judged
@@ -125,7 +126,7 @@ def report(
     Raises:
         InputError: for wrong arguments, or when the first run does not come to its end.
     """
-    require(mech, Mechanism, "report takes a Mechanism (see mbdae.load)")
+    mech = mechanism_of(mech, "report")
     tell = progress or (lambda done, name: None)
     chosen = variants(methods) if methods else usual(mech, METHODS, rtol=rtol)
     first = chosen[0] if not methods or chosen[0].prefix else default(mech, rtol=rtol, method=chosen[0].method)

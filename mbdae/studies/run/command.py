@@ -98,7 +98,7 @@ def run(
         animate(sol, path, speed=speed, plots=panels(plots), traces=traces, arrows=every or arrow,
                 camera=camera, follow=follow, closures=closures)  # fmt: skip
     if plot:
-        sol.plot(plot, names)
+        sol.plot(names, path=plot)
     found = measure_drift(sol)
     extremes = sol.statistics(names) if names and isinstance(mech, Mechanism) else None
     data = {

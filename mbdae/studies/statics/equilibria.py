@@ -1,6 +1,7 @@
 """All equilibria of a mechanism with one freedom, on the curve of its poses."""
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
@@ -8,6 +9,7 @@ from scipy.optimize import brentq
 from ...errors import InputError, StepError, several
 from ...mechanism import Mechanism
 from ...mechanism.formulations.balance import Balance, Statics
+from ...solution.problem import mechanism_of
 from ...system import Array
 from ..kinematics.kinematics import kinematics
 from .equilibrium import Equilibrium, labels, velocities
@@ -21,12 +23,16 @@ ALIKE = 1e-7  # rad or m: poses so near are one
 
 
 def equilibria(
-    mech: Mechanism, drive: str, *, span: tuple[float, float] | None = None, hold: str | Iterable[str] = ()
+    mech: Mechanism | str | Path,
+    drive: str,
+    *,
+    span: tuple[float, float] | None = None,
+    hold: str | Iterable[str] = (),
 ) -> list[Equilibrium]:
     """Find all equilibria on a branch of a mechanism with one freedom: the zeros of Z^T f along its curve of poses.
 
     Args:
-        mech: the mechanism.
+        mech: the mechanism, or what `mbdae.load` takes.
         drive: the joint over which the curve is followed, see `mbdae.kinematics`.
         span: its range in rad or m; one turn to both sides of the start when left out.
         hold: joints that stand still.
@@ -38,6 +44,7 @@ def equilibria(
         InputError: where drivers or integrators leave no freedom, and as `mbdae.kinematics`.
         UnknownNameError, AssemblyError, StepError: as `mbdae.kinematics`.
     """
+    mech = mechanism_of(mech, "equilibria")
     held = several(hold, "hold is a list of joints")
     curve = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
     fixed = np.array([i for name in held for i in velocities(mech, name)], int)

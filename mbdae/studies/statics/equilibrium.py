@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import EquilibriumError, StepError, UnknownNameError, require, several
+from ...errors import EquilibriumError, StepError, UnknownNameError, several
 from ...mechanism import Mechanism
 from ...mechanism.formulations.balance import Balance, Statics
 from ...mechanism.formulations.linearization import refuse_unsteady
@@ -15,6 +16,7 @@ from ...mechanism.frames import find_joint
 from ...mechanism.reactions import Reaction, reaction
 from ...mechanism.units import coordinate_units, effort_unit
 from ...solution.columns import coordinates
+from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
@@ -149,7 +151,7 @@ def _shown(x: float) -> float:
 
 
 def equilibrium(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     q: "Coordinates | Array | None" = None,
     *,
     t: float = 0.0,
@@ -165,7 +167,7 @@ def equilibrium(
     slide steadily and nothing may depend on them (the shaft of a governor); a torque that keeps them so is told.
 
     Args:
-        mech: the mechanism.
+        mech: the mechanism, or what `mbdae.load` takes.
         q: joint values to start from by name, or a whole configuration (nq,); the model's start when left out.
         t: time in s.
         v: constant speeds by joint, in rad/s or m/s.
@@ -183,7 +185,7 @@ def equilibrium(
 
     Source: Conn, Gould, Toint, Trust-Region Methods (2000), chapter 7.
     """
-    require(mech, Mechanism, "equilibrium takes a Mechanism (see mbdae.load)")
+    mech = mechanism_of(mech, "equilibrium")
     if find not in FIND:
         raise UnknownNameError("kind of equilibrium", find, FIND)
     q0, speeds, held, names = settle_arguments(mech, q, t, v, hold)

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError, require
+from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.balance import Statics
 from ...mechanism.formulations.spectrum import curvature
 from ...mechanism.units import coordinate_units
 from ...solution.columns import coordinates
+from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
@@ -113,7 +114,7 @@ def _several(point: CriticalPoint) -> str:
 
 
 def load_path(
-    mech: Mechanism,
+    mech: Mechanism | str | Path,
     load: str,
     span: Sequence[float] = (0.0, 1.0),
     q: "Coordinates | Array | None" = None,
@@ -130,7 +131,7 @@ def load_path(
     nonlinear eigenvalue problems (1977).
 
     Args:
-        mech: the mechanism.
+        mech: the mechanism, or what `mbdae.load` takes.
         load: name of a force without states, or ``"gravity"``.
         span: the first and the last factor on it.
         q: where the search for the first equilibrium starts, see `mbdae.equilibrium`; so t, v and hold.
@@ -146,7 +147,7 @@ def load_path(
         UnknownNameError: for a force that does not exist.
         InputError: for a span that is none, or a mechanism without freedom.
     """
-    require(mech, Mechanism, "load_path takes a Mechanism (see mbdae.load)")
+    mech = mechanism_of(mech, "load_path")
     first, last = (float(x) for x in span)
     if not np.isfinite([first, last]).all() or first == last:
         raise InputError(f"a path leads from one factor to another, got {first:g} to {last:g}")

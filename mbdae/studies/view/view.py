@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import require
 from ...files import write_page
 from ...mechanism import Mechanism
 from ...mechanism.frames import find_joint
+from ...solution.problem import mechanism_of
 from ...system import Array
 from ..replay import animation_tracks as tracks
 from ..replay.document import document, drawn, frame
@@ -128,7 +128,7 @@ class View:
         return frame(self.page())
 
 
-def view(mech: Mechanism, q: Array | None = None) -> View:
+def view(mech: Mechanism | str | Path, q: Array | None = None) -> View:
     """Find the poses of a mechanism over each of its free coordinates.
 
     Poses are computed here, the page shows them: over the whole way along which the loops stay closed, through dead
@@ -136,7 +136,7 @@ def view(mech: Mechanism, q: Array | None = None) -> View:
     one dead point to the next; moved together, the page closes the loops.
 
     Args:
-        mech: the mechanism; its drivers are let go.
+        mech: the mechanism, or what `mbdae.load` takes; its drivers are let go.
         q: where it stands, (nq,); the model's start when left out.
 
     Raises:
@@ -146,7 +146,7 @@ def view(mech: Mechanism, q: Array | None = None) -> View:
     Example:
         >>> mbdae.view(mbdae.load("four_bar")).save("four_bar.html")   # doctest: +SKIP
     """
-    require(mech, Mechanism, "view takes a Mechanism (see mbdae.load)")
+    mech = mechanism_of(mech, "view")
     here = mech.start[0] if q is None else mech.vector("q", q, mech.nq)
     return View(mech, here, tuple(sliders(mech, here)))
 

@@ -60,7 +60,7 @@ def test_every_number_of_a_urdf_that_counts_as_read_is_read(kind, tmp_path):
         )
 
 
-@pytest.mark.parametrize("solid", SHAPES.keys() - {"mesh"})
+@pytest.mark.parametrize("solid", sorted(SHAPES.keys() - {"mesh"}))
 def test_sizes_of_solids_are_read(solid, tmp_path):
     text = URDF.format(shape=SOLIDS[solid], kind="continuous", more="")
     before, mech = numbers(text, tmp_path)

@@ -18,7 +18,7 @@ from mbdae.mechanism.signals import Harmonic
 def test_a_mass_on_a_spring_is_scipys():
     """H = 1/(m s^2 + c s + k) of the toggle about its rest."""
     mech = Template("snap_toggle").make({"force.press.force": [0.0, 0.0, 0.0]})
-    system = mbdae.linearize(mech, inputs="pin", outputs=["q.pin", "v.pin", "pin.z"])
+    system = mbdae.linearize(mech, inputs="pin", outputs=["q.pin", "v.pin", "position.pin.z"])
     slope = 0.5 / np.sqrt(1.25)
     k, c = 2 * 1000 * slope**2, 2 * 5 * slope**2
     omega = np.array([1.0, 5.0, 20.0, 100.0])

@@ -142,7 +142,7 @@ def test_what_a_file_says_of_runs_is_what_report_and_comparison_begin_with(tmp_p
         path = tmp_path / "own.toml"
         path.write_text(f"{text}\n[solve]\n{said}\n", "utf-8")
         mech = mbdae.load(path)
-        assert [str(v) for v in usual(mech, ["herk5"])][0] == words == str(of(mbdae.solve(mech, (0, 0.05)).settings))
+        assert next(str(v) for v in usual(mech, ["herk5"])) == words == str(of(mbdae.solve(mech, (0, 0.05)).settings))
     assert str(default(mech, rtol=1e-6)) == "project:pherk6", "a tolerance takes the place of the step"
 
 

@@ -1,0 +1,45 @@
+"""What moves, as it is given: a mechanism, a textbook problem, or the name or path of one."""
+
+from pathlib import Path
+from typing import Any
+
+from ..errors import UnknownNameError, require
+from ..mechanism import Mechanism, load
+from ..textbook.problems import TEXTBOOK
+from .solution import Problem
+
+
+def mechanism_of(given: Any, what: str) -> Mechanism:
+    """Return a mechanism, loaded where its name or its path is given.
+
+    Args:
+        given: a mechanism, or what `mbdae.load` takes.
+        what: the function that takes it, for messages.
+
+    Raises:
+        UnknownNameError, InputError: as `mbdae.load`, and for something else.
+    """
+    if isinstance(given, str | Path):
+        return load(given)
+    require(given, Mechanism, f"{what} takes a Mechanism, or a name or path (see mbdae.load)")
+    return given  # type: ignore[no-any-return]
+
+
+def problem_of(given: Any, what: str) -> Problem:
+    """Return a mechanism or a textbook problem, made where its name, or the path of a mechanism, is given.
+
+    Raises:
+        UnknownNameError, InputError: as `mechanism_of`.
+    """
+    if isinstance(given, str) and given in TEXTBOOK:
+        return TEXTBOOK[given]()
+    if isinstance(given, str | Path):
+        try:
+            return load(given)
+        except UnknownNameError as e:
+            if e.kind != "model":
+                raise
+            raise UnknownNameError("model", e.name, [*e.valid[:-1], *TEXTBOOK, e.valid[-1]]) from None
+    known = f"{what} takes a Mechanism or a Hessenberg problem, or a name or path (see mbdae.load)"
+    require(given, Problem, known)
+    return given  # type: ignore[no-any-return]

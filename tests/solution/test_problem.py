@@ -1,0 +1,93 @@
+"""Names and paths are taken wherever a mechanism is, and quantities have one name."""
+
+import inspect
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import InputError, UnknownNameError
+
+LIBRARY = Path(__file__).parents[2] / "models"
+TAKEN = {
+    "assembly_modes": ("crank",),
+    "card": (),
+    "check_gradients": ("herk2",),
+    "check_order": ("herk2",),
+    "compare": ((0, 0.1),),
+    "equilibria": ("crank",),
+    "equilibrium": (),
+    "inverse_dynamics": ("motion.csv",),
+    "kinematics": ("crank",),
+    "linearize": (),
+    "load_path": ("crank", 1.0),
+    "modes": (),
+    "report": (0.1,),
+    "solve": ((0, 0.1),),
+    "view": (),
+}
+
+
+def of_a_mechanism():
+    """Public functions whose first argument is what moves."""
+    functions = [name for name in mbdae.__all__ if inspect.isfunction(getattr(mbdae, name))]
+    first = {n: next(iter(inspect.signature(getattr(mbdae, n)).parameters), "") for n in functions}
+    return [n for n, parameter in first.items() if parameter in ("mech", "problem")]
+
+
+def test_every_function_of_a_mechanism_is_here():
+    assert set(of_a_mechanism()) == set(TAKEN)
+
+
+@pytest.mark.parametrize("name", TAKEN)
+def test_a_name_is_taken_where_a_mechanism_is(name):
+    function = getattr(mbdae, name)
+    with pytest.raises(UnknownNameError, match=r"unknown model 'four_bra' .did you mean 'four_bar'"):
+        function("four_bra", *TAKEN[name])
+    with pytest.raises(InputError, match=rf"{name} takes a Mechanism.*name or path .see mbdae.load.*, got 3"):
+        function(3, *TAKEN[name])
+
+
+def test_runs_and_studies_by_name_are_those_of_the_mechanism():
+    mech = mbdae.load("four_bar")
+    path = LIBRARY / "four_bar"
+    for given in ("four_bar", path, str(path / "mechanism.toml")):
+        np.testing.assert_array_equal(mbdae.solve(given, (0, 0.1)).y, mbdae.solve(mech, (0, 0.1)).y)
+    assert str(mbdae.card("four_bar")) == str(mbdae.card(mech))
+    long, short = (mbdae.card(name).joints for name in ("n_four_bar?N=3", "n_four_bar?N=2"))
+    assert len(long) > len(short), "with parameters behind the name"
+    np.testing.assert_array_equal(mbdae.kinematics(path, "crank").q, mbdae.kinematics(mech, "crank").q)
+    np.testing.assert_array_equal(mbdae.modes("spring_four_bar").eigenvalues,
+                                  mbdae.modes(mbdae.load("spring_four_bar")).eigenvalues)  # fmt: skip
+
+
+def test_textbook_problems_have_names_too():
+    sol = mbdae.solve("circle", (0, 1), rtol=1e-10)
+    np.testing.assert_allclose(sol.y[-1], [np.cos(1), np.sin(1)], atol=1e-9)
+    assert mbdae.check_order("circle", "herk2", T=1.0).slopes["herk2"][0].observed == pytest.approx(2, abs=0.2)
+    with pytest.raises(UnknownNameError, match="hessenberg_a"):
+        mbdae.solve("hessenberg_b", (0, 1))
+    with pytest.raises(UnknownNameError, match="unknown model 'circle'"):
+        mbdae.modes("circle")
+
+
+def test_outputs_of_linear_systems_are_signals_of_runs():
+    system = mbdae.linearize("delta_robot", outputs=["position.platform.z", "q.arm_1", "v.arm_1"])
+    sol = mbdae.solve("delta_robot", (0, 0.01))
+    assert set(system.outputs) <= set(sol.signals())
+    with pytest.raises(UnknownNameError, match=r"position\.platform\.z"):
+        mbdae.linearize("delta_robot", outputs=["platform.z"])
+
+
+def test_plots_take_names_and_a_path_by_its_keyword(tmp_path):
+    sol = mbdae.solve("slider_crank", (0, 0.05))
+    (axes, other) = sol.plot("q", path=tmp_path / "q.svg").axes
+    assert (tmp_path / "q.svg").exists()
+    labels = {text.get_text() for ax in (axes, other) for text in ax.get_legend().get_texts()}
+    assert len(labels) == sum(name.startswith("q.") for name in sol.signals())
+    assert len(sol.plot(["q.slider", "force.crank.x"]).axes) == 2
+    with pytest.raises(UnknownNameError, match=r"unknown signal 'q\.png'"):
+        sol.plot("q.png")
+    with pytest.raises(TypeError):
+        sol.plot("q", tmp_path / "q.svg")
