@@ -3,6 +3,9 @@
 A model may come from a stranger. The meshes, pictures and further files that it names are therefore read from its
 package only: the nearest folder above with a ``package.xml``, or else its own folder, or the one above folders called
 as in `LAYOUT`. Links are followed before this is asked. ``packages`` of a mechanism file adds folders.
+
+A saved run names its folders itself, so that they say nothing of what may be read: its meshes come from below its own
+folder, from installed packages, and from folders that the user names.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,10 +25,12 @@ class Places(NamedTuple):
         folder: of the model file.
         packages: folders that the user names.
         root: the package that the file belongs to.
+        trusted: of a saved run, folders that files must be in besides; None for what the user names itself.
     """
 
     folder: Path
     packages: tuple[Path, ...] = ()
+    trusted: tuple[Path, ...] | None = None
 
     @classmethod
     def of(cls, path: Path, packages: Sequence[Path | str] = ()) -> "Places":
@@ -53,6 +58,9 @@ class Places(NamedTuple):
                     outside = outside or found
         except (OSError, ValueError, RuntimeError) as e:  # RuntimeError: links that lead to each other
             raise InputError(f"{name[:80]!r} is not a path: {e}") from None
+        if outside is not None and not self._trusts(outside):
+            known = "meshes of a saved run are read from below its folder and from installed packages"
+            raise InputError(f"{name!r} is {outside}: {known}; others are named by meshes=[...] or --meshes")
         if outside is not None:
             raise refused(name, outside, self.root)
         raise InputError(f"{name!r} is not found in {', '.join(map(str, (self.root, *self.packages)))}")
@@ -60,7 +68,11 @@ class Places(NamedTuple):
     def holds(self, path: Path) -> bool:
         """Whether a file may be read: links are followed."""
         found = path.resolve()
-        return any(found.is_relative_to(place) for place in (self.root, *self.packages, *self._others(found)))
+        places = (self.root, *self.packages, *self._others(found))
+        return self._trusts(found) and any(found.is_relative_to(place) for place in places)
+
+    def _trusts(self, path: Path) -> bool:
+        return self.trusted is None or any(path.is_relative_to(place) for place in self.trusted)
 
     def _others(self, path: Path) -> Iterator[Path]:
         """The package of a file beside the model's own, where both say by their manifests that they are packages."""

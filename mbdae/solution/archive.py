@@ -4,13 +4,14 @@ import json
 import sys
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from math import prod
 from pathlib import Path
 from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile, is_zipfile
+from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile, ZipInfo, is_zipfile
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -26,8 +27,16 @@ from .impact import Impact
 if TYPE_CHECKING:
     from .solution import Solution
 
+Shape = tuple[int, ...]
+HEADERS: dict[tuple[int, int], Callable[..., Any]] = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 FORMAT = 2  # 1 held Pinocchio's archives, which are not safe to read
 SUFFIXES = (".npz", ".csv")
+OWN = ("t", "y", "z_own", "steps_t", "steps_y", "steps_z")  # arrays, beside those of events
+LARGEST_TEXT = 2**27  # bytes of what a file says beside its arrays, four for each character
+LARGE, FOLDED = 2**28, 100  # bytes of arrays that are read however small they are in the file, and times as small
 DAMAGE = (
     OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
     SyntaxError, TokenError, BadZipFile, zlib.error,
@@ -78,6 +87,7 @@ class _Run(_Lenient):
     modes: tuple[tuple[int, tuple[int, ...]], ...] = ()
     impacts: tuple[Impact, ...] = ()
     events: int = Field(default=0, ge=0)
+    arrays: dict[str, tuple[int, ...]] | None = None
 
 
 def versions() -> dict[str, str]:
@@ -96,6 +106,10 @@ def write(sol: "Solution", path: str | Path) -> None:
     if Path(path).suffix == ".csv":
         write_csv(sol.signals(), path)
         return
+    ts, ys, zs = sol.steps or (sol.t[:0], sol.y[:0], sol.z_own[:0])
+    arrays = {"t": sol.t, "y": sol.y, "z_own": sol.z_own, "steps_t": ts, "steps_y": ys, "steps_z": zs}
+    for i, found in enumerate(sol.events):
+        arrays |= dict(zip(_event(i), (np.asarray(x) for x in found), strict=True))
     meta = {
         "format": FORMAT,
         "mechanism": described(sol.problem),
@@ -108,13 +122,10 @@ def write(sol: "Solution", path: str | Path) -> None:
         "modes": sol.modes,
         "impacts": sol.impacts,
         "events": len(sol.events),
+        "arrays": {name: x.shape for name, x in arrays.items()},
         "versions": versions(),
         "command": sys.argv,
     }
-    ts, ys, zs = sol.steps or (sol.t[:0], sol.y[:0], sol.z_own[:0])
-    arrays = {"t": sol.t, "y": sol.y, "z_own": sol.z_own, "steps_t": ts, "steps_y": ys, "steps_z": zs}
-    for i, found in enumerate(sol.events):
-        arrays |= dict(zip(_event(i), (np.asarray(x) for x in found), strict=True))
     with write_whole(path) as temporary:
         np.savez_compressed(temporary, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)
 
@@ -133,52 +144,109 @@ def described(problem: Any) -> dict[str, Any]:
     return {"textbook": problem.name}
 
 
-def _restored(data: dict[str, Any]) -> tuple[Any, int, int]:
+def _restored(data: dict[str, Any], meshes: Sequence[Path]) -> tuple[Any, int, int]:
     """The problem, the length of its points, and that of its multipliers."""
     if "textbook" in data:
         problem = TEXTBOOK[data["textbook"]]()
         return problem, len(problem.y0), len(problem.z0)
-    mech = restore(data)
+    mech = restore(data, meshes)
     return mech, mech.nq + mech.nv + len(mech.states) + 1, mech.ng
 
 
-def read(path: str | Path) -> dict[str, Any]:
+def read(path: str | Path, meshes: Sequence[str | Path] = ()) -> dict[str, Any]:
     """Read a .npz file; returns the arguments of `mbdae.Solution`. A file of another mbdae is read with a warning.
+
+    Sizes are read first: nothing is unfolded that is not a run's, or larger than the file announces.
+
+    Args:
+        path: the file.
+        meshes: folders from which meshes are read, beside those below the file's own and of installed packages.
 
     Raises:
         InputError: for a file that is missing, damaged, of another kind, or of a newer format.
     """
     with _damage(path):
-        data, meta = _content(path)
+        shapes, meta = _sizes(path)
     _check_version(path, meta)
     with _damage(path):
-        return _arguments(data, meta)
+        return _arguments(path, shapes, meta, [Path(path).absolute().parent, *map(Path, meshes)])
 
 
-def _content(path: str | Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays of a file, and what it says of them."""
+def _sizes(path: str | Path) -> tuple[dict[str, Shape], dict[str, Any]]:
+    """The shapes of the arrays of a file, from their headers, and what it says of them."""
     if Path(path).exists() and not is_zipfile(path):
         raise BadZipFile("expected a .npz file, as `mbdae run MODEL -o run.npz` or Solution.save writes it")
-    with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-        data = {name: file[name] for name in file.files}
-    meta = json.loads(str(data.pop("meta")))
+    with ZipFile(path) as file:
+        headers = {x.filename.removesuffix(".npy"): _header(file, x) for x in file.infolist()}
+    shape, kind = headers.pop("meta")
+    if shape or kind.kind != "U" or kind.itemsize > LARGEST_TEXT:
+        raise ValueError(f"what it says of itself is no text of at most {LARGEST_TEXT // 4} characters")
+    meta = json.loads(str(_arrays(path, ["meta"])["meta"]))
     if not {"format", "versions"} <= meta.keys() or not isinstance(meta["versions"]["mbdae"], str):
         raise ValueError("its format or version is missing")
-    return data, meta
+    if any(kind != np.dtype(float) for _, kind in headers.values()):
+        raise ValueError("expected arrays of real numbers")
+    shapes = {name: shape for name, (shape, _) in headers.items()}
+    size, folded = sum(8 * prod(shape) for shape in shapes.values()), Path(path).stat().st_size
+    if size > LARGE and size > FOLDED * folded:
+        raise ValueError(f"its {folded / 1e6:.3g} MB unfold to {size / 1e6:.3g} MB, which no run does")
+    return shapes, meta
 
 
-def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, Any]:
+def _header(file: ZipFile, entry: ZipInfo) -> tuple[Shape, np.dtype]:
+    """Shape and kind of an array, which is not read."""
+    if entry.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
+        raise BadZipFile("it is packed otherwise than by numpy")
+    with file.open(entry) as stream:
+        version = np.lib.format.read_magic(stream)
+        if version not in HEADERS:
+            raise ValueError(f"an array of format {version}")
+        shape, _, kind = HEADERS[version](stream)
+    return shape, kind
+
+
+def _arrays(path: str | Path, names: Iterable[str]) -> dict[str, np.ndarray]:
+    with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        return {name: file[name] for name in names}
+
+
+def _arguments(
+    path: str | Path, shapes: dict[str, Shape], meta: dict[str, Any], meshes: Sequence[Path]
+) -> dict[str, Any]:
     run = _Run.model_validate(meta)
-    problem, width, ng = _restored(run.mechanism)
+    problem, width, ng = _restored(run.mechanism, meshes)
+    named = list(OWN)
+    for i in range(min(run.events, len(shapes))):
+        named += _event(i)
+    if unknown := sorted(shapes.keys() - {*named}):
+        raise ValueError(f"no run has an array {unknown[0]!r}")
     for t, y, z in (("t", "y", "z_own"), ("steps_t", "steps_y", "steps_z")):
-        _check_arrays(data[t], data[y], data[z], width, ng)
-    events = [(data[t], data[y]) for t, y in map(_event, range(run.events))]
-    for times, points in events:
-        _check_arrays(times, points, np.empty((len(times), ng)), width, ng)
-    if not len(data["t"]) and not len(data["steps_t"]):
+        _check_shapes(shapes[t], shapes[y], shapes[z], width, ng)
+    for t, y in map(_event, range(run.events)):
+        _check_shapes(shapes[t], shapes[y], (*shapes[t], ng), width, ng)
+    if not (shapes["t"][0] or shapes["steps_t"][0]):
         raise ValueError("the run has no times")
     if run.status not in STATUS:
         raise ValueError(f"status {run.status!r}; known: {', '.join(STATUS)}")
+    _check_numbers(problem, run, ng)
+    if run.arrays is not None and run.arrays != shapes:
+        raise ValueError("its arrays are not those that it announces")
+    data = _arrays(path, named)
+    events = [(data[t], data[y]) for t, y in map(_event, range(run.events))]
+    for t, y in ((data["t"], data["y"]), (data["steps_t"], data["steps_y"]), *events):
+        if not (np.isfinite(t).all() and np.isfinite(y).all()) or len({*np.sign(np.diff(t)).tolist()} - {0.0}) > 1:
+            raise ValueError("times are not in order, or points are not finite")
+    steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
+    arrays = {name: data[name] for name in ("t", "y", "z_own")}
+    rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
+    passed, in_use = list(run.singular), list(run.in_use)
+    rest |= {"modes": list(run.modes), "impacts": list(run.impacts)}
+    rest |= {"events": events, "singular": passed, "in_use": in_use}
+    return {"problem": problem, **arrays, **rest, "steps": steps}
+
+
+def _check_numbers(problem: Any, run: _Run, ng: int) -> None:
+    """Refuse rows, start values and modes that a mechanism does not have."""
     if any(not 0 <= k < ng for _, rows in run.in_use for k in rows):
         raise ValueError("rows are in use that the mechanism does not have")
     lengths = getattr(problem, "nq", 0), getattr(problem, "nv", 0), len(getattr(problem, "states", ()))
@@ -188,13 +256,6 @@ def _arguments(data: dict[str, np.ndarray], meta: dict[str, Any]) -> dict[str, A
     sizes = [len(s.states) for s in getattr(problem, "switches", ())]
     if any(len(m) != len(sizes) or any(not 0 <= k < n for k, n in zip(m, sizes, strict=True)) for _, m in run.modes):
         raise ValueError("modes that the mechanism does not have")
-    steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
-    arrays = {name: data[name] for name in ("t", "y", "z_own")}
-    rest = {name: meta[name] for name in ("status", "message", "stats", "settings")}
-    passed, in_use = list(run.singular), list(run.in_use)
-    rest |= {"modes": list(run.modes), "impacts": list(run.impacts)}
-    rest |= {"events": events, "singular": passed, "in_use": in_use}
-    return {"problem": problem, **arrays, **rest, "steps": steps}
 
 
 def _event(i: int) -> tuple[str, str]:
@@ -215,16 +276,11 @@ def _damage(path: str | Path) -> Iterator[None]:
         raise InputError(f"{path} is damaged or not a solution written by mbdae ({reason})") from None
 
 
-def _check_arrays(t: np.ndarray, y: np.ndarray, z: np.ndarray, width: int, ng: int) -> None:
-    """Refuse what is not numbers for each time: t (n,) in order, y (n, width), z (n, ng) or (n, 2 ng)."""
-    if any(x.dtype != float for x in (t, y, z)):
-        raise ValueError("expected arrays of real numbers")
-    n = len(np.atleast_1d(t))
-    if t.shape != (n,) or y.shape != (n, width) or z.shape not in ((n, ng), (n, 2 * ng)):
-        shapes = f"{t.shape}, {y.shape} and {z.shape}"
-        raise ValueError(f"arrays have shapes {shapes}, expected (n,), (n, {width}), (n, {ng})")
-    if not (np.isfinite(t).all() and np.isfinite(y).all()) or len({*np.sign(np.diff(t)).tolist()} - {0.0}) > 1:
-        raise ValueError("times are not in order, or points are not finite")
+def _check_shapes(t: Shape, y: Shape, z: Shape, width: int, ng: int) -> None:
+    """Refuse what is not numbers for each time: t (n,), y (n, width), z (n, ng) or (n, 2 ng)."""
+    n = (*t, 0)[0]
+    if t != (n,) or y != (n, width) or z not in ((n, ng), (n, 2 * ng)):
+        raise ValueError(f"arrays have shapes {t}, {y} and {z}, expected (n,), (n, {width}), (n, {ng})")
 
 
 def _check_version(path: str | Path, meta: dict[str, Any]) -> None:

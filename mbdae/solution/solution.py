@@ -251,13 +251,17 @@ class Solution(DenseOutput, Tabular):
         write(self, path)
 
     @classmethod
-    def load(cls, path: str | Path) -> "Solution":
+    def load(cls, path: str | Path, *, meshes: Sequence[str | Path] = ()) -> "Solution":
         """Read the .npz file that `save` wrote; warns when another version of mbdae wrote it.
 
+        Args:
+            path: the file.
+            meshes: folders from which meshes are read, beside those below the file's own and installed packages.
+
         Raises:
-            InputError: for a missing or damaged file.
+            InputError: for a missing or damaged file, and one that unfolds to more than it announces.
         """
-        return cls(**read(path))
+        return cls(**read(path, meshes))
 
     def __repr__(self) -> str:
         title = getattr(self.problem, "title", "?")

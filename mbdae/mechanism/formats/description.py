@@ -1,6 +1,7 @@
 """What a saved solution remembers of a mechanism, and the mechanism made again from it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,8 +70,8 @@ class _Description(Table):
     parameters: tuple[_Parameter, ...] = ()
 
 
-def restore(description: Mapping[str, Any]) -> Mechanism:
-    """Make the mechanism that `describe` described; its Python force laws are missing.
+def restore(description: Mapping[str, Any], meshes: Sequence[Path]) -> Mechanism:
+    """Make the mechanism that `describe` described, without Python force laws; read meshes from these folders only.
 
     Raises:
         InputError: for a description that is damaged.
@@ -82,7 +83,7 @@ def restore(description: Mapping[str, Any]) -> Mechanism:
     missing = [(f.at, _missing(f.name, f.states)) for f in d.functions]
     if d.model is None:
         parameters = [p.model_dump() for p in d.parameters]
-        parts = [restored(r) for r in d.parts]
+        parts = [restored(r, meshes) for r in d.parts]
         return make(Recipe(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in missing])
     forces: list[Any] = list(d.file.force)
     for at, law in missing:

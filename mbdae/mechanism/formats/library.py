@@ -1,6 +1,8 @@
 """Where files are: the models that come with mbdae, and robots of other packages."""
 
+import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
@@ -92,6 +94,14 @@ def resolve(source: str, base: Path) -> Path:
     if not found:
         raise InputError(f"source {source!r} is not a file (looked at {path})")
     return path
+
+
+def installed() -> list[Path]:
+    """The folders of installed packages, of mbdae's models and of example-robot-data."""
+    packages = [Path(p).resolve() for p in sys.path if Path(p).name in ("site-packages", "dist-packages")]
+    with suppress(InputError):
+        packages.append(robots_directory().resolve())
+    return [*packages, models_directory().resolve()]
 
 
 def robots_directory() -> Path:

@@ -17,7 +17,7 @@ from ..plain import made
 from ..scene.shapes import unpack
 from ..signals import Constant
 from ..start import Motor
-from .library import SOURCES, resolve
+from .library import SOURCES, installed, resolve
 from .loop_closures import with_loops
 from .mjcf.read import read_mjcf
 from .robot_yaml import read_robot_yaml
@@ -51,15 +51,24 @@ def read_source(source: Source, base: Path) -> Part:
     return with_loops(read_urdf(text_of(path), path.name, places, source.free_flyer), path, places)
 
 
-def restored(record: Mapping[str, Any]) -> Part:
+def restored(record: Mapping[str, Any], meshes: Sequence[Path] | None = None) -> Part:
     """Make the part again that remembers itself as ``record``, as far as its tree and visuals go.
+
+    Args:
+        record: what a part said of itself.
+        meshes: folders from which a saved run may read meshes, beside installed packages; None for parts of this
+            process, which read them where they did.
 
     Raises:
         InputError: for a record that is damaged.
     """
     if "urdf" in record:
         r = Record.model_validate(record)
-        places = Places(Path(r.folder), tuple(map(Path, r.packages)))
+        folders = tuple(map(Path, r.packages))
+        places = Places(Path(r.folder), folders)
+        if meshes is not None:
+            asked = tuple(p.resolve() for p in meshes)
+            places = Places(Path(r.folder), (*folders, *asked), (*asked, *installed()))
         return read_urdf(r.urdf, "URDF", places, r.free_flyer, kinds=r.kinds, lock=r.lock)
     if "sdf" in record:
         of = SdfRecord.model_validate(record)

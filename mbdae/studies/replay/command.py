@@ -23,6 +23,12 @@ from ...errors import InputError
 @click.option("--video", type=click.Path(dir_okay=False), help="The video to write, .mp4 or .gif; takes Chromium.")
 @click.option("--plot", "plots", multiple=True, help="A signal, q.crank, or several on common axes: q.crank,q.rod.")
 @click.option("--glb", type=click.Path(dir_okay=False), help="The animated scene to write, for slides and Blender.")
+@click.option(
+    "--meshes",
+    multiple=True,
+    type=click.Path(exists=True, file_okay=False),
+    help="A folder from which meshes are read, beside those below the runs' own folders and of installed packages.",
+)
 @replay_options
 @as_json
 def animate(
@@ -33,6 +39,7 @@ def animate(
     arrow: tuple[str, ...],
     every: bool,
     glb: str | None,
+    meshes: tuple[str, ...],
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -44,7 +51,7 @@ def animate(
     written = writable((output, PAGES), (video, tuple(VIDEO)), (glb, (".glb",)))
     if not written:
         raise InputError("animate writes a page, -o run.html, a video, --video run.mp4, or a scene, --glb run.glb")
-    sol, *others = map(Solution.load, solutions)
+    sol, *others = (Solution.load(name, meshes=meshes) for name in solutions)
     stems = [Path(name).stem for name in solutions[1:]]
     names = stems if len(set(stems)) == len(stems) else solutions[1:]
     with bar("animate", 1.0) as tell:

@@ -4,6 +4,7 @@ import shutil
 import struct
 
 import pytest
+from commands import call
 from fuzz_seeds import CUBE, DAE, MATERIAL, SHOWN, STL
 from fuzzing import DATA
 
@@ -106,6 +107,41 @@ def test_only_materials_and_pictures_are_carried_away(model):
 def test_a_saved_run_reads_what_its_mechanism_read(model, tmp_path):
     mech = load(model, "../meshes/box.stl")
     mbdae.solve(mech, (0, 1e-3), step=1e-3).save(tmp_path / "run.npz")
+    assert drawn(mbdae.Solution.load(tmp_path / "run.npz").mechanism) == drawn(mech)
+
+
+def test_a_saved_run_reads_no_folder_that_it_names(model, tmp_path):
+    """Its own record names the folder, and whoever wrote it may have named any folder of the reader."""
+    mech, path = load(model, "../meshes/box.obj"), tmp_path / "mail" / "run.npz"
+    path.parent.mkdir()
+    mbdae.solve(mech, (0, 1e-3), step=1e-3).save(path)
+    with pytest.warns(UserWarning, match=r"visuals left out, .* below its folder and from installed packages; others"):
+        other = mbdae.Solution.load(path)
+    assert drawn(other.mechanism) is None
+    page = tmp_path / "page.html"
+    _, _, err = call("animate", str(path), "-o", str(page))
+    assert "named by meshes=[...] or --meshes" in err
+    assert drawn(mbdae.Solution.load(path, meshes=[model]).mechanism) == drawn(mech)
+    code, _, err = call("animate", str(path), "-o", str(page), "--meshes", str(model))
+    assert (code, err) == (0, "")
+
+
+def test_a_saved_run_takes_its_meshes_along(model, tmp_path):
+    """Below its own folder they are found by their names."""
+    (model / "urdf").mkdir()
+    shutil.copy(model / "meshes" / "box.stl", model / "urdf")
+    mech, path = load(model, "box.stl"), tmp_path / "mail" / "run.npz"
+    seen = drawn(mech)
+    path.parent.mkdir()
+    mbdae.solve(mech, (0, 1e-3), step=1e-3).save(path)
+    shutil.move(model / "urdf" / "box.stl", path.parent)
+    assert drawn(mbdae.Solution.load(path).mechanism) == seen
+
+
+def test_a_saved_run_reads_meshes_of_installed_packages(tmp_path):
+    mech = mbdae.load("example-robot-data:double_pendulum_description/urdf/double_pendulum.urdf")
+    mbdae.solve(mech, (0, 1e-3), step=1e-3).save(tmp_path / "run.npz")
+    assert drawn(mech) is not None
     assert drawn(mbdae.Solution.load(tmp_path / "run.npz").mechanism) == drawn(mech)
 
 
