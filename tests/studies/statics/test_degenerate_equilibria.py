@@ -1,0 +1,53 @@
+"""Equilibria with neutral directions, and those beside a singular configuration, where closures nearly lose rank."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from bouncing import carried, empty
+
+import mbdae
+from mbdae import JointDamping, JointPID, JointSpring, Mechanism
+
+STIFFNESS, INERTIA = 2e4, 2 / 3 + 1  # N m/rad; kg m^2 of two cranks and a coupler that does not turn
+
+
+def sliders(n, damping=0.0):
+    """A pendulum that a controller holds, and n carts beside it on level rails."""
+    model, names = empty(), [f"cart_{k}" for k in range(n)]
+    carried(model, 0, pin.JointModelRY(), "arm", 1.0, (0, 0, -0.5), (0.1, 0.1, 0.1))
+    for k, name in enumerate(names):
+        carried(model, 0, pin.JointModelPX(), name, 1.0 + k)
+    damped = [JointDamping(joint=tuple(names), damping=damping)] if damping else []
+    return Mechanism(model, [], [JointPID(joint="arm", kp=1.0, ki=1.0, kd=0.5, reference=0.0), *damped])
+
+
+@pytest.mark.parametrize(("n", "damping"), [(0, 0.0), (1, 0.0), (2, 0.0), (3, 0.0), (1, 0.7)])
+def test_each_neutral_direction_counts_once(n, damping):
+    """Without damping each has two eigenvalues 0, of a double root: a place and a drift along it."""
+    found = mbdae.equilibrium(sliders(n, damping)).verdict
+    assert found.by == "eigenvalues"
+    assert (found.stability, found.neutral, found.unstable) == ("neutral" if n else "stable", n, 0)
+
+
+def sprung(angle):
+    """A parallelogram without weight, whose crank a spring holds at an angle; at 0 its bars lie in a line."""
+    mech = mbdae.load("n_four_bar", N=1)
+    model = mech.model.copy()
+    model.gravity.linear = np.zeros(3)
+    spring = JointSpring(joint="crank_0", stiffness=STIFFNESS, rest=angle)
+    return mbdae.equilibrium(Mechanism(model, mech.closures, [spring]), np.array([angle, -angle, angle]))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-8, 1e-7])
+def test_beside_a_singular_configuration_there_is_no_verdict(angle):
+    """The cranks may turn against each other there, which takes a ten-millionth of a radian."""
+    found = sprung(angle)
+    assert found.stability == "singular"
+    np.testing.assert_allclose(found.q, [angle, -angle, angle], atol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [1e-4, 1e-2, 0.5])
+def test_further_away_there_is(angle):
+    found = sprung(angle)
+    assert found.stability == "stable"
+    assert found.verdict.squares == pytest.approx([STIFFNESS / INERTIA], rel=1e-6)
