@@ -7,6 +7,7 @@ from bouncing import carried, empty
 
 import mbdae
 from mbdae import JointDamping, JointPID, JointSpring, Mechanism
+from mbdae.errors import InputError
 
 STIFFNESS, INERTIA = 2e4, 2 / 3 + 1  # N m/rad; kg m^2 of two cranks and a coupler that does not turn
 
@@ -35,19 +36,23 @@ def sprung(angle):
     model = mech.model.copy()
     model.gravity.linear = np.zeros(3)
     spring = JointSpring(joint="crank_0", stiffness=STIFFNESS, rest=angle)
-    return mbdae.equilibrium(Mechanism(model, mech.closures, [spring]), np.array([angle, -angle, angle]))
+    return Mechanism(model, mech.closures, [spring]), np.array([angle, -angle, angle])
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-8, 1e-7])
 def test_beside_a_singular_configuration_there_is_no_verdict(angle):
     """The cranks may turn against each other there, which takes a ten-millionth of a radian."""
-    found = sprung(angle)
+    found = mbdae.equilibrium(*sprung(angle))
     assert found.stability == "singular"
     np.testing.assert_allclose(found.q, [angle, -angle, angle], atol=1e-9)
+    with pytest.raises(InputError, match="lose rank in this pose"):
+        mbdae.modes(*sprung(angle))
 
 
 @pytest.mark.parametrize("angle", [1e-4, 1e-2, 0.5])
 def test_further_away_there_is(angle):
-    found = sprung(angle)
+    found = mbdae.equilibrium(*sprung(angle))
     assert found.stability == "stable"
     assert found.verdict.squares == pytest.approx([STIFFNESS / INERTIA], rel=1e-6)
+    frequency = mbdae.modes(*sprung(angle)).eigenvalues.imag.max()
+    assert frequency == pytest.approx(np.sqrt(STIFFNESS / INERTIA), rel=1e-6)
