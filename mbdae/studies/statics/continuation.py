@@ -40,7 +40,7 @@ class CriticalPoint(NamedTuple):
         q: configuration, (nq,).
         shapes: motions dq against which there is no stiffness, (m, nv), dq^T M dq = 1 and each orthogonal to the
             others: at a branch point the buckling shapes, in whose directions, or in combinations of them, the other
-            paths lead off. m is the multiplicity.
+            paths lead off. m is the multiplicity; none are known at a branch point of forces without a potential.
     """
 
     kind: str
@@ -51,7 +51,7 @@ class CriticalPoint(NamedTuple):
     @property
     def multiplicity(self) -> int:
         """How many eigenvalues of the stiffness are zero."""
-        return len(self.shapes)
+        return max(1, len(self.shapes))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
@@ -122,7 +122,8 @@ class Continuation:
         """The branch points of a step, each where one eigenvalue, or several, pass zero."""
         assert here.bent is not None
         assert there.bent is not None
-        flat = min(here.bent.flat, there.bent.flat)
+        beside = min(here, there, key=lambda p: p.bent.flat)  # a step may begin at a branch point
+        flat = beside.bent.flat
         numbers = range(*sorted((here.bent.negative, there.bent.negative)))
         roots = [self.located(here, h, lambda p, k=k: passing(p, k, flat)) for k in numbers]  # type: ignore[misc]
         out: list[tuple[PathPoint, CriticalPoint]] = []
@@ -130,7 +131,7 @@ class Continuation:
         while roots:
             at = roots[0][1]
             m = sum(abs(other.u - at.u) <= SAME for _, other in roots)
-            out.append((at, self._point("branch", at, buckling_shapes(at, m, flat))))
+            out.append((at, self._point("branch", at, buckling_shapes(at, m, beside))))
             roots = roots[m:]
         return out
 
@@ -248,9 +249,14 @@ def passing(p: PathPoint, k: int, flat: int) -> float:
     return float(bent.values[k if k < bent.negative else k + bent.flat])
 
 
-def buckling_shapes(at: PathPoint, m: int, flat: int) -> Array:
-    """The m motions of a point without stiffness that have some beside it, (m, nv), with unit mass."""
+def buckling_shapes(at: PathPoint, m: int, before: PathPoint) -> Array:
+    """The m motions of a point without stiffness that have some at the point before, (m, nv), with unit mass."""
     assert at.bent is not None
-    order = np.abs(at.bent.values).argsort()[: m + flat]
-    Y = np.linalg.qr(at.bent.vectors[:, order[flat:]])[0]
-    return (at.here.free.Z @ Y).T
+    assert before.bent is not None
+    U, flat = at.here.free.U, before.bent.flat
+    cluster = np.abs(at.bent.values).argsort()[: m + flat]
+    ways = U @ at.here.free.Z @ np.linalg.qr(at.bent.vectors[:, cluster])[0]
+    if flat:
+        free = np.linalg.qr(U @ before.here.free.Z @ before.bent.vectors[:, before.bent.signs == 0])[0]
+        ways = np.linalg.svd(ways - free @ (free.T @ ways), full_matrices=False)[0][:, :m]
+    return np.linalg.solve(U, ways).T

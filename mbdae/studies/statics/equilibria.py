@@ -1,17 +1,21 @@
-"""All equilibria of a mechanism with one freedom, on the curve of its poses."""
+"""All equilibria of a mechanism with one freedom, on the curves of its poses: one for each of its circuits."""
 
-from collections.abc import Iterable
+import warnings
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
 
-from ...errors import InputError, StepError, several
+from ...errors import AssemblyError, InputError, StepError, several
 from ...mechanism import Mechanism
 from ...mechanism.formulations.balance import Balance, Statics
+from ...mechanism.joints import turning
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ..kinematics.kinematics import kinematics
+from ..kinematics.modes import assembly_modes
+from ..kinematics.result import Kinematics
 from .equilibrium import Equilibrium, labels, velocities
 from .search import Search
 from .stability import verdict
@@ -19,7 +23,9 @@ from .stability import verdict
 __all__ = ["equilibria"]
 
 POINTS = 361
-ALIKE = 1e-7  # rad or m: poses so near are one
+ALIKE = 1e-7  # rad or characteristic lengths: poses so near are one
+INPUTS = 3  # values of the input, over its range, at which circuits are searched
+BESIDE = 0.25  # of the way between two poses of a curve: a pose so near is on it
 
 
 def equilibria(
@@ -29,16 +35,19 @@ def equilibria(
     span: tuple[float, float] | None = None,
     hold: str | Iterable[str] = (),
 ) -> list[Equilibrium]:
-    """Find all equilibria on a branch of a mechanism with one freedom: the zeros of Z^T f along its curve of poses.
+    """Find all equilibria of a mechanism with one freedom: the zeros of Z^T f along its curves of poses.
+
+    Besides the curve of the start, those of the other circuits are followed: the assembly modes at three values of the
+    input, over its range, that lie on no curve yet (see `mbdae.assembly_modes`).
 
     Args:
         mech: the mechanism, or what `mbdae.load` takes.
-        drive: the joint over which the curve is followed, see `mbdae.kinematics`.
+        drive: the joint over which the curves are followed, see `mbdae.kinematics`.
         span: its range in rad or m; one turn to both sides of the start when left out.
         hold: joints that stand still.
 
     Returns:
-        The equilibria, stable and unstable ones, along the curve; for a full turn each once.
+        The equilibria, stable and unstable ones, along the curves, that of the start first; each once.
 
     Raises:
         InputError: where drivers or integrators leave no freedom, and as `mbdae.kinematics`.
@@ -46,23 +55,82 @@ def equilibria(
     """
     mech = mechanism_of(mech, "equilibria")
     held = several(hold, "hold is a list of joints")
-    curve = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
+    first = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
     fixed = np.array([i for name in held for i in velocities(mech, name)], int)
     statics, names = Statics(mech, 0.0, np.zeros(mech.nv), fixed), labels(mech, fixed)
-    s0, manifold = np.array(list(mech.states.values())), statics.system.manifold
+    s0 = np.array(list(mech.states.values()))
 
-    if statics.point(curve.q[0], s0).free.Z.shape[1] != 1:
+    if statics.point(first.q[0], s0).free.Z.shape[1] != 1:
         raise InputError(f"a driver or an integrator says where {drive!r} is: there is no branch of equilibria over it")
+
+    def point(q: Array) -> Balance:
+        return statics.point(statics.close(q, s0), s0)
+
+    out: list[Equilibrium] = []
+    for curve in _circuits(first, span, tuple(held)):
+        for here, search in _balanced(statics, curve, point):
+            if all(np.abs(_apart(mech, e.q, here.q)).max() > ALIKE for e in out):
+                still, holding = np.zeros(mech.nv), dict(zip(names, here.holding.tolist(), strict=True))
+                judged, left = verdict(statics, here), search.residual
+                out.append(
+                    Equilibrium(mech, 0.0, here.q, still, here.s, here.lam, holding, left, search.iterations, judged)
+                )
+    return out
+
+
+def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[str, ...]) -> list[Kinematics]:
+    """The curve of the start, and those of assembly modes that are not on it."""
+    mech, drive, curves = first.mechanism, first.drive, [first]
+    if not mech.closures:
+        return curves
+    start = assembly_modes(mech, drive, hold=hold)
+    if span is not None:
+        inputs = np.linspace(*span, INPUTS + 2)[1:-1]
+    else:
+        inputs = start.u + 2 * np.pi * np.arange(1, INPUTS) / INPUTS
+    for u in (start.u, *inputs.tolist()):
+        try:
+            found = start if u == start.u else assembly_modes(mech, drive, u, hold=hold)
+        except InputError:  # it does not reach there
+            continue
+        for doubt in found.doubts:
+            warnings.warn(f"equilibria over {drive!r}: {doubt}", stacklevel=3)
+        for mode in found.modes:
+            if any(_passes(mech, curve, mode.q) for curve in curves):
+                continue
+            try:
+                curves.append(kinematics(mech, drive, span=span, hold=hold, points=POINTS, q=mode.q))
+            except (AssemblyError, StepError, InputError) as e:
+                text = f"equilibria on the circuit of assembly mode {mode.label} at {drive} = {u:.6g} are missing: {e}"
+                warnings.warn(text, stacklevel=3)
+    return curves
+
+
+def _passes(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
+    """Whether a curve passes a pose."""
+    for stretch in curve.stretches:
+        poses = curve.q[stretch.first : stretch.last]
+        away = np.array([_apart(mech, x, q) for x in poses])
+        steps = np.diff(away, axis=0)
+        size = np.maximum((steps**2).sum(1), 1e-300)
+        share = np.clip(-(away[:-1] * steps).sum(1) / size, 0, 1)
+        nearest = np.linalg.norm(away[:-1] + share[:, None] * steps, axis=1)
+        if (nearest <= BESIDE * np.sqrt(size)).any():
+            return True
+    return False
+
+
+def _balanced(
+    statics: Statics, curve: Kinematics, point: Callable[[Array], Balance]
+) -> Iterator[tuple[Balance, Search]]:
+    """The equilibria along a curve, where the force along it changes its sign."""
+    manifold = statics.system.manifold
 
     def along(here: Balance, tangent: Array) -> float:
         U = here.free.U
         side = np.sign((U @ tangent) @ (U @ here.free.Z[:, 0]))
         return float(side * here.rho[0])
 
-    def point(q: Array) -> Balance:
-        return statics.point(statics.close(q, s0), s0)
-
-    out: list[Equilibrium] = []
     for stretch in curve.stretches:
         at = range(stretch.first, stretch.last - 1)
         met = [point(q) for q in curve.q[stretch.first : stretch.last]]
@@ -79,18 +147,11 @@ def equilibria(
                 found = search.run("any")
             except (StepError, ValueError):
                 continue
-            here = search.here
-            apart = [np.abs(_wrapped(manifold.difference(e.q, here.q))).max() for e in out]
-            if found and min(apart, default=1.0) > ALIKE:
-                still, holding = np.zeros(mech.nv), dict(zip(names, here.holding.tolist(), strict=True))
-                out.append(
-                    Equilibrium(
-                        mech, 0.0, here.q, still, here.s, here.lam, holding, search.residual, search.iterations,
-                        verdict(statics, here),
-                    )
-                )  # fmt: skip
-    return out
+            if found:
+                yield search.here, search
 
 
-def _wrapped(x: Array) -> Array:
-    return x - 2 * np.pi * np.round(x / (2 * np.pi))
+def _apart(mech: Mechanism, a: Array, b: Array) -> Array:
+    """How far poses are apart, in rad and characteristic lengths; full turns of a hinge are none."""
+    x = mech.manifold.difference(a, b) / mech.coordinate_scales
+    return np.where(turning(mech.model), x - 2 * np.pi * np.round(x / (2 * np.pi)), x)

@@ -40,6 +40,7 @@ class LoadPath(Tabular):
         unstable: number of negative eigenvalues of the stiffness, (n,).
         critical: limit points and branch points.
         complete: the path came to the end of the range.
+        potential: the forces have one all along: no branch point can be missed between two points.
     """
 
     mechanism: Mechanism
@@ -49,6 +50,7 @@ class LoadPath(Tabular):
     unstable: Array
     critical: tuple[CriticalPoint, ...]
     complete: bool
+    potential: bool = True
 
     @property
     def coordinates(self) -> dict[str, Array]:
@@ -89,6 +91,7 @@ class LoadPath(Tabular):
             "title": self.mechanism.title,
             "load": self.load,
             "complete": self.complete,
+            "potential": self.potential,
             "factor": self.factor.tolist(),
             "coordinates": {name: x.tolist() for name, x in self.coordinates.items()},
             "unstable": self.unstable.tolist(),
@@ -104,6 +107,8 @@ class LoadPath(Tabular):
         ]
         said = {"limit": "limit point: it snaps", "branch": "branch point: it buckles"}
         lines += [f"  {said[e.kind]} at factor {e.factor:.12g}{_several(e)}" for e in self.critical]
+        if not self.potential:
+            lines.append("  forces have no potential: branch points where two roots pass zero at once may be missing")
         share = float((self.unstable > 0).mean())
         lines.append(f"  {100 * share:.0f} % of the equilibria are unstable")
         return "\n".join(lines if self.complete else [*lines, "  the path did not come to the end of the range"])
@@ -161,5 +166,6 @@ def load_path(
         raise InputError(f"{mech.title!r} has no freedom left: nothing moves with the load")
     points, critical, complete = follow.run(start)
     bad = [curvature(p.here.H, p.here.noise).negative for p in points]
-    factor = np.array([first + (last - first) * p.u for p in points])
-    return LoadPath(mech, load, factor, np.array([p.here.q for p in points]), np.array(bad), tuple(critical), complete)
+    factor, q = np.array([first + (last - first) * p.u for p in points]), np.array([p.here.q for p in points])
+    potential = all(p.bent is not None for p in points)
+    return LoadPath(mech, load, factor, q, np.array(bad), tuple(critical), complete, potential)
