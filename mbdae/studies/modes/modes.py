@@ -12,7 +12,7 @@ from ...errors import StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.freedom import close
 from ...mechanism.formulations.linearization import LinearMotion
-from ...mechanism.formulations.spectrum import Spectrum, spectrum
+from ...mechanism.formulations.spectrum import CERTAIN, Spectrum, spectrum
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
@@ -94,6 +94,15 @@ class Modes(Tabular):
         """No eigenvalue has a positive real part that counts."""
         return not self.spectrum.growing.any()
 
+    @property
+    def free_below(self) -> float:
+        """The frequency in rad/s below which motions cannot be told from free ones; 0 where none is free."""
+        (k, m), zeros = (self.motion.positions.shape[1], self.motion.speeds.shape[1]), self.eigenvalues == 0
+        x = np.abs(self.spectrum.vectors[:k, zeros])
+        size = np.linalg.norm(x, axis=0)
+        stiffness = np.linalg.norm(self.motion.noise[k : k + m, :k] @ x, axis=0)[size > 0] / size[size > 0]
+        return float(np.sqrt(CERTAIN * stiffness.max(initial=0.0)))
+
     def configurations(self, i: int, amplitude: float | None = None) -> Array:
         """One cycle of mode i, (121, nq): q (+) a Re(e^(i phi) dq), with the loops closed.
 
@@ -156,6 +165,7 @@ class Modes(Tabular):
             "title": self.mechanism.title,
             "around": self.around,
             "stable": self.stable,
+            "free_below": self.free_below,
             "q": self.motion.q.tolist(),
             "v": self.motion.v.tolist(),
             "eigenvalues": [[z.real, z.imag] for z in self.eigenvalues.tolist()],
@@ -207,7 +217,12 @@ class Modes(Tabular):
     def __str__(self) -> str:
         words = "stable" if self.stable else "unstable"
         title = f"modes of {self.mechanism.title} around its {self.around}: {words}"
-        return "\n".join([title, "", *aligned(self.cells())])
+        lines = [title, "", *aligned(self.cells())]
+        if self.free_below:
+            largest = np.abs(self.eigenvalues).max()
+            beside = f" beside {largest:.2g} rad/s" if largest else ""
+            lines.append(f"motions slower than {self.free_below:.1g} rad/s cannot be told from free ones{beside}")
+        return "\n".join(lines)
 
 
 def modes(

@@ -122,8 +122,8 @@ class Continuation:
         """The branch points of a step, each where one eigenvalue, or several, pass zero."""
         assert here.bent is not None
         assert there.bent is not None
-        beside = min(here, there, key=lambda p: p.bent.flat)  # a step may begin at a branch point
-        flat = beside.bent.flat
+        beside = here if here.bent.flat <= there.bent.flat else there  # a step may begin at a branch point
+        flat = min(here.bent.flat, there.bent.flat)
         numbers = range(*sorted((here.bent.negative, there.bent.negative)))
         roots = [self.located(here, h, lambda p, k=k: passing(p, k, flat)) for k in numbers]  # type: ignore[misc]
         out: list[tuple[PathPoint, CriticalPoint]] = []
