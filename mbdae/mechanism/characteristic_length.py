@@ -43,6 +43,15 @@ def coordinate_scales(mech: "Mechanism") -> Array:
     return np.where(lengths(mech.model), mech.characteristic_length, 1.0)
 
 
+def q_scales(mech: "Mechanism") -> Array:
+    """What 1 of each component of q is in its unit, (nq,): l for places, 1 for angles and parts of quaternions."""
+    out, slides = np.ones(mech.nq), lengths(mech.model)
+    for joint in list(mech.model.joints)[1:]:
+        places = int(slides[joint.idx_v : joint.idx_v + joint.nv].sum())  # which come first in q
+        out[joint.idx_q : joint.idx_q + places] = mech.characteristic_length
+    return out
+
+
 def linkage_lengths(mech: "Mechanism") -> Iterator[float]:
     """Lengths in m between joints and the places where closures act, and of closures."""
     model = mech.model

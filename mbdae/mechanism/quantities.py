@@ -8,7 +8,7 @@ import pinocchio as pin
 
 from ..errors import InputError
 from ..system import Array
-from .characteristic_length import characteristic_length, coordinate_scales, row_scales
+from .characteristic_length import characteristic_length, coordinate_scales, q_scales, row_scales
 from .frames import place
 from .workspace import make_data
 
@@ -25,6 +25,11 @@ class Quantities:
     def row_scales(self: Any) -> Array:
         """What 1 of each row's g is in its unit, (ng,): the characteristic length, or 1 rad."""
         return row_scales(self)
+
+    @cached_property
+    def q_scales(self: Any) -> Array:
+        """What 1 of each component of q is in its unit, (nq,): the characteristic length, or 1."""
+        return q_scales(self)
 
     @cached_property
     def coordinate_scales(self: Any) -> Array:

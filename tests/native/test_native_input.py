@@ -29,9 +29,16 @@ def arguments(name="four_bar", **options):
     return [mech.model, flat, pairs, rows, drivers, law_pairs, laws, system.ns, [], *lists]
 
 
-def make_core(model, *rest):
+def make_core(model, *rest, more=0):
+    """A core, all of whose scales are 1; ``more`` of each than there should be."""
     native = backend.load()
-    return native.Core(model, limits_of(native), *rest)
+    sizes = {
+        "row_scales": len(rest[2]),
+        "q_scales": getattr(model, "nq", 0),
+        "coordinate_scales": getattr(model, "nv", 0),
+    }
+    scales = SimpleNamespace(**{name: np.ones(n + more) for name, n in sizes.items()})
+    return native.Core(model, limits_of(native, scales), *rest)
 
 
 def tableau_arrays(name="pherk5"):
@@ -121,7 +128,7 @@ def test_wrong_limits_are_refused():
     """Missing ones, others, and numbers that are none: a core never computes with what nobody said."""
     make = backend.load().Limits
     seen = {}
-    limits_of(SimpleNamespace(Limits=lambda **given: seen.update(given)))
+    limits_of(SimpleNamespace(Limits=lambda **given: seen.update(given)), mbdae.load("four_bar"))
     make(**seen)
     for wrong in ({k: x for k, x in seen.items() if k != "grown"}, seen | {"grow": 1.0}, seen | {"open": "wide"}):
         with pytest.raises(REFUSED):
@@ -240,6 +247,8 @@ def test_indices_that_overflow_are_refused():
             make_core(*wrong)
     with pytest.raises(ValueError, match="sizes"):
         make_core(*RIGHT[:7], 2**31 - 1, *RIGHT[8:])
+    with pytest.raises(ValueError, match="as many scales as rows"):
+        make_core(*RIGHT, more=1)
 
 
 @pytest.mark.parametrize("model", [None, 3, "four_bar", object(), pin.Data(pin.Model()), pin.Model])

@@ -54,7 +54,7 @@ class Compiled(Index2System):
         tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, m.angles, *lists
         form = self.formulation, *self.baumgarte
         try:
-            self.core: Core = native.Core(mechanism.model, limits_of(native), m.flat, *tables, *form)
+            self.core: Core = native.Core(mechanism.model, limits_of(native, mechanism), m.flat, *tables, *form)
         except native.UnknownKind as e:
             raise NotCompiled(str(e)) from None
         self.core.sample(samplers_of(self.laws))

@@ -14,11 +14,12 @@ from . import ggl, projection, sliding, sliding_place
 
 if TYPE_CHECKING:
     from ..._native import Limits
+    from ..mechanism import Mechanism
 
 Plain = dict[str, Any]
 
 
-def limits_of(native: ModuleType) -> "Limits":
+def limits_of(native: ModuleType, mechanism: "Mechanism") -> "Limits":
     """Return all thresholds of points and steps; those of step-size control come with a run."""
     limits: Limits = native.Limits(
         largest_turn=manifold.LARGEST_TURN,
@@ -41,6 +42,9 @@ def limits_of(native: ModuleType) -> "Limits":
         stalled=projection.STALLED,
         iterations=projection.ITERATIONS,
         unmoved=projection.UNMOVED,
+        row_scales=mechanism.row_scales.tolist(),
+        q_scales=mechanism.q_scales.tolist(),
+        coordinate_scales=mechanism.coordinate_scales.tolist(),
         meeting=ggl.ITERATIONS,
         met=ggl.ROUNDING,
         halted=ggl.STALLED,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 TRUNCATION = 1e-7  # of the largest singular value of G M^-1/2
 ITERATIONS = 10
-ROUNDING = 1e-14  # of 1 + |q| or 1 + |v|: residuals below are left alone
+ROUNDING = 1e-14  # of 1 + |q|, or of |v|: residuals below are left alone
 FALLING = 0.5  # of |g|: a correction that leaves more of it is not taken
 UNMOVED = 1e-13  # rad or m: what a projection moves by so little adds no slopes of its own
 OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
@@ -25,7 +25,8 @@ def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> 
 
     Rows of velocity have no part in q. Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g
     with a truncated pseudoinverse, M frozen; then v - M^-1/2 (G M^-1/2)^+ (G v + g_t). A step that does not halve |g|
-    is not taken: near singular positions rounding in g stands for large corrections.
+    is not taken: near singular positions rounding in g stands for large corrections. Lengths are compared in
+    characteristic lengths of the mechanism.
 
     Args:
         system: a workspace.
@@ -44,12 +45,13 @@ def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> 
     U = system.inertia(t, q)
     (*_, q), g, G, move = approach(system, t, q, U, tight)
     system.counts.state_projections += 1
-    if not np.linalg.norm(g) <= OPEN and not move <= STALLED * (1 + np.abs(q).max()):
-        gap = largest_error(system.mechanism, g)
+    mech = system.mechanism
+    if not np.linalg.norm(g / mech.row_scales) <= OPEN and not move <= STALLED * (1 + np.abs(q / mech.q_scales).max()):
+        gap = largest_error(mech, g)
         raise StepError("newton", f"closure {gap.name!r} cannot be closed at t = {t:.17g}: it stays open by {gap.text}")
     rate = G @ v + system.g_t(t)
     if tight or speeds_felt(system, rate, v):
-        v = v - _smallest(U, G, rate)
+        v = v - _smallest(U, G, rate, mech.row_scales)
     return np.concatenate([q, v, y[system.nq + system.nv :]])
 
 
@@ -59,35 +61,34 @@ def approach(
     """Take Gauss-Newton steps from q; kinematics stand there.
 
     Returns:
-        The configurations from q to the end; g and G there; the largest component of the last step that was tried.
+        The configurations from q to the end; g and G there; the largest component of the last step that was tried, in
+        rad or characteristic lengths.
     """
     g, G = system.closures(None, t)
-    path, move, kept = [q], 0.0, system.constraints.positional
+    path, move, kept, mech = [q], 0.0, system.constraints.positional, system.mechanism
+    scales = mech.row_scales
     for _ in range(ITERATIONS):
-        if not tight and not felt(g, q):
+        if not tight and not np.linalg.norm(g / scales) > ROUNDING * (1 + np.abs(path[-1] / mech.q_scales).max()):
             break
-        x = _smallest(U, G[kept], g[kept])
-        move = float(np.abs(x).max())
+        x = _smallest(U, G[kept], g[kept], scales[kept])
+        move = float(np.abs(x / mech.coordinate_scales).max())
         nearer = system.manifold.integrate(path[-1], -x)
         residual = system.closures(nearer, t)
-        if not np.linalg.norm(residual[0]) < FALLING * np.linalg.norm(g):
+        if not np.linalg.norm(residual[0] / scales) < FALLING * np.linalg.norm(g / scales):
             break
         path.append(nearer)
         g, G = residual
     return path, g, G, move
 
 
-def felt(residual: Array, x: Array) -> bool:
-    """Say whether a residual is more than rounding."""
-    return bool(np.linalg.norm(residual) > ROUNDING * (1 + np.abs(x).max()))
-
-
 def speeds_felt(system: "Index2System", rate: Array, v: Array) -> bool:
     """Say whether G v + g_t, (ng,), is more than rounding; whatever it is where joints stick, which stand still."""
-    return system.sticks or felt(rate, v)
+    mech = system.mechanism
+    speed = np.abs(v / mech.coordinate_scales).max()
+    return system.sticks or bool(np.linalg.norm(rate / mech.row_scales) > ROUNDING * speed)
 
 
-def _smallest(U: Array, G: Array, r: Array) -> Array:
-    """The x (nv,) of least |U x| with G x = r (ng,), in the sense of truncated least squares."""
-    B = dgesv(U.T, G.T)[2]
-    return dgesv(U, np.linalg.lstsq(B.T, r, rcond=TRUNCATION)[0])[2]
+def _smallest(U: Array, G: Array, r: Array, scales: Array) -> Array:
+    """The x (nv,) of least |U x| with G x = r (ng,), by truncated least squares of rows by their scales."""
+    B = dgesv(U.T, (G / scales[:, None]).T)[2]
+    return dgesv(U, np.linalg.lstsq(B.T, r / scales, rcond=TRUNCATION)[0])[2]

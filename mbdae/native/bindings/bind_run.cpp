@@ -47,6 +47,7 @@ Limits make_limits(const nb::kwargs& given) {
   TAKE(independent), TAKE(worst_conditioning), TAKE(grown), TAKE(many), TAKE(reason), TAKE(probed);
   TAKE(converged), TAKE(spare);
   TAKE(truncation), TAKE(rounding), TAKE(falling), TAKE(open), TAKE(stalled), TAKE(iterations), TAKE(unmoved);
+  TAKE(row_scales), TAKE(q_scales), TAKE(coordinate_scales);
   TAKE(meeting), TAKE(met), TAKE(halted), TAKE(gaping);
   TAKE(still), TAKE(turned), TAKE(loading), TAKE(loaded), TAKE(settled), TAKE(nothing);
 #undef TAKE

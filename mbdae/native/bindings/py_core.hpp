@@ -36,6 +36,9 @@ struct PyCore {
     if (ns < 0 || ns > 1000000 || static_cast<int>(turning.size()) != n.nv || probe.size() != turning.size())
       refuse("sizes do not fit the model");
     if (flat && n.nq != n.nv) refuse("a flat manifold has nq = nv");
+    if (limits.row_scales.size() != row_list.size() || static_cast<int>(limits.q_scales.size()) != n.nq ||
+        static_cast<int>(limits.coordinate_scales.size()) != n.nv)
+      refuse("as many scales as rows, coordinates and velocities");
     Description out;
     static const std::map<std::string, Formulation> formulations = {
         {"index2", Formulation::index2}, {"ggl", Formulation::ggl}, {"index1", Formulation::index1}};

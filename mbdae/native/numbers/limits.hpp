@@ -25,7 +25,8 @@ struct Limits {
   // formulations/projection.py
   double truncation, rounding, falling, open, stalled;
   int iterations;
-  double unmoved;  // rad or m
+  double unmoved;                                          // rad or m
+  std::vector<double> row_scales, q_scales, coordinate_scales;  // what 1 of g (ng,), q (nq,) and v (nv,) is in its unit
   // formulations/ggl.py
   int meeting;             // iterations
   double met, halted, gaping;  // of 1 + |q|, of 1 + |q|, m or rad

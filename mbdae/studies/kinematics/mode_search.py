@@ -25,7 +25,7 @@ SAME = 100 * NEAR  # poses so near are one mode
 
 
 @dataclass
-class Mode:
+class FoundMode:
     """A mode.
 
     Attributes:
@@ -41,7 +41,7 @@ class Mode:
     hits: int = 0
 
 
-class Search:
+class ModeSearch:
     """All poses of a mechanism at one value of its input.
 
     Args:
@@ -60,7 +60,7 @@ class Search:
     def __init__(self, moved: Mechanism, q0: Array, u: float, counts: Array) -> None:
         self.system, self.q0, self.u, self.counts = moved.system(), q0, u, counts
         self.curve = PoseCurve(self.system, turning(moved.model))
-        self.modes: list[Mode] = []
+        self.modes: list[FoundMode] = []
         self.starts = self.closed = 0
         self.doubts: list[str] = []
         drive, self.period = moved.drivers[-1], 0.0
@@ -71,8 +71,8 @@ class Search:
         reach = sum(linkage_lengths(moved)) + sum(sliding) or moved.characteristic_length
         self.widths = np.where(lengths(moved.model), reach, np.pi)
 
-    def run(self, most: int) -> "Search":
-        """Search from the given configuration, and from random ones, at most so many."""
+    def run(self, most: int) -> "ModeSearch":
+        """ModeSearch from the given configuration, and from random ones, at most so many."""
         found = self._closed(self.q0)
         if found is not None:
             self._known(found)
@@ -116,11 +116,11 @@ class Search:
         near = self._turned_back(q)
         return q if near is None else near
 
-    def _find(self, q: Array) -> Mode | None:
+    def _find(self, q: Array) -> FoundMode | None:
         same = (m for m in self.modes if np.abs(self.curve.wrapped(m.q, q)[self.counts]).max() < SAME)
         return next(same, None)
 
-    def _known(self, q: Array) -> Mode:
+    def _known(self, q: Array) -> FoundMode:
         """The mode with this pose; where it is new, all others on its circuit are found with it."""
         found = self._find(q)
         if found is not None:
@@ -129,12 +129,12 @@ class Search:
         passed, doubt = circuit(self.system, self.curve.turning, self.period, q, self.u)
         if doubt:
             self.doubts.append(f"circuit {number}: {doubt}")
-        new = Mode(q, number, passed[0][1])
+        new = FoundMode(q, number, passed[0][1])
         self.modes.append(new)
         for other, rising in passed[1:]:
             pose = self._turned_back(other)
             if pose is not None and self._find(pose) is None:
-                self.modes.append(Mode(pose, number, rising))
+                self.modes.append(FoundMode(pose, number, rising))
         return new
 
     def _turned_back(self, q: Array) -> Array | None:

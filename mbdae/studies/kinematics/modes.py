@@ -20,7 +20,7 @@ from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Tabular
 from .driven import Hold, check_freedom, driven, input_at, left_open, start_pose
-from .mode_search import Search
+from .mode_search import ModeSearch
 
 __all__ = ["assembly_modes"]
 
@@ -131,18 +131,20 @@ def assembly_modes(
     counts = np.zeros(mech.nv, bool)
     for joint in find_joints(mech.model, names):
         counts[joint.idx_v : joint.idx_v + joint.nv] = True
-    search = Search(moved, q0, u, counts).run(most)
+    search = ModeSearch(moved, q0, u, counts).run(most)
     if not search.modes:
         text = f"no pose was found at {drive!r} = {u:.6g} from {search.starts} starts: it may not reach there"
         raise InputError(text)
     return AssemblyModes(mech, drive, u, _labelled(search), search.starts, search.closed, tuple(search.doubts))
 
 
-def _labelled(search: Search) -> tuple[AssemblyMode, ...]:
+def _labelled(search: ModeSearch) -> tuple[AssemblyMode, ...]:
     curve, modes = search.curve, []
     for number, of_it in groupby(search.modes, key=lambda m: m.circuit):
         for letter, m in zip(_letters(), of_it, strict=False):
-            sizes = np.linalg.svd(curve.closures(m.q, search.u)[1], compute_uv=False)[: curve.system.nv]
+            G = curve.closures(m.q, search.u)[1]
+            G[-1] /= curve.unit
+            sizes = np.linalg.svd(G, compute_uv=False)[: curve.system.nv]
             margin = float(sizes[-1] / sizes[0])
             modes.append(AssemblyMode(f"{number}{letter}", number, m.q, m.rising, margin, m.hits))
     return tuple(modes)
