@@ -15,7 +15,7 @@ from .steppers.adaptive import Adaptive
 from .steppers.native import NativeStepper
 
 SHARPER, SHARPEST = 1e-3, 1e-12  # times rtol, and the least rtol
-MOST = 500  # steps from one time to the next
+MOST = 100  # steps from one time to the next; twice what ever were needed
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,12 @@ class Retracer:
 
     Attributes:
         run: the run.
-        tableau: a half-explicit method.
-        rtol: its tolerance.
+        rtol: tolerance of these steps, by the default method: sharp ones of a low order would be thousands.
         anywhere: from any node; else, for an implicit method of stiff motions, from the first one of a leg only, the
             short way that a leap needs where no step lies behind.
     """
 
     run: RunState
-    tableau: Tableau
     rtol: float
     anywhere: bool
 
@@ -42,9 +40,7 @@ class Retracer:
             run.system.breakpoint(run.t, -run.sign)
         except InputError:  # a sampled controller
             return None
-        half_explicit = isinstance(run.tableau, Tableau)
-        tableau = run.tableau if half_explicit else method(DEFAULTS["method"])
-        return cls(run, tableau, max(SHARPER * rtol, SHARPEST), half_explicit)
+        return cls(run, max(SHARPER * rtol, SHARPEST), isinstance(run.tableau, Tableau))
 
     def __call__(self, times: Array) -> tuple[Array, Array, Array]:
         """Return times (k,), points (k, ...) and rates (k, ny) of the last node and those at earlier times, one by one.
@@ -52,7 +48,7 @@ class Retracer:
         Raises:
             StepError: where they cannot be reached.
         """
-        run, tableau = self.run, self.tableau
+        run, tableau = self.run, method(DEFAULTS["method"])
         system = run.system.twin()
         system.hold(run.system.in_use)
         ts, ys, rates = [run.t], [run.ys[-1]], []
