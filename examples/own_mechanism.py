@@ -48,7 +48,7 @@ def urdf() -> str:
 
 TABLES = """
 title = "Parallelogram lift"
-source = "lift.urdf"
+source = { file = "lift.urdf", quiet = true }  # no warning of the limits of its joints
 gravity = [0.0, 0.0, -9.81]
 [[frame]]
 name = "platform_end"

@@ -46,7 +46,7 @@ def test_double_pendulum(program, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path, t = tmp_path / "mechanism.toml", np.linspace(0, 1, 11)
     path.write_text(
-        f'source = "example-robot-data:{URDF}"\n[[force]]\nkind = "joint_damping"\n'
+        f'source = {{ file = "example-robot-data:{URDF}", quiet = true }}\n[[force]]\nkind = "joint_damping"\n'
         'joint = ["joint1", "joint2"]\ndamping = 0.0\n[start]\nq = { joint1 = 1.5, joint2 = 0.5 }'
     )
     mech = mbdae.load(path)

@@ -25,7 +25,7 @@ class Recorded:
     def __init__(self, element: ET.Element, above: "Recorded | None" = None) -> None:
         self.tag, self._element, self._above = element.tag, element, above
         own = [element.get(NAME, "")] if above else []
-        self.names = "/".join(filter(None, [above.names if above else "", *own]))
+        self.names: str = "/".join(filter(None, [above.names if above else "", *own]))
         self._made: list[Recorded] | None = None
         self._attributes, self._text, self._visited = {NAME}, False, above is None
 
