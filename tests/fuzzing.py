@@ -56,6 +56,7 @@ def models_of_runs(folder):
         mbdae.load("four_bar"),
         mbdae.load(DATA / "robot"),
         mbdae.load(DATA / "mjcf" / "trees.xml"),
+        mbdae.load(DATA / "linkage.sdf"),
     ]
     paths = []
     for i, mech in enumerate(made):
@@ -67,7 +68,8 @@ def models_of_runs(folder):
 class Mutants:
     """Makes mutants in a folder, one after another; the same seed makes the same file."""
 
-    KINDS = ("urdf", "mjcf", "replicated", "toml", "parameters", "yaml", "sweep", "obj", "mtl", "stl", "dae", "saved")
+    KINDS = ("urdf", "sdf", "mjcf", "replicated", "toml", "parameters", "yaml", "sweep", "obj", "mtl", "stl", "dae",
+             "saved")  # fmt: skip
 
     def __init__(self, folder):
         self.folder = folder
@@ -82,6 +84,8 @@ class Mutants:
         match kind:
             case "urdf":
                 return self._text("x.urdf", (DATA / "robot" / "robot.urdf").read_text(), rng)
+            case "sdf":
+                return self._text("x.sdf", (DATA / "all_sorts.sdf").read_text(), rng)
             case "mjcf":
                 name = rng.choice(["trees", "loops", "actuated"])
                 return self._text("x.xml", (DATA / "mjcf" / f"{name}.xml").read_text(), rng)

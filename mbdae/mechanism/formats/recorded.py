@@ -124,7 +124,7 @@ class Recorded:
         """
         waiting = [(self, "")]
         while waiting:
-            at, path = waiting.pop(0)
+            at, path = waiting.pop()
             names = at.names.removeprefix(self.names).strip("/")
             if not at._visited:
                 yield path, names
@@ -135,8 +135,7 @@ class Recorded:
             written = (at._element.text, *(e._element.tail for e in at.children))
             if any(x and x.strip() for x in written[at._text :]):
                 yield f"{path}/text()".strip("/"), names
-            inner = [(e, f"{path}/{e.tag}".strip("/")) for e in at.children if e not in but]
-            waiting[:0] = inner
+            waiting += [(e, f"{path}/{e.tag}".strip("/")) for e in reversed(at.children) if e not in but]
 
 
 def unread_phrases(unread: Iterator[tuple[str, str]]) -> list[str]:
