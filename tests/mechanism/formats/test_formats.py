@@ -277,6 +277,7 @@ def test_older_tables_of_parallel_robots(tmp_path):
         ("{", "is not YAML"),
         ("", "is not a table of keys"),
         ("closed_loop: &a [*a]", "its aliases stand for inf entries"),
+        ("name_mot: motor\nname_mot: []", "the key 'name_mot' is there more than once"),
     ],
 )
 def test_wrong_robot_yaml_is_one_line(text, words, tmp_path):
