@@ -160,5 +160,5 @@ def _periodic(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> "PP
         c[2] += grown
         c[3] += grown * (x[:-1] - x[0])
         return PPoly(c, x)
-    tiled = [np.concatenate([z[:-1] - by, z[:-1], z + by]) for z, by in ((x, width), (y, rise))]
-    return PPoly(_through(*tiled, interpolation, at_rest=False).c[:, n : 2 * n], x)
+    longer, more = (np.concatenate([z[:-1] - by, z[:-1], z + by]) for z, by in ((x, width), (y, rise)))
+    return PPoly(_through(longer, more, interpolation, at_rest=False).c[:, n : 2 * n], x)
