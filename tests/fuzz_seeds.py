@@ -46,6 +46,17 @@ SHOWN = """<robot name="shown"><link name="base"/><link name="arm"><inertial><ma
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
 <visual><geometry><mesh filename="NAME" scale="1 1 -1"/></geometry></visual></link>
 <joint name="j" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0.6 0.8"/></joint></robot>"""
+TABLEAU = """name = "own3"
+title = "Ralston's method"
+order = 3
+order_linear = 3
+order_own = 1
+A = [[], ["1/2"], ["0", "3/4"]]
+b = ["2/9", "1/3", "1/6 + sqrt(3)/9 - sqrt(3)/9 + 5/18"]
+b_embedded = ["7/24", "1/4", "11/24"]
+order_embedded = 2
+"""
+TABLE = "t,q.crank,v.crank\n0,0.3,1.0\n0.5,0.7,1.1\n1,1.3e0,-1.2\n2,1.5,0.1\n"
 SWEEP = """model = "slider_crank"
 end = 0.02
 times = 5

@@ -1,15 +1,16 @@
 """Files with mistakes: mutants of every kind of file that mbdae reads, tried in processes of their own.
 
-    python tests/fuzzing.py --count 2600
+    python tests/fuzzing.py --count 3000
 
 A mutant may be read or refused in one line of an `mbdae.errors.MbdaeError`; it must not end the process, print a
-traceback, or keep silent for longer than ``PATIENCE``.
+traceback, keep silent for longer than ``PATIENCE``, or take more memory than ``MEMORY``.
 """
 
 import argparse
 import json
 import os
 import random
+import resource
 import select
 import shutil
 import subprocess
@@ -20,10 +21,26 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from fuzz_seeds import CUBE, DAE, MATERIAL, PARAMETRIC, REPLICATED, SHOWN, STL, SWEEPS, bent, changed, mangled
+from fuzz_seeds import (
+    CUBE,
+    DAE,
+    MATERIAL,
+    PARAMETRIC,
+    REPLICATED,
+    SHOWN,
+    STL,
+    SWEEPS,
+    TABLE,
+    TABLEAU,
+    bent,
+    changed,
+    mangled,
+)  # fmt: skip
 
 DATA = Path(__file__).parent / "data"
 PATIENCE = 20.0  # s without an answer
+MEMORY = 1e9  # bytes, the peak of a process
+ADDRESSES = 16 * 2**30  # bytes of addresses, so that a mistake here does not stop the machine
 
 
 def saved(path, rng, runs):
@@ -38,6 +55,12 @@ def saved(path, rng, runs):
         name = rng.choice(sorted(set(arrays) - {"meta"}))
         x = arrays[name]
         arrays[name] = rng.choice([x[:-1], x * np.nan, x[::-1], x.astype("<f4"), x.astype(int), x[..., None], x[:0]])
+    elif rng.random() < 0.05:  # far larger than the file
+        name, n = rng.choice([*arrays, "event_0_t", "more"]), rng.choice([2**20, 2**24])
+        shape = rng.choice([(n,), (n, 2), (*np.shape(arrays.get(name, 0.0))[:1], n // 4), ()])
+        arrays[name] = rng.choice([np.zeros(shape), np.full((), "x" * n)])
+        np.savez_compressed(path, **arrays)
+        return
     else:
         arrays["meta"] = np.array(json.dumps(changed(json.loads(str(arrays["meta"])), rng)))
     np.savez(path, **arrays)
@@ -68,8 +91,10 @@ def models_of_runs(folder):
 class Mutants:
     """Makes mutants in a folder, one after another; the same seed makes the same file."""
 
-    KINDS = ("urdf", "sdf", "mjcf", "replicated", "toml", "parameters", "yaml", "sweep", "obj", "mtl", "stl", "dae",
-             "saved")  # fmt: skip
+    KINDS = (
+        "urdf", "mjcf", "replicated", "sdf", "toml", "parameters", "yaml", "sweep", "tableau", "table", "obj", "mtl",
+        "stl", "dae", "saved",
+    )  # fmt: skip
 
     def __init__(self, folder):
         self.folder = folder
@@ -104,8 +129,14 @@ class Mutants:
             case "yaml":
                 shutil.copy(DATA / "robot" / "robot.urdf", here)
                 return self._text("robot.yaml", (DATA / "robot" / "robot.yaml").read_text(), rng)
+            case "sdf":
+                return self._text("x.sdf", (DATA / "linkage.sdf").read_text(), rng)
             case "sweep":
                 return self._text("sweep.toml", rng.choice(SWEEPS), rng)
+            case "tableau":
+                return self._text("tableau.toml", TABLEAU, rng)
+            case "table":
+                return self._text("table.csv", TABLE, rng)
             case "obj" | "mtl" | "stl" | "dae":
                 return self._mesh(kind, rng)
             case "saved":
@@ -139,7 +170,9 @@ class Enough(Exception):
 def attempt(kind, path):
     """Use a file as the commands do; return what came of it in a word."""
     import mbdae
+    from mbdae.methods import method
     from mbdae.studies.card.card import card
+    from mbdae.studies.inverse.prescribed import read_table
     from mbdae.studies.sweep.sweep import sweep
     from mbdae.studies.sweep.toml_file import read_sweep
 
@@ -149,6 +182,11 @@ def attempt(kind, path):
     if kind == "sweep":
         arguments = {"max_steps": 2000, **read_sweep(path)}  # a run of an hour is no mistake, and shows its progress
         return "read" if sweep(**arguments, progress=tell) else "nothing"
+    if kind == "tableau":
+        made = method(str(path))
+        return mbdae.solve(mbdae.load("four_bar"), (0.0, 0.02), method=made, step=0.01).status
+    if kind == "table":
+        return "read" if read_table(path) else "nothing"
     if kind == "saved":
         sol = mbdae.Solution.load(path)
         mech = sol.mechanism
@@ -166,6 +204,7 @@ def child():
     """Answer for each kind and path on the standard input with a line: a word, or what went wrong."""
     from mbdae.errors import MbdaeError
 
+    resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
     answers = sys.stdout
     sys.stdout = sys.stderr
     for line in sys.stdin:
@@ -184,7 +223,8 @@ def child():
 
             where = "; ".join(f"{f.name} {f.lineno}" for f in traceback.extract_tb(e.__traceback__)[-3:])
             answer = f"! {type(e).__name__}: {e} ({where})"
-        print(json.dumps(answer), file=answers, flush=True)
+        peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # of all files so far
+        print(json.dumps(answer if peak <= MEMORY else f"! {peak / 1e6:.0f} MB"), file=answers, flush=True)
 
 
 class Child:
@@ -206,7 +246,10 @@ class Child:
             self._answer(60)
         self.process.stdin.write(json.dumps([kind, path]) + "\n")
         self.process.stdin.flush()
-        return self._answer(PATIENCE)
+        answer = self._answer(PATIENCE)
+        if answer.endswith("MB"):
+            self.close()
+        return answer
 
     def _answer(self, patience):
         ready, _, _ = select.select([self.process.stdout], [], [], patience)
@@ -252,7 +295,7 @@ def hunt(kinds, count, first=0, keep=None):
 def main():
     """Try many mutants, and say which went wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=2600, help="of all kinds together")
+    parser.add_argument("--count", type=int, default=3000, help="of all kinds together")
     parser.add_argument("--kinds", nargs="*", default=Mutants.KINDS)
     parser.add_argument("--first", type=int, default=0, help="seed of the first mutant of each kind")
     parser.add_argument("--keep", type=Path, default=Path("mutants"), help="folder for those that went wrong")

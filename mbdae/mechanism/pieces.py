@@ -126,9 +126,9 @@ def curve(points: Sequence[Point], interpolation: Interpolation, beyond: Beyond,
     with np.errstate(all="ignore"), suppress(ValueError, np.linalg.LinAlgError):
         c = _periodic(x, y, interpolation) if beyond == "periodic" else _through(x, y, interpolation, at_rest=at_rest)
         if beyond != "periodic":
-            slope = np.zeros(2) if beyond == "hold" else c(x[[0, -1]], 1)
+            rate = np.zeros(2) if beyond == "hold" else c(x[[0, -1]], 1)
             zero, width = np.zeros(2), x[-1] - x[0]
-            ends = np.array([zero, zero, slope, [y[0] - width * slope[0], y[-1]]])  # a piece on either side
+            ends = np.array([zero, zero, rate, [y[0] - width * rate[0], y[-1]]])  # a piece on either side
             c = PPoly(np.column_stack([ends[:, :1], c.c, ends[:, 1:]]), [x[0] - width, *x, x[-1] + width])
         if np.isfinite(c.antiderivative().c).all() and np.isfinite(c.x).all():
             return c
@@ -141,10 +141,10 @@ def _through(x: np.ndarray, y: np.ndarray, interpolation: Interpolation, *, at_r
 
     if interpolation == "spline" or len(x) == 2:
         return CubicSpline(x, y, bc_type="clamped" if at_rest else "natural")
-    slopes = PchipInterpolator(x, y).derivative()(x)
+    rates = PchipInterpolator(x, y).derivative()(x)
     if at_rest:
-        slopes[[0, -1]] = 0.0
-    return CubicHermiteSpline(x, y, slopes)
+        rates[[0, -1]] = 0.0
+    return CubicHermiteSpline(x, y, rates)
 
 
 def _periodic(x: np.ndarray, y: np.ndarray, interpolation: Interpolation) -> "PPoly":

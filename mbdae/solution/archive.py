@@ -233,8 +233,8 @@ def _arguments(
         raise ValueError("its arrays are not those that it announces")
     data = _arrays(path, named)
     events = [(data[t], data[y]) for t, y in map(_event, range(run.events))]
-    for t, y in ((data["t"], data["y"]), (data["steps_t"], data["steps_y"]), *events):
-        if not (np.isfinite(t).all() and np.isfinite(y).all()) or len({*np.sign(np.diff(t)).tolist()} - {0.0}) > 1:
+    for ts, ys in ((data["t"], data["y"]), (data["steps_t"], data["steps_y"]), *events):
+        if not (np.isfinite(ts).all() and np.isfinite(ys).all()) or len({*np.sign(np.diff(ts)).tolist()} - {0.0}) > 1:
             raise ValueError("times are not in order, or points are not finite")
     steps = (data["steps_t"], data["steps_y"], data["steps_z"]) if len(data["steps_t"]) else None
     arrays = {name: data[name] for name in ("t", "y", "z_own")}

@@ -3,7 +3,7 @@
     gear      axes that stay parallel, r_a + r_b apart
     bevel     axes that meet, at an angle that stays
     screw     the body turns about its axis only
-    cam       a flat face stands upright on the plane of its profile
+    cam       a flat face is upright on the plane of its profile
     rolling   without a row of contact, joints keep the body on its surface
 
 They are checked where a start is checked, for the motions that the other closures leave, and at the nodes of a run.

@@ -1,4 +1,4 @@
-"""A few mutants of every kind of file; ``python tests/fuzzing.py --count 2600`` tries many more."""
+"""A few mutants of every kind of file; ``python tests/fuzzing.py --count 3000`` tries many more."""
 
 import os
 
