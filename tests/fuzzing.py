@@ -110,7 +110,8 @@ class Mutants:
             case "urdf":
                 return self._text("x.urdf", (DATA / "robot" / "robot.urdf").read_text(), rng)
             case "sdf":
-                return self._text("x.sdf", (DATA / "all_sorts.sdf").read_text(), rng)
+                name = rng.choice(["all_sorts", "linkage"])
+                return self._text("x.sdf", (DATA / f"{name}.sdf").read_text(), rng)
             case "mjcf":
                 name = rng.choice(["trees", "loops", "actuated"])
                 return self._text("x.xml", (DATA / "mjcf" / f"{name}.xml").read_text(), rng)
@@ -129,8 +130,6 @@ class Mutants:
             case "yaml":
                 shutil.copy(DATA / "robot" / "robot.urdf", here)
                 return self._text("robot.yaml", (DATA / "robot" / "robot.yaml").read_text(), rng)
-            case "sdf":
-                return self._text("x.sdf", (DATA / "linkage.sdf").read_text(), rng)
             case "sweep":
                 return self._text("sweep.toml", rng.choice(SWEEPS), rng)
             case "tableau":
