@@ -144,7 +144,7 @@ def _eigenvalues(A: Array, e: Array) -> tuple[Array, Array, Array]:
     mean = np.divide((left.conj() * (A @ right)).sum(0), angles, out=values.astype(angles.dtype), where=regular)
     noise = np.full(len(A), np.inf)
     np.divide((np.abs(left) * (e @ np.abs(right))).sum(0), np.abs(angles), out=noise, where=regular)
-    return mean, right, noise
+    return mean + 0.0, right, noise  # and no -0.0
 
 
 class Curvature(NamedTuple):
