@@ -113,9 +113,11 @@ def gauss_newton(system: "Index2System", q: Array, free: Array, t: float, rows: 
     """Damped steps with line search, at most one radian or characteristic length at a time: stay on the branch."""
     m, scales = system.manifold, system.mechanism.coordinate_scales
     g, G = rows(system, q, t)
+    closed = False
     for _ in range(ITERATIONS):
-        if np.linalg.norm(g) <= TOLERANCE or not np.isfinite(G).all():
+        if closed or not np.isfinite(G).all():
             break
+        closed = bool(np.linalg.norm(g) <= TOLERANCE)  # one more step leaves rounding
         x = _newton(G, g, free)
         x /= max(1.0, np.abs(x).max())
         for _halving in range(12):
