@@ -225,7 +225,7 @@ class SingularWatch(Passages):
         if not begins:
             dt, before = abs(run.t - run.ts[-2]), self._ratio(run.ts[-2], run.ys[-2])
         else:
-            dt, before = float(self.control.h or 0.0), np.inf
+            dt, before = float((self.control and self.control.h) or 0.0), np.inf
             if not (dt and here < ZONE * self.largest):
                 return here, np.inf
             while abs(before - here) > BACK * here:

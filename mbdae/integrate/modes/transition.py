@@ -144,11 +144,12 @@ class Transition:
         for i in waiting:
             mode[i] = self.switches[i].settled(at, (), (), False)
         alone = {i: c[0] for i, c in among.items() if len(c) == 1 and c[0].one_sided}
-        open_ = {i: c for i, c in alone.items() if self._undecided(at, c, lam, rates, LOADED * largest)}
-        if open_:
-            presses = pressing(tuple(0 if i in open_ else k for i, k in enumerate(mode)), open_, later(run, at))
-            for i, c in open_.items():
-                mode[i] = self.switches[i].settled(at, [lam[c.row]], [rates[c.row]], i in presses)
+        undecided = {i: x for i, x in alone.items() if self._undecided(at, x, lam, rates, LOADED * largest)}
+        if undecided:
+            others = tuple(0 if i in undecided else k for i, k in enumerate(mode))
+            presses = pressing(others, undecided, later(run, at))
+            for i, x in undecided.items():
+                mode[i] = self.switches[i].settled(at, lam[[x.row]].tolist(), rates[[x.row]].tolist(), i in presses)
         return tuple(mode)
 
     def _undecided(self, at: ModePoint, c: Candidate, lam: Array, rates: Array, near: float) -> bool:
