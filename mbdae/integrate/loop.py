@@ -65,9 +65,9 @@ def _explained(run: RunState, e: StepError) -> str:
         return str(e)
     last = run.ts[-1], run.ys[-1]
     if run.singular and run.singular.next_to(*last) and (met := run.modes.touching(*last, KNOWN)):
-        names = " and ".join(repr(name) for name in met)
+        names = " and ".join(repr(name) for name in met) + (" is" if len(met) == 1 else " are")
         order = "the order of the two is beyond what its place is known to"
-        return f"{names} {'is' if len(met) == 1 else 'are'} met within {KNOWN:g} rad or m of a singular configuration: {order} ({e})"
+        return f"{names} met within {KNOWN:g} rad or m of a singular configuration: {order} ({e})"
     when = "" if "t = " in str(e) else f", at t = {run.t:.17g}"
     mode = f" ({words(run.modes.switches, run.modes.system.mode)})" if e.status in ("step_size", "singular") else ""
     return f"{e}{when}{mode}"
