@@ -5,8 +5,8 @@ presses, all undecided rows held: lam^(k) > 0 it does, lam^(k) < 0 it runs free 
 derivatives are not formed: all undecided rows are held over a step of length d, and the signs of their loads behind it
 are theirs. The row that pulls most is released, and so on, one at a time.
 
-Source: A. J. van der Schaft, J. M. Schumacher, Math. Control Signals Systems 9 (1996), for the choice of the mode by the
-first derivative that is not 0.
+Source: A. J. van der Schaft, J. M. Schumacher, Math. Control Signals Systems 9 (1996), for the choice of the mode by
+the first derivative that is not 0.
 """
 
 from collections.abc import Callable
