@@ -79,7 +79,7 @@ class DenseOutput:
             StepError: for a point that cannot be found; those before are given first.
         """
         found = None
-        with suppress(StepError), np.errstate(over="ignore", invalid="ignore"):
+        with suppress(StepError):
             found = at_once(self, np.asarray(times, float))
         yield from (self.point(float(t)) for t in times) if found is None else found
 
@@ -87,10 +87,9 @@ class DenseOutput:
         """Return theta -> y on step i, theta in [0, 1], of one order below the method's."""
         if i not in self._dense:
             ts, ys, _ = self.nodes
-            with np.errstate(over="ignore", invalid="ignore"):  # of a run that explodes
-                rates = self.rate(i), self.rate(i + 1)
-                order = self.settings["dense_order"]
-                curve = self.at(i).interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
+            rates = self.rate(i), self.rate(i + 1)
+            order = self.settings["dense_order"]
+            curve = self.at(i).interpolant(ts[i], ts[i + 1] - ts[i], (ys[i], ys[i + 1]), rates, order)
             self._dense[i] = partial(self._on, i, curve)
         return self._dense[i]
 

@@ -157,6 +157,7 @@ def _places(first: Array, low: Array, high: Array, n: int, seed: int) -> Iterato
         yield np.clip(np.where(low > 0, np.exp(np.where(low > 0, x, 0.0)), x), low, high)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of runs that explode, which say so
 def _search(
     problem: Misfit, start: Array, low: Array, high: Array, scale: Array, shares: Sequence[float],
     tell: Callable[[str], None], where: str,

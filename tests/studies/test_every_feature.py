@@ -1,0 +1,187 @@
+"""Studies on mechanisms with one feature each: each answers, warns, or refuses with its true reason.
+
+`REFUSED` says by feature which studies refuse it and in which words, `WARNED` which ones leave it out and say so. All
+others answer; nothing else warns.
+"""
+
+import re
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mbdae
+from mbdae.errors import MbdaeError
+
+BASE = """
+title = "Slider-crank"
+[[body]]
+name = "crank"
+parent = "world"
+joint = "revolute"
+axis = [0.0, 1.0, 0.0]
+mass = 0.5
+com = [0.05, 0.0, 0.0]
+inertia = [1e-4, 5e-4, 5e-4, 0.0, 0.0, 0.0]
+[[body]]
+name = "rod"
+parent = "crank"
+joint = "revolute"
+axis = [0.0, 1.0, 0.0]
+xyz = [0.1, 0.0, 0.0]
+mass = 0.4
+com = [0.175, 0.0, 0.0]
+inertia = [1e-4, 4e-3, 4e-3, 0.0, 0.0, 0.0]
+[[body]]
+name = "slider"
+parent = "world"
+joint = "prismatic"
+axis = [1.0, 0.0, 0.0]
+mass = 0.6
+[[frame]]
+name = "rod_tip"
+parent = "rod"
+xyz = [0.35, 0.0, 0.0]
+[[closure]]
+name = "pin"
+kind = "revolute"
+frames = ["rod_tip", "slider"]
+axis = [0.0, 1.0, 0.0]
+[[force]]
+kind = "joint_torque"
+name = "motor"
+joint = "crank"
+torque = 0.3
+{}
+[start]
+q = {{ crank = -1.5 }}
+guess = {{ rod = 1.8, slider = 0.34 }}
+"""
+FEATURES = {
+    "plain": "",
+    "stop": '[[stop]]\njoint = "slider"\nupper = 0.37\nrestitution = 0.5',
+    "rope": '[[closure]]\nname = "rope"\nkind = "distance"\nframes = ["world", "slider"]\nlength = 0.37\nunilateral = true',
+    "stiction": '[[force]]\nkind = "joint_friction"\njoint = "slider"\nfriction = 1.0\nstatic = 2.0',
+    "clutch": '[[clutch]]\njoint = "crank"\nname = "free wheel"',
+    "ratchet": '[[clutch]]\njoint = "crank"\npitch = 0.2\nname = "pawl"',
+    "command": '[[clutch]]\njoint = "crank"\nname = "lock"\nengaged = { kind = "steps", points = [[0, 0], [0.035, 1]] }',
+    "window": (
+        '[[body]]\nname = "wheel"\nparent = "world"\njoint = "revolute"\naxis = [0, 1, 0]\nmass = 1.0\ninertia = [1, 1, 1, 0, 0, 0]\n'
+        '[[closure]]\nname = "gate"\nkind = "ratio"\njoints = ["wheel", "crank"]\ncoefficients = [1.0]\n'
+        'within = { joint = "crank", windows = [[-1.6, -1.2]] }'
+    ),
+    "rolling": (
+        '[[body]]\nname = "wheel"\nparent = "world"\njoint = "revolute"\naxis = [0, 1, 0]\nmass = 1.0\ninertia = [1, 1, 1, 0, 0, 0]\n'
+        '[[closure]]\nname = "gear"\nkind = "ratio"\njoints = ["wheel", "crank"]\ncoefficients = [2.0]'
+    ),
+    "bearing": '[[force]]\nkind = "coulomb_friction"\nclosure = "pin"\ncoefficient = 0.2\nradius = 0.01',
+    "driver": '[[driver]]\nname = "drive"\njoint = "crank"\nmotion = { kind = "polynomial", coefficients = [-1.5, 2.0] }',
+    "speed": '[[driver]]\nname = "drive"\njoint = "crank"\nspeed = 2.0',
+    "controller": '[[force]]\nkind = "joint_pid"\nname = "pid"\njoint = "slider"\nkp = 100.0\nki = 10.0\nreference = 0.34',
+    "sampled": '[[force]]\nkind = "joint_pid"\nname = "pid"\njoint = "slider"\nkp = 100.0\nreference = 0.34\nrate = 100.0',
+    "dependent": '[[closure]]\nname = "again"\nkind = "point"\nframes = ["rod_tip", "slider"]',
+}
+ONE_SIDED = ("stop", "rope", "stiction", "clutch", "ratchet", "command", "window")
+LEFT_OUT = "statics and modes leave out what opens, sticks or slips: "
+WARNED = {feature: ("equilibrium", "equilibria", "load_path", "modes", "root_locus", "linearize") for feature in ONE_SIDED}
+POSES = ("kinematics", "assembly_modes", "inverse of a drive", "equilibria")
+STATICS = ("equilibrium", "equilibria", "load_path", "modes", "root_locus", "linearize")
+NO_SWITCH = r"'{}' switches at t = .* s: no derivative of runs in which rows do"
+GIVEN = "a driver or an integrator says where 'crank' is: there is no branch of equilibria over it"
+NOTHING = {study: "'Slider-crank' has no freedom left: it has no modes" for study in ("modes", "root_locus", "linearize")}
+FIXED = {"equilibria": GIVEN, "load_path": "has no freedom left: nothing moves with the load"}
+FRICTION = "does not know coulomb_friction, of closure 'pin'"
+ROLLS = "'gear' has rows of velocity: where it goes depends on the way"
+REFUSED: dict[str, dict[str, str]] = {
+    **{feature: {"ggl": "needs formulation 'index2', got 'ggl'"} for feature in ONE_SIDED},
+    "bearing": {
+        **{f"inverse of a {motion}": f"^inverse dynamics {FRICTION}" for motion in ("run", "drive", "table")},
+        **dict.fromkeys(("equilibrium", "modes", "root_locus", "linearize"), f"a linearization {FRICTION}"),
+    },
+    "rolling": dict.fromkeys((*POSES, "inverse of a table"), ROLLS),
+    "driver": FIXED | NOTHING,
+    "speed": FIXED | NOTHING,
+    "controller": FIXED,  # its integral keeps the slider at the reference
+    "sampled": dict.fromkeys(STATICS, "'pid' is a sampled controller: statics and modes need a continuous one"),
+}
+REFUSED["command"] |= dict.fromkeys(("sensitivity", "gradient"), NO_SWITCH.format("lock"))
+REFUSED["window"] |= dict.fromkeys(POSES, "'gate' is there within windows of 'crank' only")
+REFUSED["window"] |= {"inverse of a table": "'gate' has rows of velocity: where it goes depends on the way"}
+
+
+def end_of(column: str):
+    """The last value of a signal, as a cost with its derivative."""
+
+    def cost(signals):
+        x = signals[column]
+        return float(x[-1]), {column: np.eye(len(x))[-1]}
+
+    return cost
+
+
+def studies(path: Path):
+    """Names of studies and calls, coarse and short; those of a run take the first one's."""
+    mech, mass = mbdae.load(path), "body.rod.mass"
+    sol = mbdae.solve(mech, (0, 0.05), rtol=1e-5)
+    assert sol.ended, sol.message
+    file = path.with_suffix(".npz")
+    sol.save(file)
+    times = [0.0, 0.1, 0.2, 0.3]
+    return {
+        "card": lambda: mbdae.card(mech),
+        "saved run": lambda: mbdae.Solution.load(file).signals(),
+        "ggl": lambda: mbdae.solve(mech, (0, 0.01), rtol=1e-4, formulation="ggl", method="pherk5"),
+        "drift": lambda: mbdae.drift(mbdae.Solution.load(file)),
+        "compare": lambda: mbdae.compare(mech, (0, 0.02), methods=["herk3", "radau3"], rtol=[1e-3], repeats=1),
+        "check_order": lambda: mbdae.check_order(mech, ["herk2"], T=0.02, steps=10),
+        "kinematics": lambda: mbdae.kinematics(mech, "crank", points=9, turns=0.5),
+        "assembly_modes": lambda: mbdae.assembly_modes(mech, "crank"),
+        "inverse of a run": lambda: mbdae.inverse_dynamics(mech, file, "crank"),
+        "inverse of a drive": lambda: mbdae.inverse_dynamics(
+            mech, mbdae.kinematics(mech, "crank", span=(-1.5, -0.5), points=9), "crank", speed=1.0
+        ),
+        "inverse of a table": lambda: mbdae.inverse_dynamics(
+            mech, {"t": times, "crank": [-1.5, -1.45, -1.4, -1.35]}, "crank"
+        ),
+        "equilibrium": lambda: mbdae.equilibrium(mech),
+        "equilibria": lambda: mbdae.equilibria(mech, "crank", span=(-1.5, 1.7)),
+        "load_path": lambda: mbdae.load_path(mech, "gravity", (1, 1.02)),
+        "modes": lambda: mbdae.modes(mech),
+        "root_locus": lambda: mbdae.root_locus(str(path), "gravity.2", [-9.8, -9.9]),
+        "linearize": lambda: mbdae.linearize(mech, mbdae.equilibrium(mech).q, inputs="crank", outputs="q.crank"),
+        "sensitivity": lambda: mbdae.sensitivity(sol, [mass], model=str(path)),
+        "gradient": lambda: mbdae.gradient(sol, end_of("q.crank"), [mass], model=str(path)),
+        "optimize": lambda: mbdae.optimize(
+            str(path), end_of("q.slider"), {mass: 0.4}, {mass: (0.3, 0.5)}, t_span=(0, 0.02), rtol=1e-5, iterations=2
+        ),
+        "sweep": lambda: mbdae.sweep(
+            str(path), {mass: [0.4, 0.5]}, 0.02, outputs=["q.slider"], times=3, rtol=1e-5, workers=1
+        ),
+        "animate": lambda: mbdae.animate(mbdae.Solution.load(file), path.with_suffix(".html")),
+        "view": lambda: mbdae.view(mech),
+    }
+
+
+@pytest.mark.parametrize("feature", FEATURES)
+def test_each_study_answers_or_says_why_not(feature, tmp_path):
+    path = tmp_path / "model.toml"
+    path.write_text(BASE.format(FEATURES[feature]))
+    refused, warned, wrong = REFUSED.get(feature, {}), WARNED.get(feature, ()), []
+    for study, call in studies(path).items():
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            try:
+                str(call())
+                text = ""
+            except MbdaeError as e:
+                text = str(e)
+        assert "\n" not in text
+        if not (re.search(refused[study], text) if study in refused else not text):
+            wrong.append(f"{study}: {text!r}, expected {refused.get(study, 'an answer')!r}")
+        told = {str(w.message) for w in said}
+        if study in warned and not text and not (told and all(x.startswith(LEFT_OUT) for x in told)):
+            wrong.append(f"{study} should say what it leaves out, and said {told or 'nothing'}")
+        elif told and study not in warned:
+            wrong.append(f"{study} warns: {told}")
+    assert not wrong, "\n".join(wrong)
