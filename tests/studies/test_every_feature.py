@@ -58,38 +58,53 @@ torque = 0.3
 q = {{ crank = -1.5 }}
 guess = {{ rod = 1.8, slider = 0.34 }}
 """
+WHEEL = """
+[[body]]
+name = "wheel"
+parent = "world"
+joint = "revolute"
+axis = [0, 1, 0]
+mass = 1.0
+inertia = [1, 1, 1, 0, 0, 0]
+"""
+ON = '{ kind = "steps", points = [[0, 0], [0.035, 1]] }'
+LINE = '{ kind = "polynomial", coefficients = [-1.5, 2.0] }'
+PID = '[[force]]\nkind = "joint_pid"\nname = "pid"\njoint = "slider"\nkp = 100.0\nreference = 0.34\n'
 FEATURES = {
     "plain": "",
     "stop": '[[stop]]\njoint = "slider"\nupper = 0.37\nrestitution = 0.5',
-    "rope": '[[closure]]\nname = "rope"\nkind = "distance"\nframes = ["world", "slider"]\nlength = 0.37\nunilateral = true',
+    "rope": (
+        '[[closure]]\nname = "rope"\nkind = "distance"\nframes = ["world", "slider"]\n'
+        'length = 0.37\nunilateral = true'
+    ),
     "stiction": '[[force]]\nkind = "joint_friction"\njoint = "slider"\nfriction = 1.0\nstatic = 2.0',
     "clutch": '[[clutch]]\njoint = "crank"\nname = "free wheel"',
     "ratchet": '[[clutch]]\njoint = "crank"\npitch = 0.2\nname = "pawl"',
-    "command": '[[clutch]]\njoint = "crank"\nname = "lock"\nengaged = { kind = "steps", points = [[0, 0], [0.035, 1]] }',
+    "command": '[[clutch]]\njoint = "crank"\nname = "lock"\nengaged = ' + ON,
     "window": (
-        '[[body]]\nname = "wheel"\nparent = "world"\njoint = "revolute"\naxis = [0, 1, 0]\nmass = 1.0\ninertia = [1, 1, 1, 0, 0, 0]\n'
+        WHEEL +
         '[[closure]]\nname = "gate"\nkind = "ratio"\njoints = ["wheel", "crank"]\ncoefficients = [1.0]\n'
         'within = { joint = "crank", windows = [[-1.6, -1.2]] }'
     ),
     "rolling": (
-        '[[body]]\nname = "wheel"\nparent = "world"\njoint = "revolute"\naxis = [0, 1, 0]\nmass = 1.0\ninertia = [1, 1, 1, 0, 0, 0]\n'
+        WHEEL +
         '[[closure]]\nname = "gear"\nkind = "ratio"\njoints = ["wheel", "crank"]\ncoefficients = [2.0]'
     ),
     "bearing": '[[force]]\nkind = "coulomb_friction"\nclosure = "pin"\ncoefficient = 0.2\nradius = 0.01',
-    "driver": '[[driver]]\nname = "drive"\njoint = "crank"\nmotion = { kind = "polynomial", coefficients = [-1.5, 2.0] }',
+    "driver": '[[driver]]\nname = "drive"\njoint = "crank"\nmotion = ' + LINE,
     "speed": '[[driver]]\nname = "drive"\njoint = "crank"\nspeed = 2.0',
-    "controller": '[[force]]\nkind = "joint_pid"\nname = "pid"\njoint = "slider"\nkp = 100.0\nki = 10.0\nreference = 0.34',
-    "sampled": '[[force]]\nkind = "joint_pid"\nname = "pid"\njoint = "slider"\nkp = 100.0\nreference = 0.34\nrate = 100.0',
+    "controller": PID + "ki = 10.0",
+    "sampled": PID + "rate = 100.0",
     "dependent": '[[closure]]\nname = "again"\nkind = "point"\nframes = ["rod_tip", "slider"]',
 }
 ONE_SIDED = ("stop", "rope", "stiction", "clutch", "ratchet", "command", "window")
 LEFT_OUT = "statics and modes leave out what opens, sticks or slips: "
-WARNED = {feature: ("equilibrium", "equilibria", "load_path", "modes", "root_locus", "linearize") for feature in ONE_SIDED}
 POSES = ("kinematics", "assembly_modes", "inverse of a drive", "equilibria")
 STATICS = ("equilibrium", "equilibria", "load_path", "modes", "root_locus", "linearize")
+WARNED = dict.fromkeys(ONE_SIDED, STATICS)
 NO_SWITCH = r"'{}' switches at t = .* s: no derivative of runs in which rows do"
 GIVEN = "a driver or an integrator says where 'crank' is: there is no branch of equilibria over it"
-NOTHING = {study: "'Slider-crank' has no freedom left: it has no modes" for study in ("modes", "root_locus", "linearize")}
+NOTHING = dict.fromkeys(("modes", "root_locus", "linearize"), "'Slider-crank' has no freedom left: it has no modes")
 FIXED = {"equilibria": GIVEN, "load_path": "has no freedom left: nothing moves with the load"}
 FRICTION = "does not know coulomb_friction, of closure 'pin'"
 ROLLS = "'gear' has rows of velocity: where it goes depends on the way"

@@ -110,7 +110,10 @@ class Misfit:
             n = len(sol.t)
             block = np.vstack([found.signal(name) / self.sigma[name] for name in record.columns])
             rows.append(block[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))])
-        return np.vstack(rows)
+        J = np.vstack(rows)
+        if not np.isfinite(J).all():
+            raise InputError("derivatives of a run are not finite: it explodes; take a smaller step")
+        return J
 
 
 class _With:

@@ -1,0 +1,213 @@
+"""Every command on every model that comes with mbdae, and on its saved run: an answer, or one line with a true reason.
+
+A refusal is true where a reason of `REASONS` says so whose condition holds, which is computed here from the Jacobian of
+the closures that stay, and from what the mechanism's file has. Any other error fails the test, as does a line on
+standard error that is neither a warning of mbdae nor the error.
+"""
+
+import re
+from collections.abc import Callable
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from commands import call
+
+import mbdae
+from mbdae import Mechanism
+from mbdae.mechanism.forces.coulomb_friction import CoulombFriction
+from mbdae.studies.order.order import check_order
+
+SHORT = {  # s: models that move faster or slower than others; those that switch do so before
+    "andrews_squeezer": 0.003, "bouncing_chain": 0.25, "pendulum_on_stop": 0.5, "ratchet": 0.4,
+    "slider_crank_with_stop": 0.25, "stick_slip_slider": 0.02, "woodpecker": 0.002,
+    "humanoid_stance": 0.02, "stewart_platform": 0.02,
+}  # fmt: skip
+SLOW = {"stick_slip_slider": "order|report", "woodpecker": "order|report"}  # references through many switches
+FIGURES = ("work_precision", "drifts", "convergence", "posture", "motion")
+RANK = 1e-9
+
+
+class Facts:
+    """What is true of a model, and known without the studies.
+
+    Args:
+        name: of the model.
+        drive: a joint of it.
+    """
+
+    def __init__(self, name: str, drive: str) -> None:
+        self.mech, self.drive = mbdae.load(name), drive
+        j = self.mech.model.joints[self.mech.model.getJointId(drive)]
+        self.single, self.column = j.nv == 1, j.idx_v
+        self.rolls = [c for c in self.mech.closures if not c.unilateral and not c.within and not self._placed(c)]
+        self.windows = [c for c in self.mech.closures if c.within]
+        self.switches = bool(self.mech.switches)
+        self.several = [j.nv for j in self.mech.model.joints if j.nv > 1]
+        self.rubs = any(isinstance(f, CoulombFriction) for f in self.mech.forces)
+        self.acts = bool(self.mech.drivers or self.mech.motors) or any(
+            f.kind in ("joint_pid", "joint_torque", "dc_motor") for f in self.mech.forces if hasattr(f, "kind")
+        )
+
+    def _placed(self, closure) -> bool:
+        return bool(self.mech.positional[self.mech.rows_of(closure.name)].all())
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """G of the closures that neither open nor come and go, (m, nv), column by column."""
+        kept = [c for c in self.mech.closures if not (c.unilateral or c.within)]
+        alone = Mechanism(self.mech.model, kept)
+        return np.array([alone.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
+
+    def free(self, *rows: np.ndarray) -> int:
+        """Degrees of freedom that closures leave, with further rows."""
+        every = np.vstack([self.rows, *rows])
+        return self.mech.nv - int(np.linalg.matrix_rank(every, tol=RANK) if len(every) else 0)
+
+    @cached_property
+    def driven(self) -> np.ndarray:
+        """Rows of the drivers other than the drive, (k, nv)."""
+        others = [d for d in self.mech.drivers if d.joint != self.drive]
+        whole = np.array([self.mech.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
+        still = self.mech.residual(self.mech.start[0], np.zeros(self.mech.nv))[1]
+        at = [r for d in others for r in self.mech.rows_of(d.name)]
+        return (whole - still[:, None])[at]
+
+    @property
+    def movable(self) -> int:
+        """Degrees of freedom of poses, with drivers that stand."""
+        return self.free(self.driven)
+
+    @property
+    def held(self) -> int:
+        """Degrees of freedom that drivers leave to forces."""
+        every = [r for d in self.mech.drivers for r in self.mech.rows_of(d.name)]
+        whole = np.array([self.mech.residual(self.mech.start[0], e)[1] for e in np.eye(self.mech.nv)]).T
+        still = self.mech.residual(self.mech.start[0], np.zeros(self.mech.nv))[1]
+        return self.free((whole - still[:, None])[every])
+
+
+class Reason(NamedTuple):
+    """A refusal: of which commands, in which words, and when it is true."""
+
+    commands: str
+    words: str
+    true: Callable[[Facts], bool]
+
+
+POSES = r"kinematics|inverse .*--drive|statics .*--all"
+REASONS = [
+    Reason(r"inverse .*--drive", r"cannot bring about the motion .* are missing", lambda f: f.free() > 1),
+    Reason(r"kinematics|statics .*--all", r"^'.*' slides on without end: give", lambda f: f.movable == 1),
+    Reason(r"fit", r"not finite", lambda f: f.drive == "shaft"),  # the governor is stiff, and the step is coarse
+    Reason(POSES, r"has rows of velocity: where it goes depends on the way", lambda f: bool(f.rolls)),
+    Reason(POSES, r"is there within windows of '.*' only", lambda f: bool(f.windows)),
+    Reason(POSES, r"^{movable} freedoms are left( \(open: .*\))?: hold", lambda f: f.movable > 1),
+    Reason(POSES, r"^no freedom is left for '.*' to move", lambda f: f.movable == 0),
+    Reason(POSES, r"^joint '.*' has \d coordinates: what is driven or held has one", lambda f: not f.single),
+    Reason(r"kinematics|inverse .*--drive|statics .*--all", r"^the input cannot begin at .*: it gets no further than",
+           lambda f: bool(len(f.rows))),
+    Reason(r"statics .*--all", r"^a driver or an integrator says where '.*' is", lambda f: bool(f.mech.drivers)),
+    Reason(r"run .*--formulation|compare .*ggl", r"what opens, closes or steps needs formulation 'index2'",
+           lambda f: f.switches),
+    Reason(r"inverse", r"^inverse dynamics does not know coulomb_friction", lambda f: f.rubs),
+    Reason(r"inverse .*npz$", r"has no drivers and motors: name the joints", lambda f: not f.acts),
+    Reason(r"inverse .*csv", r"^unknown joint of one coordinate '.*'; valid", lambda f: bool(f.several)),
+    Reason(r"inverse .*csv|fit", r"times (of a motion )?must rise, got .* impact", lambda f: f.switches),
+    Reason(r"modes|statics .*--load", r"has no freedom left: (it has no modes|nothing moves)",
+           lambda f: f.held == 0 or bool(f.mech.states)),  # an integrator keeps its joint at the reference
+    Reason(r"modes|statics", r"^(no value of .* has modes: )?no equilibrium found in \d+ iterations: .* is left",
+           lambda f: f.switches or f.held > 0),
+]  # fmt: skip
+CODES = {
+    "modes": {0, 1}, "statics": {0, 1, 3}, "order": {0, 1, 3}, "fit": {0, 1, 3},
+    "run": {0, 1}, "compare": {0, 1}, "sweep": {0, 1},
+}  # fmt: skip
+
+
+def judged(facts: Facts, command: str, code: int, err: str) -> None:
+    """Check what a command said: exit code, lines, and the reason of a refusal."""
+    said = [line.removeprefix("mbdae: ") for line in err.splitlines()]
+    assert all(line.startswith("mbdae: ") for line in err.splitlines()), f"{command}\n{err}"
+    errors = [line for line in said if not line.startswith("warning: ")]
+    for line in said:
+        assert not re.search(r"encountered in|Warning|Error\b|Traceback", line), f"{command}: {line}"
+    if code in (0, 3) or (code == 1 and not errors):
+        assert code in CODES.get(command.split()[0], {0}), f"{command}: exit {code}"
+        return
+    assert code in (1, 2), f"{command}: exit {code}"
+    assert len(errors) == 1, f"{command}: {errors}"
+    reasons = [r for r in REASONS if re.match(r.commands, command) and r.true(facts)]
+    words = [r.words.replace("{movable}", str(facts.movable)) for r in reasons]
+    assert any(re.search(w, errors[0]) for w in words), f"{command}: {errors[0]!r} is none of {words}"
+
+
+def drive_of(mech: Mechanism) -> str:
+    """The first joint of one coordinate, or the first one."""
+    single = [n for n in mech.joint_names if mech.model.joints[mech.model.getJointId(n)].nv == 1]
+    return (single or mech.joint_names)[0]
+
+
+def every_command(name: str, mech: Mechanism, drive: str, folder) -> list[str]:
+    """The commands, coarse and short; joints of several coordinates by their first one."""
+    end = SHORT.get(name, 0.1)
+    part, joints = end / 4, ",".join(mech.joint_names)
+    signal = next(s for s in mech_signals(mech) if s.startswith(f"v.{drive}"))
+    column = next(s for s in mech_signals(mech) if s.startswith(f"q.{drive}"))
+    first = drive if signal == f"v.{drive}" else f"{drive}.1"  # of the inputs and outputs of a linear system
+    (folder / "sweep.toml").write_text(
+        f'model = "{name}"\nend = {part}\ntimes = 3\noutputs = ["{signal}"]\nworkers = 1\n'
+        "[grid]\ngravity.2 = [-9.0, -9.1]\n"
+    )
+    return [
+        f"info {name}",
+        f"run {name} -t {end} --rtol 1e-4 -o run.npz",
+        f"run {name} -t {part} --step {part / 8} -m radau3 -o run.csv",
+        f"run {name} -t {part} --rtol 1e-4 -m radau5",
+        f"run {name} -t {part} --rtol 1e-4 -m pherk5 --formulation ggl",
+        f"run {name} -t {part} --rtol 1e-4 -m dop853 --formulation index1",
+        "drift run.npz",
+        f"compare {name} -t {part} -m herk3 -m radau3 --rtol 1e-3 --repeats 1",
+        f"compare {name} -t {part} -m ggl:herk3 --rtol 1e-3 --repeats 1",
+        f"order {name} -m herk2 -t {part} --steps 10",
+        "animate run.npz -o page.html",
+        f"report {name} -t {part} -m herk3 --rtol 1e-3 --repeats 1 -o report.html",
+        "sweep sweep.toml",
+        f"statics {name}",
+        f"statics {name} --all {drive} --from -0.5 --to 0.5",
+        f"statics {name} --load gravity --from 1 --to 1.1",
+        f"modes {name}",
+        f"modes {name} --response {first} q.{first}",
+        f"modes {name} --over gravity.2=-9:-10:2",
+        f"kinematics {name} --drive {drive} --points 5 --turns 0.2",
+        f"inverse {name} run.npz",
+        f"inverse {name} run.npz -a {joints}",
+        f"inverse {name} run.csv -a {joints}",
+        f"inverse {name} --drive {drive} --speed 1 --points 5 --from 0.1 --to 0.2",
+        f"fit {name} run.csv -p gravity.2=-12:-8 -s {column} --step {part / 4}",
+        f"view {name} -o view.html",
+    ]
+
+
+def mech_signals(mech: Mechanism) -> list[str]:
+    """Names of coordinates and velocities."""
+    return list(mbdae.solve(mech, (0, 1e-6), method="herk2", step=1e-6).signals())
+
+
+@pytest.mark.parametrize("name", mbdae.model_names())
+def test_each_answers_or_says_why_not(name, tmp_path, monkeypatch):
+    page, report = "mbdae.studies.report.page", "mbdae.studies.report.report"
+    monkeypatch.setattr(f"{page}.image", lambda *_, **__: "")  # matplotlib takes longer than all the rest
+    for figure in FIGURES:
+        monkeypatch.setattr(f"{page}.{figure}", lambda *_, **__: None)
+    end = SHORT.get(name, 0.1) / 4
+    monkeypatch.setattr(f"{report}.check_order", lambda mech, *_, **__: check_order(mech, ["herk2"], T=end, steps=10))
+    mech = mbdae.load(name)
+    drive = drive_of(mech)
+    facts = Facts(name, drive)
+    for command in every_command(name, mech, drive, tmp_path):
+        if name in SLOW and re.match(SLOW[name], command):
+            continue
+        code, _, err = call(*command.split(), cwd=tmp_path)
+        judged(facts, command, code, err)
