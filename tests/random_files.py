@@ -122,7 +122,7 @@ def to_sdf(of, rng):
 
 
 def to_urdf(of, rng):
-    """A tree from the world: a link stands where its joint does, so bodies are turned and moved into their joints."""
+    """A tree from the world: the frame of a link is that of its joint, in which the body is placed."""
     robot = ET.Element("robot", name="r", version=str(rng.choice(["1.0", "1.1"])))
     frame = {WORLD: (np.eye(3), np.zeros(3)), **{j.child: (j.R, j.p) for j in of.joints}}
     sub(robot, "link", name="base")

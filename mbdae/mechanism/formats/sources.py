@@ -114,10 +114,10 @@ def merged(
         "start": file.start.model_copy(update=tables),
         "motor": {},
     }
-    rubs = [f for f in file.force if isinstance(f, JointFriction)]
+    dry = [f for f in file.force if isinstance(f, JointFriction)]
     taken = {
         LIMITS: {s.joint for s in file.stop if s.limits},
-        FRICTION: {n for f in rubs for n in ([f.joint] if isinstance(f.joint, str) else f.joint or [None])},
+        FRICTION: {n for f in dry for n in ([f.joint] if isinstance(f.joint, str) else f.joint or [None])},
     }
     left_out = [(s, rest) for s, p in zip(file.source, named, strict=True) for text in p.left_out
                 if (rest := _untaken(text, taken))]  # fmt: skip

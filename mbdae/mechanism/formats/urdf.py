@@ -148,8 +148,8 @@ def _not_acting(model: pin.Model, robot: Recorded, names: list[str]) -> list[tup
     ends = [n for n in limits if find_joint(model, n).nq == 1]
     bounds = [n for n, x in limits.items() if any(float(x.get(key) or 0) for key in ("effort", "velocity"))]
     dry = np.array(model.upperDryFrictionLimit)
-    rubs = [n for n in names if (j := find_joint(model, n)) and dry[j.idx_v : j.idx_v + j.nv].any()]
-    return [(LIMITS, ends), (EFFORTS, bounds), (FRICTION, rubs)]
+    with_friction = [n for n in names if (j := find_joint(model, n)) and dry[j.idx_v : j.idx_v + j.nv].any()]
+    return [(LIMITS, ends), (EFFORTS, bounds), (FRICTION, with_friction)]
 
 
 def _visuals(model: pin.Model, tree: ET.Element, places: Places) -> pin.GeometryModel:

@@ -64,7 +64,7 @@ def motion(mech, q, v, a, of):
     return out
 
 
-def stands_still(of):
+def immobile(of):
     """Whether nothing moves, which is refused."""
     return all(j.kind == "fixed" for j in of.joints) and len({j.child for j in of.joints}) == len(of.bodies)
 
@@ -88,7 +88,7 @@ def test_random_files_move_like_their_bodies(kind, tmp_path):
         pytest.importorskip("mujoco", reason="mujoco is not installed")
     for seed in range(MANY):
         of, content = described(kind, seed)
-        if stands_still(of):
+        if immobile(of):
             continue
         mech, said = read(kind, content, tmp_path)
         assert all(re.fullmatch(r"x: not carried over: limits of joints [j\d, ]*( and .*)?", text) for text in said), (
@@ -112,7 +112,7 @@ def test_random_mjcf_files_have_the_mass_matrix_and_forces_of_mujoco_anywhere(tm
     mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
     for seed in range(MANY):
         of, content = described("xml", seed)
-        if stands_still(of):
+        if immobile(of):
             continue
         mech, _ = read("xml", content, tmp_path)
         m = mujoco.MjModel.from_xml_string(content)
@@ -136,7 +136,7 @@ def test_planted_elements_attributes_and_texts_are_named(kind, tmp_path):
     for seed in range(MANY):
         of, content = described(kind, seed)
         content, plants = planted(content, np.random.default_rng(seed))
-        if stands_still(of):
+        if immobile(of):
             continue
         mech, said = read(kind, content, tmp_path)
         steps = {text.partition(" of ")[0].rpartition("/")[2] for text in mech.left_out}

@@ -32,7 +32,7 @@ class XmlFiles(NamedTuple):
     Attributes:
         main: the model's own.
         texts: of this one and of those that it names.
-        named: the file that a name stands for.
+        named: the file that each name means.
     """
 
     main: Path

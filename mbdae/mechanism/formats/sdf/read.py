@@ -216,14 +216,14 @@ class SdfModel:
         def names(joints: Iterable[SdfJoint], has: Callable[[SdfAxis], Any]) -> list[str]:
             return [j.name for j in joints if any(map(has, j.axes))]
 
-        limited, rubs = attrgetter("limited"), attrgetter("friction")
+        limited, dry = attrgetter("limited"), attrgetter("friction")
         return [
             ("joints of a static model", [j.name for j in self.idle]),
             (LIMITS, names(moving, limited)),
             ("limits where loops are closed", names(cut, limited)),
             (EFFORTS, names(self.joints, attrgetter("bounded"))),
-            (FRICTION, names(moving, rubs)),
-            ("friction where loops are closed", names(cut, rubs)),
+            (FRICTION, names(moving, dry)),
+            ("friction where loops are closed", names(cut, dry)),
             ("springs of joints with two axes", names((j for j in moving if not j.scalar), attrgetter("stiffness"))),
             ("damping and springs where loops are closed", [j.name for j in cut if j.acts]),
             (LOST, [j.name for j in self.joints if j.follows or (j.mimic and j.name not in led)]),
