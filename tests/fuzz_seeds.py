@@ -3,6 +3,8 @@
 import json
 import re
 
+import numpy as np
+
 SPELLED = ["nan", "inf", "-inf", "1e300", "-1", "0", "", "x", "1 2", "1e999", "1e-320", "0x10", "10" * 200, "1e9",
            "1000000000", "-1000000000", "99999999999999999999", "0.5", "../../x", "/etc/passwd"]  # fmt: skip
 NUMBERS = [-1, 0, 1, 7, 1e9, 1e300, -1e300, 2**31, 2**63, 0.1]
@@ -146,3 +148,26 @@ def changed(table, rng):
         elif isinstance(holder, list):
             holder.insert(key, inner)
     return table
+
+
+def saved(path, rng, runs):
+    """A saved run with its bytes bent, its data changed, or its arrays of other shapes."""
+    source = rng.choice(runs)
+    if rng.random() < 0.2:
+        path.write_bytes(bent(source.read_bytes(), rng))
+        return
+    with np.load(source) as file:
+        arrays = {name: file[name] for name in file.files}
+    if rng.random() < 0.1:
+        name = rng.choice(sorted(set(arrays) - {"meta"}))
+        x = arrays[name]
+        arrays[name] = rng.choice([x[:-1], x * np.nan, x[::-1], x.astype("<f4"), x.astype(int), x[..., None], x[:0]])
+    elif rng.random() < 0.05:  # far larger than the file
+        name, n = rng.choice([*arrays, "event_0_t", "more"]), rng.choice([2**20, 2**24])
+        shape = rng.choice([(n,), (n, 2), (*np.shape(arrays.get(name, 0.0))[:1], n // 4), ()])
+        arrays[name] = rng.choice([np.zeros(shape), np.full((), "x" * n)])
+        np.savez_compressed(path, **arrays)
+        return
+    else:
+        arrays["meta"] = np.array(json.dumps(changed(json.loads(str(arrays["meta"])), rng)))
+    np.savez(path, **arrays)

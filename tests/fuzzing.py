@@ -33,37 +33,14 @@ from fuzz_seeds import (
     TABLE,
     TABLEAU,
     bent,
-    changed,
     mangled,
-)  # fmt: skip
+    saved,
+)
 
 DATA = Path(__file__).parent / "data"
 PATIENCE = 20.0  # s without an answer
 MEMORY = 1e9  # bytes, the peak of a process
 ADDRESSES = 16 * 2**30  # bytes of addresses, so that a mistake here does not stop the machine
-
-
-def saved(path, rng, runs):
-    """A saved run with its bytes bent, its data changed, or its arrays of other shapes."""
-    source = rng.choice(runs)
-    if rng.random() < 0.2:
-        path.write_bytes(bent(source.read_bytes(), rng))
-        return
-    with np.load(source) as file:
-        arrays = {name: file[name] for name in file.files}
-    if rng.random() < 0.1:
-        name = rng.choice(sorted(set(arrays) - {"meta"}))
-        x = arrays[name]
-        arrays[name] = rng.choice([x[:-1], x * np.nan, x[::-1], x.astype("<f4"), x.astype(int), x[..., None], x[:0]])
-    elif rng.random() < 0.05:  # far larger than the file
-        name, n = rng.choice([*arrays, "event_0_t", "more"]), rng.choice([2**20, 2**24])
-        shape = rng.choice([(n,), (n, 2), (*np.shape(arrays.get(name, 0.0))[:1], n // 4), ()])
-        arrays[name] = rng.choice([np.zeros(shape), np.full((), "x" * n)])
-        np.savez_compressed(path, **arrays)
-        return
-    else:
-        arrays["meta"] = np.array(json.dumps(changed(json.loads(str(arrays["meta"])), rng)))
-    np.savez(path, **arrays)
 
 
 def models_of_runs(folder):
