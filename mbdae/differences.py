@@ -1,11 +1,15 @@
-"""Central differences of order six, for what has no derivative of its own.
+"""Differences of order six, for what has no derivative of its own.
 
     f'(0) = (45 (f(h) - f(-h)) - 9 (f(2h) - f(-2h)) + f(3h) - f(-3h))/(60 h) - h^6 f^(7)/140
+
+and at the end of a range, where there is nothing on one side, one-sided ones
+
+    f'(0) = (360 f(h) - 450 f(2h) + 400 f(3h) - 225 f(4h) + 72 f(5h) - 10 f(6h) - 147 f(0))/(60 h) + h^6 f^(7)/7
 
 Source: Fornberg (1988), Generation of finite difference formulas on arbitrarily spaced grids, Math. Comp. 51.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,15 +18,30 @@ from .errors import MbdaeError
 from .system import Array
 
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # k: of f(k h) - f(-k h), over h
+ONE_SIDED = {1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}  # k: of f(k h) - f(0), over h
 PLACES = (-3, -2, -1, 1, 2, 3)  # all k
+ABOVE, BELOW = (0, 1, 2, 3, 4, 5, 6), (0, -1, -2, -3, -4, -5, -6)  # those of one-sided differences
 NARROWER, TIMES = 8.0, 6  # how much, and how often a width shrinks
 AGREE = 1e-10  # of a slope: what two widths may differ by
 ROUNDING = 1e-15  # of the largest value: what closes is a difference of such ones
 
 
 def quotient(values: Mapping[int, Any], h: float) -> Any:
-    """Return the slope of numbers or arrays known at k h, k in `PLACES`; exactly zero where they do not change."""
-    return sum((w / h) * (values[k] - values[-k]) for k, w in WEIGHTS.items())
+    """Return the slope of numbers or arrays known at k h; exactly zero where they do not change.
+
+    Args:
+        values: by k, all of `PLACES`, `ABOVE` or `BELOW`.
+        h: the width.
+    """
+    if 0 not in values:
+        return sum((w / h) * (values[k] - values[-k]) for k, w in WEIGHTS.items())
+    side = 1 if 1 in values else -1
+    return sum((side * w / h) * (values[side * k] - values[0]) for k, w in ONE_SIDED.items())
+
+
+def weights(places: Iterable[int], h: float) -> dict[int, float]:
+    """Return the numbers by which `quotient` multiplies values at these places."""
+    return {k: float(quotient({i: float(i == k) for i in places}, h)) for k in places}
 
 
 def slope(value: Callable[[float], Any], h: float) -> Any:
@@ -49,7 +68,7 @@ def settled(
     """Return the slope of arrays with a width small enough for it: where narrower differences say the same.
 
     Args:
-        values: the arrays (n, ...) at k h, by k in `PLACES`, for a width h.
+        values: the arrays (n, ...) at k h, as `quotient` takes them, for a width h.
         h: the widest.
         noise: error of each value, beside rounding.
         times: how often the width shrinks at most.

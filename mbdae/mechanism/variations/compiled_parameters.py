@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from ...differences import WEIGHTS
+from ...differences import weights
 from ...errors import NotCompiled
 from ..forces.force import PairElement
 from ..formulations.compiled_parts import constraints_of, laws_of
@@ -44,12 +44,12 @@ def _plain(parameters: Parameters) -> Plain:
             directions.append((i, numbers.setdefault(stuff, len(numbers)), x.tolist()))
     changed: list[tuple[int, list[int], list[Any], list[Any]]] = []
     for i, (p, laws, rows) in enumerate(zip(parameters.all, parameters.laws, parameters.rows, strict=True)):
-        weights = {k: w / p.h for k, w in WEIGHTS.items()} | {-k: -w / p.h for k, w in WEIGHTS.items()}
+        factors = weights(p.places_beside, p.h)
         if laws.near:
-            near = [(weights[k], *laws_of(x)) for k, x in laws.near.items()]
+            near = [(factors[k], *laws_of(x)) for k, x in laws.near.items()]
             changed.append((i, laws.at.tolist(), near, []))
         if rows.near:
-            beside = [(weights[k], *constraints_of(x)) for k, x in rows.near.items()]
+            beside = [(factors[k], *constraints_of(x)) for k, x in rows.near.items()]
             changed.append((i, rows.at.tolist(), [], beside))
     return list(numbers), directions, changed
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from ...differences import NARROWER, PLACES, TIMES, quotient, settled
+from ...differences import ABOVE, BELOW, NARROWER, PLACES, TIMES, quotient, settled
 from ...errors import InputError
 from ...system import Array
 from ..closures.constraints import Constraints
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
 
 WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, where it is zero: places of centimetres are moved, too
 KNOT = 1e-5  # of the value, where it is a time between pieces of a curve
-FIRST = (-1, 1, 2)  # times h, and 0: third differences of these tell polynomials of degree 2
+FIRST = {PLACES: (-1, 1, 2), ABOVE: (1, 2, 3), BELOW: (-1, -2, -3)}  # times h: with 0 they tell degree 2
 ROUNDING = 1e-14  # of a number: what its third difference may be then
 
 
 class Nearby(Mapping[int, "Mechanism"]):
-    """The mechanisms with a parameter changed by k h, k = -3 .. 3 without 0, each made when it is asked for."""
+    """The mechanisms with a parameter changed by k h, at the places of differences, made when they are asked for."""
 
-    def __init__(self, make: Callable[[float], "Mechanism"], h: float) -> None:
-        self.make, self.h = make, h
+    def __init__(self, make: Callable[[float], "Mechanism"], h: float, places: tuple[int, ...]) -> None:
+        self.make, self.h, self.places = make, h, places
 
     def __getitem__(self, k: int) -> "Mechanism":
         return self.make(k * self.h)
 
     def __iter__(self) -> Iterator[int]:
-        return iter(PLACES)
+        return iter(self.places)
 
     def __len__(self) -> int:
-        return len(PLACES)
+        return len(self.places)
 
 
 class Parameter:
@@ -52,13 +52,14 @@ class Parameter:
     Attributes:
         h: the width for laws and rows.
         near: the mechanisms with the parameter changed by k h.
+        places_beside: those k; on one side only where there are no mechanisms on the other.
     """
 
     def __init__(self, name: str, mech: "Mechanism", make: Callable[[float], "Mechanism"], width: float) -> None:
         self.name, self.mech, self.make = name, mech, cache(make)
-        self.width = self._possible(width)
+        self.width, self.places_beside = self._possible(width)
         self.use(self.width)
-        self.first, model = [self.near[k] for k in FIRST], mech.model
+        self.first, model = [self.near[k] for k in FIRST[self.places_beside]], mech.model
         for other in (m.model for m in self.first):
             same = [list(x.names) + [f.name for f in x.frames] for x in (model, other)]
             if same[0] != same[1] or (other.damping != model.damping).any():
@@ -89,15 +90,21 @@ class Parameter:
 
     def beside(self, h: float) -> Nearby:
         """The mechanisms with it changed by k h."""
-        return Nearby(self.make, h)
+        return Nearby(self.make, h, self.places_beside)
 
-    def _possible(self, h: float) -> float:
-        """A width at which mechanisms exist: not all inertias of small bodies do."""
-        for i in range(TIMES):
-            with suppress(InputError):
-                _ = [self.make(k * h / NARROWER**i) for k in FIRST]
-                return h / NARROWER**i
-        return h
+    def _possible(self, h: float) -> tuple[float, tuple[int, ...]]:
+        """A width at which mechanisms exist (not all inertias of small bodies do), on both sides, or else on one."""
+        for places, first in FIRST.items():
+            for i in range(TIMES):
+                with suppress(InputError):
+                    _ = [self.make(k * h / NARROWER**i) for k in first]
+                    return h / NARROWER**i, places
+        return h, PLACES
+
+    @property
+    def side(self) -> str:
+        """From where its derivative is taken, in words, if from one side only."""
+        return {PLACES: "", ABOVE: "above", BELOW: "below"}[self.places_beside]
 
     def _held(self, own: Any, *others: Any) -> None:
         """Refuse what moves times at which a signal jumps; where it moves those between pieces, few points see both."""
@@ -113,15 +120,17 @@ class Parameter:
         return [i for i, x in enumerate(own) if any(of(m)[i] != x for m in self.first)]
 
     def quotient(self, values: Mapping[int, Array]) -> Array:
-        """Central difference of order six of values at k h; exactly zero where they do not change."""
+        """Difference of order six of values at k h; exactly zero where they do not change."""
         return np.array(quotient(values, self.h))
 
     def rate(self, value: Callable[["Mechanism"], Array]) -> Array:
         """Derivative of what a mechanism is made of: from the first values where these are exact."""
-        (before, after, further), here = (value(m) for m in self.first), value(self.mech)
-        size = np.abs(here) + np.abs(after) + np.abs(further)
-        if (np.abs(further - 3 * after + 3 * here - before) <= ROUNDING * size).all():
-            return np.array((after - before) / (2 * self.h))
+        (a, b, c), here = (value(m) for m in self.first), value(self.mech)
+        size = np.abs(here) + np.abs(b) + np.abs(c)
+        if not self.side and (np.abs(c - 3 * b + 3 * here - a) <= ROUNDING * size).all():
+            return np.array((b - a) / (2 * self.h))
+        if self.side and (np.abs(c - 3 * b + 3 * a - here) <= ROUNDING * size).all():
+            return np.array((4 * a - b - 3 * here) / ((2 if self.side == "above" else -2) * self.h))
         return settled(lambda h: {k: value(m) for k, m in self.beside(h).items()}, self.width).slope
 
     def each(self, n: int, value: Callable[["Mechanism", int], Array]) -> dict[int, Array]:

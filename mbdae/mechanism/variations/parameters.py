@@ -10,6 +10,7 @@ from mechanisms made with other values. At a point
                                  depend by polynomials; for others so narrow that narrower ones agree along a run
 """
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property, partial
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ...differences import PLACES, settled
+from ...differences import settled
 from ...errors import InputError, MbdaeError, NotCompiled
 from ...system import Array
 from ..closures.constraints import Constraints
@@ -87,6 +88,9 @@ class Parameters:
         for name, value in values.items():
             near = partial(_moved, make, rest, name, value)
             self.all.append(p := Parameter(name, mech, near, WIDTH * abs(value) or SMALL))
+            if p.side:
+                end = f"parameter {name!r} = {value:.9g} is at the end of its range"
+                warnings.warn(f"{end}: its derivative is taken from {p.side}", stacklevel=2)
             if along and (p.forces or p.specs):
                 self._settle(p, along, mode)
         self.laws = [ChangedLaws(p, s, p.near) for p in self.all]
@@ -120,8 +124,8 @@ class Parameters:
                 own, pulls = kept[rows.at], rows.forces(t, kept)
                 moves = [{k: x * own for k, x in kind.items()} for kind in (rows.rates(t, v), rows.biases(t, v))]
                 kinds = [x for x in (laws.values(t, q, v, inner), pulls, *moves) if x]
-                found.append({k: np.concatenate([x[k].ravel() for x in kinds]) for k in PLACES})
-            return {k: np.array([x[k] for x in found]).T for k in PLACES}
+                found.append({k: np.concatenate([x[k].ravel() for x in kinds]) for k in near})
+            return {k: np.array([x[k] for x in found]).T for k in near}
 
         held = settled(sampled, p.h)
         if not held.apart <= APART:

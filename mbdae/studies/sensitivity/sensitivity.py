@@ -139,7 +139,8 @@ def sensitivity(
     Args:
         sol: the run. At times of ``t_eval`` between its nodes, derivatives are those of short steps of the method.
         parameters: dotted names, as of sweeps (``force.spring.stiffness``, ``joint.crank.mass``, ``start.v.crank``), or
-            name = value where the model does not tell.
+            name = value where the model does not tell. At the end of what a number can be (a damping of 0) the
+            derivative is one-sided, with a warning.
         start: differentiate with respect to (q, v, s) at the start, too, q in its tangent, all of them free.
         model: what makes the mechanism with other numbers, see `mbdae.sweep`: a file or a function; what the mechanism
             was read from when left out.
