@@ -154,7 +154,7 @@ class Continuation:
                 size = residual(here)
                 x = self.correction(here, at)
                 q = self.statics.close(manifold.integrate(here.q, here.free.Z @ x[:-1]), here.s)
-                next_u = u + x[-1]
+                next_u = u + float(x[-1])
                 there = self.balance(q, here.s, next_u)
                 if size <= ROUNDED and not residual(there) < 0.5 * size:
                     break

@@ -45,6 +45,13 @@ def test_a_column_buckles(tmp_path):
     np.testing.assert_array_equal(path.unstable[apart] > 0, path.factor[apart] > 3.0)
 
 
+def test_a_path_is_plain_data():
+    """A path that comes to its end by Newton's corrections has numbers of numpy in it."""
+    path = mbdae.load_path(mbdae.load("four_bar"), "gravity", (1.0, 1.1))
+    assert path.complete is True
+    assert json.loads(json.dumps(path.to_dict()))["complete"] is True
+
+
 def test_weight_is_a_load_too():
     """Turned upwards, gravity takes the four-bar over: the same poses stand at every share of it."""
     path = mbdae.load_path(mbdae.load("four_bar"), "gravity", (1.0, 0.1))
