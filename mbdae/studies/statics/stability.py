@@ -7,8 +7,8 @@ import numpy as np
 
 from ...errors import StepError
 from ...mechanism.formulations.balance import Balance, Statics
-from ...mechanism.formulations.linearization import linearize_at
-from ...mechanism.formulations.spectrum import curvature, spectrum
+from ...mechanism.formulations.linearization import LinearMotion, linearize_at
+from ...mechanism.formulations.spectrum import curvature, null_space, spectrum
 from ...system import Array
 from .search import symmetric, symmetric_part
 
@@ -74,8 +74,19 @@ def verdict(statics: Statics, here: Balance) -> Verdict:
     turns, dissipates = not symmetric(C, doubt), not curvature(C, doubt).negative
     if potential and dissipates and (not turns or (bent.signs > 0).all()):
         return _judged(bent.negative, bent.flat, w, "stiffness")
-    roots = spectrum(motion.A, motion.noise)
-    return _judged(int(roots.growing.sum()), -(-int((roots.values == 0).sum()) // 2), w, "eigenvalues")
+    growing = spectrum(motion.A, motion.noise).growing
+    return _judged(int(growing.sum()), _resting(motion), w, "eigenvalues")
+
+
+def _resting(motion: LinearMotion) -> int:
+    """The number of independent displacements y at which the linearised motion rests: ker A without ker A[:, k:].
+
+    An undamped one has two eigenvalues 0, a chain of one null vector, and a damped one has a single 0. Null vectors
+    without a displacement are states that act on nothing.
+    """
+    k = motion.positions.shape[1]
+    still = null_space(motion.A[:, k:], motion.noise[:, k:])
+    return len(null_space(motion.A, motion.noise).free) - len(still.free)
 
 
 def loses_rank(statics: Statics, here: Balance) -> bool:

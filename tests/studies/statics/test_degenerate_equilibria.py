@@ -22,9 +22,9 @@ def sliders(n, damping=0.0):
     return Mechanism(model, [], [JointPID(joint="arm", kp=1.0, ki=1.0, kd=0.5, reference=0.0), *damped])
 
 
-@pytest.mark.parametrize(("n", "damping"), [(0, 0.0), (1, 0.0), (2, 0.0), (3, 0.0), (1, 0.7)])
+@pytest.mark.parametrize(("n", "damping"), [(n, d) for n in range(4) for d in (0.0, 0.7)])
 def test_each_neutral_direction_counts_once(n, damping):
-    """Without damping each has two eigenvalues 0, of a double root: a place and a drift along it."""
+    """Without damping each has two eigenvalues 0, of a double root: a place and a drift along it; with damping one."""
     found = mbdae.equilibrium(sliders(n, damping)).verdict
     assert found.by == "eigenvalues"
     assert (found.stability, found.neutral, found.unstable) == ("neutral" if n else "stable", n, 0)
