@@ -10,6 +10,7 @@ from ...errors import InputError, UnknownNameError, printable
 from ..frames import WORLD, find_frame, frame_names
 from ..part import Part
 from ..tables import HUGE
+from .inertias import judged_inertia
 from .schema import Body, Frame, MechanismFile, Source
 from .tree import Tree, settled, turn_of_z
 
@@ -111,15 +112,13 @@ def body_inertia(x: Body) -> pin.Inertia | None:
     """The inertia that ``mass``, ``com`` and ``inertia`` say; None for none.
 
     Raises:
-        InputError: for a tensor that is not positive semi-definite.
+        InputError: as `judged_inertia`.
     """
     ixx, iyy, izz, ixy, ixz, iyz = x.inertia
     tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     if x.mass == 0 and not tensor.any():
         return None
-    if np.linalg.eigvalsh(tensor).min() < -1e-12 * np.abs(tensor).max():
-        raise InputError(f"the inertia of body {x.name!r} is not positive semi-definite")
-    return pin.Inertia(x.mass, np.array(x.com), tensor)
+    return judged_inertia(x.mass, np.array(x.com), tensor, f"body {x.name!r}")
 
 
 def _joint(x: Body) -> pin.JointModel:

@@ -10,6 +10,7 @@ import pinocchio as pin
 from ....errors import InputError
 from ...places import Places
 from ...scene.meshes import stand_in
+from ..inertias import judged_inertia
 from ..recorded import Recorded
 from .elements import YES, SdfElements
 
@@ -22,14 +23,15 @@ def inertia_of(of: SdfElements, link: str) -> pin.Inertia:
     """The inertia of a link in its own frame: as the file says, or of its collision shapes where that is asked for.
 
     Raises:
-        InputError: for numbers that are none, and for shapes whose inertia is not known.
+        InputError: for numbers that are none, masses and tensors that no body has, and shapes of unknown inertia.
     """
     e, what = of.by_name[link].first("inertial"), f"the inertial of {link!r}"
     if e is not None and e.get("auto").lower() in YES:
         return _of_shapes(of, link, e)
     mass = of.number(e, "mass", 1.0, what)
     xx, xy, yy, xz, yz, zz = (of.number(e, f"inertia/{key}", default, what) for key, default in ENTRIES)
-    inertia = pin.Inertia(mass, np.zeros(3), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    inertia = judged_inertia(mass, np.zeros(3), tensor, f"link {link!r} of {of.file}")
     if e is None:
         return inertia
     here = of.links[link]
@@ -56,7 +58,8 @@ def _of_shapes(of: SdfElements, link: str, e: Recorded) -> pin.Inertia:
     if not total.mass > 0:
         raise InputError(f"{of.file}: {what} is to follow from its shapes, and they have no mass")
     mass = of.number(e, "mass", total.mass, what)
-    return pin.Inertia(mass, total.lever, total.inertia * (mass / total.mass))
+    tensor = total.inertia * abs(mass / total.mass)
+    return judged_inertia(mass, total.lever, tensor, f"link {link!r} of {of.file}")
 
 
 def solid_of(of: SdfElements, geometry: Recorded | None, name: str) -> Any:
