@@ -82,8 +82,9 @@ def test_numbers_of_numpy_are_numbers(four_bar, tmp_path):
 
 
 def test_what_is_not_a_problem():
-    refused(InputError, lambda: mbdae.solve("four_bar", (0, 1)), "Mechanism", "mbdae.load", "got 'four_bar'")
-    refused(InputError, lambda: mbdae.solve(None, (0, 1)), "got None")
+    for given in (None, 3):
+        refused(InputError, lambda x=given: mbdae.solve(x, (0, 1)), "Mechanism", "name or path", f"got {given}")
+    refused(UnknownNameError, lambda: mbdae.solve("four_bra", (0, 1)), "'four_bra'", "did you mean 'four_bar'")
 
 
 @pytest.mark.parametrize("kind", ["spherical", "free", "planar", "continuous"])
@@ -201,7 +202,11 @@ def test_a_massless_chain_is_assembled_but_does_not_move():
 
 @pytest.mark.parametrize("call", [mbdae.drift, mbdae.check_order, mbdae.compare, mbdae.card, mbdae.report])
 def test_studies_say_what_they_take(call):
-    refused(InputError, lambda: call("four_bar"), "takes a", "'four_bar'")
+    refused(InputError, lambda: call(3), f"{call.__name__} takes a", "got 3")
+
+
+def test_drift_takes_runs_and_no_names_of_models():
+    refused(InputError, lambda: mbdae.drift("four_bar"), "takes a Solution", "'four_bar'")
 
 
 def test_a_replay_says_what_it_takes(tmp_path):
