@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, where it is zero: places of centimetres are moved, too
 KNOT = 1e-5  # of the value, where it is a time between pieces of a curve
-FIRST = {PLACES: (-1, 1, 2), ABOVE: (1, 2, 3), BELOW: (-1, -2, -3)}  # times h: with 0 they tell degree 2
+FIRST = {PLACES: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}  # times h: the ends; with 0 they tell degree 2
 ROUNDING = 1e-14  # of a number: what its third difference may be then
 
 
@@ -40,6 +40,25 @@ class Nearby(Mapping[int, "Mechanism"]):
         return len(self.places)
 
 
+def possible(make: Callable[[float], "Mechanism"], h: float) -> tuple[float, tuple[int, ...]]:
+    """A width at which mechanisms exist (not all inertias of small bodies do), on both sides, or else on one.
+
+    Args:
+        make: makes the mechanism with a number changed by so much.
+        h: the largest width.
+
+    Returns:
+        the width, and places as `mbdae.differences.quotient` takes them; the given one and those of both sides where
+        there are mechanisms on neither.
+    """
+    for places, first in FIRST.items():
+        for i in range(TIMES):
+            with suppress(InputError):
+                _ = [make(k * h / NARROWER**i) for k in first]
+                return h / NARROWER**i, places
+    return h, PLACES
+
+
 class Parameter:
     """A direction in the numbers of a mechanism.
 
@@ -57,7 +76,7 @@ class Parameter:
 
     def __init__(self, name: str, mech: "Mechanism", make: Callable[[float], "Mechanism"], width: float) -> None:
         self.name, self.mech, self.make = name, mech, cache(make)
-        self.width, self.places_beside = self._possible(width)
+        self.width, self.places_beside = possible(self.make, width)
         self.use(self.width)
         self.first, model = [self.near[k] for k in FIRST[self.places_beside]], mech.model
         for other in (m.model for m in self.first):
@@ -92,15 +111,6 @@ class Parameter:
         """The mechanisms with it changed by k h."""
         return Nearby(self.make, h, self.places_beside)
 
-    def _possible(self, h: float) -> tuple[float, tuple[int, ...]]:
-        """A width at which mechanisms exist (not all inertias of small bodies do), on both sides, or else on one."""
-        for places, first in FIRST.items():
-            for i in range(TIMES):
-                with suppress(InputError):
-                    _ = [self.make(k * h / NARROWER**i) for k in first]
-                    return h / NARROWER**i, places
-        return h, PLACES
-
     @property
     def side(self) -> str:
         """From where its derivative is taken, in words, if from one side only."""
@@ -127,10 +137,10 @@ class Parameter:
         """Derivative of what a mechanism is made of: from the first values where these are exact."""
         (a, b, c), here = (value(m) for m in self.first), value(self.mech)
         size = np.abs(here) + np.abs(b) + np.abs(c)
-        if not self.side and (np.abs(c - 3 * b + 3 * here - a) <= ROUNDING * size).all():
-            return np.array((b - a) / (2 * self.h))
+        if not self.side and (np.abs(2 * c - 9 * b + 8 * here - a) <= ROUNDING * size).all():
+            return np.array((c - a) / (6 * self.h))
         if self.side and (np.abs(c - 3 * b + 3 * a - here) <= ROUNDING * size).all():
-            return np.array((4 * a - b - 3 * here) / ((2 if self.side == "above" else -2) * self.h))
+            return np.array((4 * a - b - 3 * here) / ((4 if self.side == "above" else -4) * self.h))
         return settled(lambda h: {k: value(m) for k, m in self.beside(h).items()}, self.width).slope
 
     def each(self, n: int, value: Callable[["Mechanism", int], Array]) -> dict[int, Array]:

@@ -19,6 +19,7 @@ from ...integrate.binding import common
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
+from ...mechanism.variations.parameter import possible
 from ...methods import METHODS
 from ...methods import method as find_method
 from ...methods.radau import Method
@@ -190,9 +191,12 @@ class GradientMeasurement(Measurement):
 
     def _quotient(self, method: Method, n: int, width: float, sol: Solution) -> Array | None:
         """The derivative of order six by runs with other values, (n, 2 nv)."""
-        h, nq = width * (abs(self.value) or 1.0), self.mech.nq
+        h, nq, places = width * (abs(self.value) or 1.0), self.mech.nq, PLACES
+        if self.parameter is not None:
+            make = maker(self.mech, self.model).make
+            h, places = possible(lambda by: make({self.parameter: self.value + by}), h)
         moves: dict[int, Array] = {}
-        for k in PLACES:
+        for k in places:
             other = self.run(method, n, self.value + k * h)
             if other is None or other.in_use != sol.in_use or len(other.t) != len(sol.t):
                 return None

@@ -5,9 +5,10 @@ import pytest
 
 import mbdae
 import mbdae.differences as differences
+from mbdae.differences import ABOVE, BELOW, PLACES
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.template import Template
-from mbdae.mechanism.variations.parameter import FIRST
+from mbdae.mechanism.variations.parameter import FIRST, possible
 
 G, M = 9.81, 2.0
 SLIDER = """
@@ -157,3 +158,30 @@ def test_a_design_may_begin_and_end_at_the_end_of_a_range(path):
         assert found.values["force.damper.damping"] == pytest.approx(0.0, abs=1e-12)
         assert found.cost == pytest.approx(1 - G / 2, abs=1e-7)
         assert found.gradient["force.damper.damping"] == pytest.approx(-(1 / 2 - G / 6) / M, abs=1e-6)
+
+
+@pytest.mark.parametrize(("low", "high", "found"), [
+    (-3.5, 9.0, (1.0, PLACES)),
+    (-9.0, 2.5, (1 / 8, PLACES)),  # not all places of both sides at the full width
+    (0.0, 9.0, (1.0, ABOVE)),
+    (0.0, 2.5, (1 / 8, ABOVE)),
+    (-9.0, 0.0, (1.0, BELOW)),
+    (0.0, 0.0, (1.0, PLACES)),  # neither way: the refusal names the usual width
+])  # fmt: skip
+def test_mechanisms_exist_at_all_places_of_a_width(low, high, found):
+    def make(by):
+        if not low <= by <= high:
+            raise InputError("outside")
+        return by
+
+    assert possible(make, 1.0) == found
+    h, places = found
+    assert all(low <= k * h <= high for k in places) == (low < high)
+
+
+@pytest.mark.filterwarnings("ignore:parameter .force.damper.damping.:UserWarning")
+def test_gradients_are_checked_at_the_end_of_a_range(path):
+    """Tangents beside quotients of runs, which have mechanisms on one side only."""
+    study = mbdae.check_gradients(path, ["herk3"], parameter="force.damper.damping", T=0.5, steps=20)
+    assert study.differences["herk3"] < 1e-9
+    assert not study.refuted
