@@ -37,7 +37,7 @@ def test_the_file_counts_where_nothing_is_given(tmp_path):
     assert mbdae.solve(mech, (0, 0.2), method="pherk5").stats["steps"] == 20
     assert mbdae.card(mech).solve == {"method": "herk3", "step": 0.01}
     assert "solve     method = herk3, step = 0.01" in str(mbdae.card(mech))
-    assert restore(describe(mech)).settings == mech.settings
+    assert restore(describe(mech), []).settings == mech.settings
 
 
 def test_a_method_that_is_given_stands_without_the_formulation_of_the_file(tmp_path):

@@ -67,13 +67,14 @@ def passed_by(mech: Mechanism, curve: PoseCurve) -> tuple[Passed, ...]:
         with suppress(StepError):  # beside a branch point the cubic is what is known
             for _ in range(NEWTON):
                 here = curve.at(i, s - x[i])
-                value, rate = switch.margins(_judged(all_rows, [s], [here.q], [here.tau])) or (np.zeros(1), None)
+                motion = _judged(all_rows, [s], [here.q], [here.tau * curve.columns])
+                value, rate = switch.margins(motion) or (np.zeros(1), None)
                 if rate is None or not abs(rate[0]) > FLAT:
                     break
                 s = float(np.clip(s - value[0] / rate[0], x[i], x[i + 1]))
         return here.u
 
-    return _passages(mech, x, np.array([p.q for p in nodes]), np.array([p.tau for p in nodes]), to)
+    return _passages(mech, x, np.array([p.q for p in nodes]), np.array([p.tau * curve.columns for p in nodes]), to)
 
 
 def _passages(

@@ -98,7 +98,7 @@ def test_every_figure_and_every_table_of_numbers_has_a_caption(page):
 def test_what_repeats_it_is_in_it(result, page):
     text = page.read_text("utf-8")
     described = json.loads(html.unescape(re.search(r"<pre>(.*?)</pre>", text, re.S)[1]))
-    again = mbdae.mechanism.restore(described)
+    again = mbdae.mechanism.restore(described, [])
     np.testing.assert_array_equal(np.concatenate(again.start), np.concatenate(result.sol.mechanism.start))
     assert result.meta["parameters"]["methods"] == list(OPTIONS["methods"])
     assert {"mbdae", "pin", "numpy", "scipy", "python"} == set(result.meta["versions"])
@@ -137,7 +137,7 @@ def test_the_page_shows_the_numbers_of_the_run(result, page):
 def test_what_a_file_says_of_runs_is_what_report_and_comparison_begin_with(tmp_path):
     """A mechanism of its own method, and one with steps of one size: without a projection, as its run."""
     text = (LIBRARY / "slider_crank" / "mechanism.toml").read_text("utf-8")
-    text = text.replace('source = "', f'source = "{LIBRARY}/slider_crank/')
+    text = text.replace('"slider_crank.urdf"', f'"{LIBRARY}/slider_crank/slider_crank.urdf"')
     for said, words in (('method = "herk5"\nrtol = 1e-5', "project:herk5"), ("step = 1e-2", "pherk6")):
         path = tmp_path / "own.toml"
         path.write_text(f"{text}\n[solve]\n{said}\n", "utf-8")
