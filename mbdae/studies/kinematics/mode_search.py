@@ -22,6 +22,8 @@ HITS = 3  # of each mode, by random starts
 MISSED = 0.01  # how often a mode as easy as the others may be missed
 NONE = 200  # starts of which none closes: then it is given up
 SAME = 100 * NEAR  # poses so near are one mode
+FLAT = 1e-9  # smallest over largest singular value of all rows: no mode of its own
+ON_CURVE = 8  # as many singular poses lie on a curve of them: modes are points, and seldom double
 
 
 @dataclass
@@ -77,16 +79,28 @@ class ModeSearch:
         if found is not None:
             self._known(found)
         rng = np.random.default_rng(0)
-        while self.starts < most and not self._enough():
+        while self.starts < most and not self._enough() and not self._on_curve():
             self.starts += 1
             found = self._closed(self._start(rng))
             if found is not None:
                 self.closed += 1
                 self._known(found).hits += 1
-        if self.modes and not self._enough():
+        if self._on_curve():
+            self.doubts = ["poses are not isolated: with the input held, something still moves"]
+        elif self.modes and not self._enough():
             self.doubts.append(f"{most} starts are too few: some modes came up less than {HITS} times, or all rarely")
         self.modes.sort(key=lambda m: m.circuit)
         return self
+
+    def _on_curve(self) -> bool:
+        return sum(self.margin(m.q) < FLAT for m in self.modes[: 2 * ON_CURVE]) >= ON_CURVE
+
+    def margin(self, q: Array) -> float:
+        """Smallest singular value of all rows over the largest: 0 where two modes coincide."""
+        G = self.curve.closures(q, self.u)[1]
+        G[-1] /= self.curve.unit
+        sizes = np.linalg.svd(G, compute_uv=False)[: self.system.nv]
+        return float(sizes[-1] / sizes[0])
 
     def _enough(self) -> bool:
         if not self.modes:
@@ -126,6 +140,10 @@ class ModeSearch:
         if found is not None:
             return found
         number = 1 + max((m.circuit for m in self.modes), default=0)
+        if self.margin(q) < FLAT:
+            self.doubts.append(f"circuit {number}: its first pose is singular")
+            self.modes.append(FoundMode(q, number, True))
+            return self.modes[-1]
         passed, doubt = circuit(self.system, self.curve.turning, self.period, q, self.u)
         if doubt:
             self.doubts.append(f"circuit {number}: {doubt}")

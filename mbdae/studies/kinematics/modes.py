@@ -139,14 +139,10 @@ def assembly_modes(
 
 
 def _labelled(search: ModeSearch) -> tuple[AssemblyMode, ...]:
-    curve, modes = search.curve, []
+    modes = []
     for number, of_it in groupby(search.modes, key=lambda m: m.circuit):
         for letter, m in zip(_letters(), of_it, strict=False):
-            G = curve.closures(m.q, search.u)[1]
-            G[-1] /= curve.unit
-            sizes = np.linalg.svd(G, compute_uv=False)[: curve.system.nv]
-            margin = float(sizes[-1] / sizes[0])
-            modes.append(AssemblyMode(f"{number}{letter}", number, m.q, m.rising, margin, m.hits))
+            modes.append(AssemblyMode(f"{number}{letter}", number, m.q, m.rising, search.margin(m.q), m.hits))
     return tuple(modes)
 
 

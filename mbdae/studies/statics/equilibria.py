@@ -14,6 +14,7 @@ from ...mechanism.joints import turning
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ..kinematics.kinematics import kinematics
+from ..kinematics.mode_search import FLAT
 from ..kinematics.modes import assembly_modes
 from ..kinematics.result import Kinematics
 from .equilibrium import Equilibrium, labels, velocities
@@ -61,7 +62,7 @@ def equilibria(
     s0 = np.array(list(mech.states.values()))
 
     if statics.point(first.q[0], s0).free.Z.shape[1] != 1:
-        raise InputError(f"a driver or an integrator says where {drive!r} is: there is no branch of equilibria over it")
+        raise InputError(f"{_given(mech, drive)}: there is no branch of equilibria over it")
 
     def point(q: Array) -> Balance:
         return statics.point(statics.close(q, s0), s0)
@@ -76,6 +77,13 @@ def equilibria(
                     Equilibrium(mech, 0.0, here.q, still, here.s, here.lam, holding, left, search.iterations, judged)
                 )
     return out
+
+
+def _given(mech: Mechanism, drive: str) -> str:
+    """What leaves no freedom to a mechanism that has one without its drivers and integrators."""
+    if any(d.speed is not None for d in mech.drivers):
+        return f"a driver says how fast {drive!r} moves"
+    return f"{'a driver' if mech.drivers else 'an integrator'} says where {drive!r} is"
 
 
 def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[str, ...]) -> list[Kinematics]:
@@ -96,7 +104,7 @@ def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[s
         for doubt in found.doubts:
             warnings.warn(f"equilibria over {drive!r}: {doubt}", stacklevel=3)
         for mode in found.modes:
-            if any(_passes(mech, curve, mode.q) for curve in curves):
+            if mode.margin < FLAT or any(_passes(mech, curve, mode.q) for curve in curves):
                 continue
             try:
                 curves.append(kinematics(mech, drive, span=span, hold=hold, points=POINTS, q=mode.q))

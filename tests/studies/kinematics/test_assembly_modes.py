@@ -194,3 +194,11 @@ def test_a_parallelogram_has_a_mode_on_each_of_its_branches():
     found = assembly_modes(parallelogram(), "crank")
     assert len(found.modes) == 2
     assert found.doubts == ()
+
+
+def test_poses_that_are_not_isolated_end_the_search():
+    """A parallelogram lies in one line at crank = 0, and its rocker turns about the crank's tip while that rests."""
+    found = assembly_modes("n_four_bar", "crank_0", 0.0)
+    assert found.doubts == ("poses are not isolated: with the input held, something still moves",)
+    assert found.starts < 200
+    assert all(m.margin < 1e-9 for m in found.modes)
