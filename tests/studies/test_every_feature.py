@@ -95,15 +95,17 @@ FEATURES = {
     "speed": '[[driver]]\nname = "drive"\njoint = "crank"\nspeed = 2.0',
     "controller": PID + "ki = 10.0",
     "sampled": PID + "rate = 100.0",
+    "singular start": "# two bars of one length: their tip may stay at the crank's pivot",
     "dependent": '[[closure]]\nname = "again"\nkind = "point"\nframes = ["rod_tip", "slider"]',
 }
 ONE_SIDED = ("stop", "rope", "stiction", "clutch", "ratchet", "command", "window")
+BEGAN = "the run began in a singular configuration"
 LEFT_OUT = "statics and modes leave out what opens, sticks or slips: "
 POSES = ("kinematics", "assembly_modes", "inverse of a drive", "equilibria")
 STATICS = ("equilibrium", "equilibria", "load_path", "modes", "root_locus", "linearize")
 WARNED = dict.fromkeys(ONE_SIDED, STATICS)
 NO_SWITCH = r"'{}' switches at t = .* s: no derivative of runs in which rows do"
-GIVEN = "a driver or an integrator says where 'crank' is: there is no branch of equilibria over it"
+GIVEN = "a driver says where 'crank' is: there is no branch of equilibria over it"
 NOTHING = dict.fromkeys(("modes", "root_locus", "linearize"), "'Slider-crank' has no freedom left: it has no modes")
 FIXED = {"equilibria": GIVEN, "load_path": "has no freedom left: nothing moves with the load"}
 FRICTION = "does not know coulomb_friction, of closure 'pin'"
@@ -116,13 +118,36 @@ REFUSED: dict[str, dict[str, str]] = {
     },
     "rolling": dict.fromkeys((*POSES, "inverse of a table"), ROLLS),
     "driver": FIXED | NOTHING,
-    "speed": FIXED | NOTHING,
-    "controller": FIXED,  # its integral keeps the slider at the reference
+    "speed": FIXED | NOTHING | {"equilibria": "a driver says how fast 'crank' moves: there is no branch of"},
+    "controller": FIXED | {"equilibria": "an integrator says where 'crank' is"},  # the slider is at the reference
     "sampled": dict.fromkeys(STATICS, "'pid' is a sampled controller: statics and modes need a continuous one"),
+}
+REFUSED["singular start"] = {
+    **dict.fromkeys(("compare", "sensitivity", "gradient", "optimize"), BEGAN),
+    "check_order": "no reference for 'Slider-crank': pherk6 fails at every step size",
+    **dict.fromkeys(
+        ("kinematics", "assembly_modes", "equilibria"),
+        "the closures lose rank in this pose, from which several branches lead: start beside it",
+    ),
+    # on either branch the motor's 0.3 N m meet a weight of at most 9.81 |0.5 * 0.05 - 0.4 * 0.075| = 0.05 N m
+    **dict.fromkeys(("equilibrium", "load_path", "modes", "root_locus", "linearize"), "no equilibrium found in "),
 }
 REFUSED["command"] |= dict.fromkeys(("sensitivity", "gradient"), NO_SWITCH.format("lock"))
 REFUSED["window"] |= dict.fromkeys(POSES, "'gate' is there within windows of 'crank' only")
 REFUSED["window"] |= {"inverse of a table": "'gate' has rows of velocity: where it goes depends on the way"}
+
+
+def singular(text: str) -> str:
+    """The slider-crank with a rod as short as the crank, which has turned back onto it: the rod may turn alone."""
+    changes = {
+        "xyz = [0.35, 0.0, 0.0]": "xyz = [0.1, 0.0, 0.0]",
+        "q = { crank = -1.5 }": "q = { crank = -1.5707963267948966 }\nv = { crank = 1.0, slider = 0.2 }",
+        "rod = 1.8, slider = 0.34 }": "rod = 3.141592653589793, slider = 0.0 }\nguess_v = { rod = -2.0 }",
+    }
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    return text
 
 
 def end_of(column: str):
@@ -139,7 +164,7 @@ def studies(path: Path):
     """Names of studies and calls, coarse and short; those of a run take the first one's."""
     mech, mass = mbdae.load(path), "body.rod.mass"
     sol = mbdae.solve(mech, (0, 0.05), rtol=1e-5)
-    assert sol.ended, sol.message
+    assert BEGAN in sol.message if path.stem == "singular start" else sol.ended, sol.message
     file = path.with_suffix(".npz")
     sol.save(file)
     times = [0.0, 0.1, 0.2, 0.3]
@@ -180,8 +205,9 @@ def studies(path: Path):
 
 @pytest.mark.parametrize("feature", FEATURES)
 def test_each_study_answers_or_says_why_not(feature, tmp_path):
-    path = tmp_path / "model.toml"
-    path.write_text(BASE.format(FEATURES[feature]))
+    path = tmp_path / f"{feature}.toml"
+    text = BASE.format(FEATURES[feature])
+    path.write_text(singular(text) if feature == "singular start" else text)
     refused, warned, wrong = REFUSED.get(feature, {}), WARNED.get(feature, ()), []
     for study, call in studies(path).items():
         with warnings.catch_warnings(record=True) as said:
