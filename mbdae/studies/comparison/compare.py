@@ -94,6 +94,7 @@ def compare(
         chosen = variants(METHODS if methods is None else methods, formulations)
     trials = _trials(chosen, rtol, steps)
     kinds = {str(t.variant): t.variant for t in trials}.values()
+    _refuse_unsuited(problem, kinds)
     runs = [(v.formulation, v.baumgarte) for v in kinds]
     shared, because = common(problem, runs, backend)
     motion = replace(motion, backend=shared, because=because)
@@ -115,6 +116,21 @@ def compare(
         if not bench.uncertainty:
             raise
     return bench.result(complete)
+
+
+def _refuse_unsuited(problem: Problem, kinds: Iterable[Variant]) -> None:
+    """Refuse methods by name whose formulation knows no stops, before the reference is computed.
+
+    Raises:
+        InputError: names them, and what opens, closes or steps.
+    """
+    if not isinstance(problem, Mechanism) or not problem.switches:
+        return
+    unsuited = [str(v) for v in kinds if v.formulation != "index2"]
+    if unsuited:
+        name = problem.switches[0].name
+        words = f"{name!r}: what opens, closes or steps needs formulation 'index2'"
+        raise InputError(f"{words}, leave out {', '.join(unsuited)}")
 
 
 def _motion(

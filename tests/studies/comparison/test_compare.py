@@ -141,6 +141,16 @@ def line(constant, order, works):
     return [(constant * w**-order, w) for w in works]
 
 
+def test_methods_that_know_no_stops_are_refused_by_name_before_any_run():
+    def told(done, name):
+        raise AssertionError(f"{name} is computed")
+
+    with pytest.raises(InputError, match=r"needs formulation 'index2', leave out ggl:pherk5, index1:dop853$"):
+        mbdae.compare(
+            "slider_crank_with_stop", (0, 0.1), methods=["pherk5", "ggl:pherk5", "index1:dop853"], progress=told
+        )
+
+
 def test_work_is_interpolated_in_logarithms():
     runs = line(1.0, 4.0, [10.0, 100.0, 1000.0])
     assert work_at(runs, 1e-6)[0] == pytest.approx(10**1.5)
