@@ -70,7 +70,7 @@ class _Description(Table):
     parameters: tuple[_Parameter, ...] = ()
 
 
-def restore(description: Mapping[str, Any], meshes: Sequence[Path]) -> Mechanism:
+def restore(description: Mapping[str, Any], meshes: Sequence[Path] = ()) -> Mechanism:
     """Make the mechanism that `describe` described, without Python force laws; read meshes from these folders only.
 
     Raises:
