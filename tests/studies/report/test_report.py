@@ -109,7 +109,7 @@ NUMBERS = re.compile(r"t = (\S+) s\n  (\d+ steps, \S+ rejected, \d+ solves)")
 
 @pytest.mark.parametrize("name", model_names())
 def test_the_run_of_a_report_is_that_of_the_command_line_and_of_solve(name, monkeypatch):
-    """The same steps and solves, with no settings; and the comparison begins with that method."""
+    """The same steps, drift and energy balance, with no settings; and the comparison begins with that method."""
     compared = []
     monkeypatch.setattr("mbdae.studies.report.report.METHODS", ("pherk6",))
     monkeypatch.setattr("mbdae.studies.report.report.check_order", lambda *_, **__: None)
@@ -122,6 +122,7 @@ def test_the_run_of_a_report_is_that_of_the_command_line_and_of_solve(name, monk
     printed = call("run", name, "-t", T)[1]
     assert NUMBERS.search(printed)[0] == NUMBERS.search(str(found))[0] == NUMBERS.search(str(sol))[0]
     np.testing.assert_array_equal(found.sol.y, sol.y)
+    assert all(str(mbdae.drift(sol)) in text for text in (printed, str(found)))
     assert compared[0] == of(sol.settings) == default(mech)
     closed = mech.ng > 0
     assert [str(v) for v in compared] == (["project:pherk6", "pherk6"] if closed else ["pherk6"])
