@@ -191,10 +191,11 @@ class GradientMeasurement(Measurement):
 
     def _quotient(self, method: Method, n: int, width: float, sol: Solution) -> Array | None:
         """The derivative of order six by runs with other values, (n, 2 nv)."""
-        h, nq, places = width * (abs(self.value) or 1.0), self.mech.nq, PLACES
-        if self.parameter is not None:
+        h, nq = width * (abs(self.value) or 1.0), self.mech.nq
+        places: tuple[int, ...] = PLACES
+        if (name := self.parameter) is not None:
             make = maker(self.mech, self.model).make
-            h, places = possible(lambda by: make({self.parameter: self.value + by}), h)
+            h, places = possible(lambda by: make({name: self.value + by}), h)
         moves: dict[int, Array] = {}
         for k in places:
             other = self.run(method, n, self.value + k * h)
