@@ -62,6 +62,31 @@ def test_runs_and_studies_by_name_are_those_of_the_mechanism():
                                   mbdae.modes(mbdae.load("spring_four_bar")).eigenvalues)  # fmt: skip
 
 
+def low(signals):
+    return signals["q.left"][-1], {"q.left": np.eye(len(signals["t"]))[-1]}
+
+
+MADE = {
+    "fit": lambda m: mbdae.fit(m, {"gravity.2": (-9.0, -12.0, -8.0)}, {"t": [0, 0.02], "q.left": [1.0, 1.0]}, sigma=1),
+    "optimize": lambda m: mbdae.optimize(m, low, {"gravity.2": -9.0}, {"gravity.2": (-9.1, -8.9)}, t_span=(0, 0.02)),
+    "root_locus": lambda m: mbdae.root_locus(m, "gravity.2", [-9.0, -8.0]),
+    "sensitivity": lambda m: mbdae.sensitivity(mbdae.solve(SPRINGS, (0, 0.02)), {"gravity.2": -9.81}, model=m),
+    "sweep": lambda m: mbdae.sweep(m, {"gravity.2": [-9.0, -8.0]}, (0, 0.02)),
+}
+SPRINGS = LIBRARY / "spring_four_bar"
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_what_makes_mechanisms_is_a_name_or_a_path_too(name):
+    """A folder as a Path, its file, or a name, where numbers of a model vary."""
+    for given in (SPRINGS, str(SPRINGS / "mechanism.toml"), "spring_four_bar"):
+        assert MADE[name](given)
+    with pytest.raises(UnknownNameError, match=r"unknown model 'spring_four_bra' .did you mean 'spring_four_bar'"):
+        MADE[name]("spring_four_bra")
+    with pytest.raises(InputError, match="a model is a name, a path or a function that returns a Mechanism, got 3"):
+        MADE[name](3)
+
+
 def test_textbook_problems_have_names_too():
     sol = mbdae.solve("circle", (0, 1), rtol=1e-10)
     np.testing.assert_allclose(sol.y[-1], [np.cos(1), np.sin(1)], atol=1e-9)

@@ -103,7 +103,7 @@ def fit(
     told = teller(progress)
     found = records(data, several(signals, "signals are names of columns"))
     loaded = model if isinstance(model, Mechanism) else None
-    make = maker(loaded, None if loaded else str(model) if isinstance(model, Path) else model)
+    make = maker(loaded, None if loaded else model)
     tables = _known(known, len(found), parameters)
     named_values(make, dict.fromkeys(parameters, 0.0))
     unknown = {name: _unknown(make, name, given) for name, given in parameters.items()}

@@ -14,7 +14,7 @@ from ...mechanism import Mechanism
 from ...mechanism.formulations.spectrum import CERTAIN, Spectrum
 from ...system import Array
 from ...tabular import Columns, Tabular
-from ..sweep.run import Job
+from ..sweep.run import maker_of
 from .modes import modes
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def root_locus(
     numbers = np.asarray(values, float)
     if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
         raise InputError(f"a root locus takes a list of numbers, got {values!r:.60}")
-    maker = Job(str(model) if isinstance(model, Path) else model).maker()
+    maker = maker_of(model)
     speed, kept = name.removeprefix(SPEED) if name.startswith(SPEED) else None, dict(start or {})
     first = {} if speed else {name: float(numbers[0])}
     maker.check({n: x for n, x in {**kept, **first}.items() if n not in maker.parameters})

@@ -90,7 +90,7 @@ def optimize(
     if search == "L-BFGS-B" and constraints:
         raise InputError("search 'L-BFGS-B' takes no constraints, only bounds")
     loaded = model if isinstance(model, Mechanism) else None
-    make = maker(loaded, None if loaded else str(model) if isinstance(model, Path) else model)
+    make = maker(loaded, None if loaded else model)
     start = _start(make, parameters)
     box = _pairs("parameter", start, _table("bounds", bounds))
     limits = {name: _limits(name, given) for name, given in _table("constraints", constraints).items()}

@@ -18,7 +18,7 @@ from ...mechanism.formats.template import Template
 from ...mechanism.variations.parameters import Parameters
 from ...solution.solution import Solution
 from ...system import Array
-from ..sweep.run import Made
+from ..sweep.run import Made, maker_of
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, tuple[dict[str, float], Parameters]]] = WeakKeyDictionary()
 """The parameters by which a mechanism was differentiated last: workspaces of one thread."""
@@ -27,7 +27,7 @@ ALIKE = 1e-9  # of derivatives
 LOOKS = 9  # points of a run where differences are to hold
 
 Names = Sequence[str] | Mapping[str, float]
-Model = Any  # str | Maker | Callable[..., Mechanism] | None
+Model = Any  # str | Path | Maker | Callable[..., Mechanism] | None
 
 
 class Makes(Protocol):
@@ -43,13 +43,9 @@ def maker(mech: Mechanism | None, model: Model) -> Makes:
     Raises:
         InputError: where a mechanism was not read from files and no model is given.
     """
-    if isinstance(model, str):
-        return Template(model)
     if model is None and mech is not None:
         return Remembered(mech)
-    if not hasattr(model, "make") and not callable(model):
-        raise InputError(f"model is a file or a function that makes a mechanism, got {model!r:.60}")
-    return model if hasattr(model, "make") else Made(model)
+    return model if hasattr(model, "make") else maker_of(model)
 
 
 def bound(sol: Solution, names: Names, model: Model) -> tuple[dict[str, float], Parameters]:

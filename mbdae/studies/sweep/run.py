@@ -4,6 +4,7 @@ import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from time import perf_counter
 from typing import Any, Protocol
 
@@ -93,7 +94,7 @@ class Job:
         key: tells sweeps apart whose files differ.
     """
 
-    model: str | Callable[..., Mechanism]
+    model: str | Path | Callable[..., Mechanism]
     t_span: tuple[float, float] | None = None
     times: int | tuple[float, ...] | None = None
     outputs: tuple[Output, ...] = ()
@@ -102,7 +103,7 @@ class Job:
 
     def maker(self) -> Maker:
         """What makes the mechanisms, with files read afresh."""
-        return Template(self.model) if isinstance(self.model, str) else Made(self.model)
+        return maker_of(self.model)
 
     def span(self, mech: Mechanism) -> tuple[float, float]:
         """Start and end in s."""
@@ -113,6 +114,22 @@ class Job:
         if isinstance(self.times, int):
             return np.linspace(*self.span(mech), self.times)
         return None if self.times is None else np.array(self.times)
+
+
+def maker_of(model: Any) -> Maker:
+    """What makes the mechanisms of a model.
+
+    Args:
+        model: what `mbdae.load` takes, or a function that returns a Mechanism.
+
+    Raises:
+        UnknownNameError, InputError: as `mbdae.load`, and for something else.
+    """
+    if isinstance(model, str | Path):
+        return Template(model)
+    if not callable(model):
+        raise InputError(f"a model is a name, a path or a function that returns a Mechanism, got {model!r:.60}")
+    return Made(model)
 
 
 def split(values: Mapping[str, Any], maker: Maker, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -145,8 +145,6 @@ def sweep(
 
 def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], settings: dict[str, Any]) -> Job:
     """Check the arguments that need no mechanism."""
-    if not isinstance(model, str | Path) and (not callable(model) or isinstance(model, type)):
-        raise InputError(f"a model is a name, a path or a function that returns a Mechanism, got {model!r:.60}")
     if isinstance(outputs, str) or not isinstance(outputs, Sequence):
         raise InputError(f"outputs is a list of texts and functions, got {outputs!r:.60}")
     check_settings(list(settings))
