@@ -79,7 +79,7 @@ def first(
         if guard is None or high is None:
             return theta, fired
         found = _locate(guard, step, at, high)
-        if found < theta - near:
+        if not fired or found < theta - near:
             theta, fired = found, [guard.guard]
         elif found <= theta + near:
             fired.append(guard.guard)

@@ -119,3 +119,13 @@ def test_wrong_commands_are_refused():
         clutch((0.0, 1), pitch=0.1)
     with pytest.raises(InputError, match="'output-input clutch': what opens, closes or steps needs formulation"):
         mbdae.solve(flywheels(clutches=[clutch((0.0, 1))]), (0, 1), formulation="ggl")
+
+
+def test_a_clutch_may_close_at_the_end_of_the_span():
+    """The step that ends there is one rounding long: the guard is located once."""
+    m = mbdae.load("slider_crank")
+    lock = Clutch(name="lock", joint="crank", engaged=Steps(points=((0.0, 0.0), (0.02, 1.0))))
+    mech = Mechanism(m.model, closures=m.closures, clutches=[lock])
+    sol = mbdae.solve(mech, (0, 0.02), *m.start, method="herk3", rtol=1e-3)
+    assert sol.success
+    assert sol.t[-1] == 0.02
