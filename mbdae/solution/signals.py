@@ -161,9 +161,10 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     mech = sol.mechanism
     wanted = list(units(mech)) if names is None else find(mech, names)
     out: dict[str, Array] = {}
-    for family, known in zip(reversed(FAMILIES), reversed(_units(mech)), strict=True):
-        if any(name in known and name not in out for name in wanted):
-            out |= family.values(sol)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a run that explodes
+        for family, known in zip(reversed(FAMILIES), reversed(_units(mech)), strict=True):
+            if any(name in known and name not in out for name in wanted):
+                out |= family.values(sol)
     return {name: out[name] for name in wanted}
 
 
