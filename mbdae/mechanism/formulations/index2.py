@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 class Index2System(System):
     """`mbdae.system.System` of a mechanism: y = (q, v, s, w), tangent (x, v, s, w) of length 2 nv + ns + 1, z = lam.
 
-    Recomputed at a stage: one mass matrix, one force, two constraint Jacobians, factors of M and G(Qhat) M^-1 G(Q)^T.
-    Small arrays are written with what costs least in numpy: a.dot(b) half of a @ b, x[x.argmin()] a quarter of x.min().
+    A stage takes one mass matrix, one force, two constraint Jacobians, factors of M and G(Qhat) M^-1 G(Q)^T.
     """
 
     formulation, baumgarte = "index2", (0.0, 0.0)

@@ -16,6 +16,7 @@ from ...system import Array
 from .curve import PoseCurve
 
 PASSED = 1e-6  # rad or m: less is the rounding of a motion that rests on a stop
+NEARBY = 1e-2  # of a cubic's depth: that of the curve itself
 NEWTON = 5  # iterations from a root of the cubic
 FLAT = 1e-8  # rad or m per unit of the arclength: a curve along a stop has no root
 SHOWN = 4  # passages of one stop that a text names
@@ -59,6 +60,15 @@ def passed_by(mech: Mechanism, curve: PoseCurve) -> tuple[Passed, ...]:
     nodes, all_rows = curve.nodes, AllRows(mech.system())
     x = np.array([p.s for p in nodes])
 
+    def gap(switch: Switch, s: float, cubic: float) -> float:
+        i = int(np.clip(np.searchsorted(x, s, side="right") - 1, 0, len(x) - 2))
+        with suppress(StepError):
+            here = curve.at(i, s - x[i])
+            found = switch.margins(_judged(all_rows, [s], [here.q], [here.tau * curve.columns]))
+            if found and abs(found[0][0] + cubic) < NEARBY * cubic:  # not a margin that counts from an earlier pose
+                return float(-found[0][0])
+        return cubic
+
     def to(switch: Switch, s: float) -> float:
         if s in (x[0], x[-1]):
             return nodes[0 if s == x[0] else -1].u
@@ -74,18 +84,24 @@ def passed_by(mech: Mechanism, curve: PoseCurve) -> tuple[Passed, ...]:
                 s = float(np.clip(s - value[0] / rate[0], x[i], x[i + 1]))
         return here.u
 
-    return _passages(mech, x, np.array([p.q for p in nodes]), np.array([p.tau * curve.columns for p in nodes]), to)
+    return _passages(mech, x, np.array([p.q for p in nodes]), np.array([p.tau * curve.columns for p in nodes]), to, gap)
 
 
 def _passages(
-    mech: Mechanism, x: Array, q: Array, rates: Array, to: Callable[[Switch, float], float]
+    mech: Mechanism,
+    x: Array,
+    q: Array,
+    rates: Array,
+    to: Callable[[Switch, float], float],
+    gap: Callable[[Switch, float, float], float] = lambda switch, s, cubic: cubic,
 ) -> tuple[Passed, ...]:
     if not mech.switches:
         return ()
     motion, out = _judged(AllRows(mech.system()), x, q, rates), []
     for switch in mech.switches:
         found = switch.margins(motion)
-        for first, last, most in below(x, *found) if found else ():
+        for first, last, most, at in below(x, *found) if found else ():
+            most = gap(switch, at, most)
             out.append(
                 Passed(switch.name, to(switch, first), to(switch, last), most, str(mech.row_units[switch.row]))
             )
@@ -97,8 +113,8 @@ def _judged(all_rows: AllRows, x: Any, q: Any, rates: Any) -> Margins:
     return Margins(np.asarray(x), np.asarray(q), np.array(g), np.einsum("nij,nj->ni", np.array(G), np.asarray(rates)))
 
 
-def below(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float, float]]:
-    """Return where a function is below zero, from, to, and by how much at most.
+def below(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float, float, float]]:
+    """Return where a function is below zero: from, to, by how much at most, and where.
 
     Args:
         x: rising, (n,).
@@ -106,7 +122,7 @@ def below(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float
         rate: its derivative, (n,); when left out the function is one of straight lines.
     """
     if len(x) < 2:
-        return [(float(x[0]), float(x[0]), float(-value[0]))] if value.min(initial=0.0) < -PASSED else []
+        return [(float(x[0]), float(x[0]), float(-value[0]), float(x[0]))] if value.min(initial=0.0) < -PASSED else []
     linear = rate is None
     curve: PPoly = PPoly(np.array([np.diff(value) / np.diff(x), value[:-1]]), x) if linear else CubicHermiteSpline(
         x, value, rate
@@ -116,11 +132,12 @@ def below(x: Array, value: Array, rate: Array | None) -> list[tuple[float, float
     ends = np.unique([x[0], *roots[np.isfinite(roots)], x[-1]])
     at = np.concatenate([x, lowest[np.isfinite(lowest)]])
     depth = -curve(at)
-    out: list[tuple[float, float, float]] = []
+    out: list[tuple[float, float, float, float]] = []
     for a, b in pairwise(ends):
-        most = float(depth[(at >= a) & (at <= b)].max(initial=0.0))
-        if most > PASSED and curve((a + b) / 2) < 0:
-            out.append((float(a), float(b), most))
+        inside = np.flatnonzero((at >= a) & (at <= b))
+        deepest = inside[depth[inside].argmax()] if len(inside) else None
+        if deepest is not None and depth[deepest] > PASSED and curve((a + b) / 2) < 0:
+            out.append((float(a), float(b), float(depth[deepest]), float(at[deepest])))
     return out
 
 

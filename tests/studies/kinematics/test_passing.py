@@ -129,11 +129,11 @@ def test_roots_of_cubics():
     """A parabola that dips below zero between two points, and a function of straight lines."""
     x = np.array([0.0, 1.0, 4.0])
     (found,) = below(x, (x - 2) ** 2 - 1e-2, 2 * (x - 2))
-    np.testing.assert_allclose(found, (1.9, 2.1, 1e-2), atol=1e-12)
+    np.testing.assert_allclose(found, (1.9, 2.1, 1e-2, 2.0), atol=1e-12)
     (found,) = below(np.arange(4.0), np.array([0.0, 0.0, -1.0, 1.0]), None)
-    np.testing.assert_allclose(found, (1.0, 2.5, 1.0), atol=1e-15)
+    np.testing.assert_allclose(found, (1.0, 2.5, 1.0, 2.0), atol=1e-15)
     assert below(x, np.zeros(3), np.zeros(3)) == []
-    assert below(np.zeros(1), np.array([-1.0]), None) == [(0.0, 0.0, 1.0)]
+    assert below(np.zeros(1), np.array([-1.0]), None) == [(0.0, 0.0, 1.0, 0.0)]
 
 
 def test_a_rope_is_passed_where_it_is_too_short():
