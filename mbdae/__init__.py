@@ -11,7 +11,7 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .members import classes, public
+from .discovery import classes, public
 
 if TYPE_CHECKING:  # what editors and type checkers see of the names that `_places` finds
     from .errors import MbdaeError as MbdaeError
@@ -46,8 +46,8 @@ if TYPE_CHECKING:  # what editors and type checkers see of the names that `_plac
     from .studies.drift.drift import drift as drift
     from .studies.fit.fit import fit as fit
     from .studies.inverse.inverse import inverse_dynamics as inverse_dynamics
+    from .studies.kinematics.assembly_modes import assembly_modes as assembly_modes
     from .studies.kinematics.kinematics import kinematics as kinematics
-    from .studies.kinematics.modes import assembly_modes as assembly_modes
     from .studies.modes.linear_system import linearize as linearize
     from .studies.modes.modes import modes as modes
     from .studies.modes.root_locus import root_locus as root_locus

@@ -7,8 +7,8 @@ import click
 
 from .cli.interrupt import CODE
 from .cli.options import FAILED, HOLDS, USAGE
+from .discovery import members
 from .errors import InputError, MbdaeError, printable
-from .members import members
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})

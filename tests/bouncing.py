@@ -77,7 +77,7 @@ def dropped_chain(rng):
 
 def gaps(mech, *qs):
     """Gaps of all rows that press on one side, at each q, (n, k), positive where they are open."""
-    from mbdae.mechanism.modes.point import AllRows
+    from mbdae.mechanism.hybrid.mode_point import AllRows
 
     rows = AllRows(mech.system())
     return np.array([[s.sign * g[s.row] for s in mech.switches] for g in (rows(0.0, q)[0] for q in qs)])

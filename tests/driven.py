@@ -6,7 +6,7 @@ from chains import rod
 
 import mbdae
 from mbdae import Closure, Driver, Mechanism
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 
 
 def crane():

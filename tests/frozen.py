@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 import mbdae
-from mbdae import differences
-from mbdae.mechanism.formats.remembered import number
+from mbdae import finite_differences
+from mbdae.mechanism.formats.loaded_model import number
 from mbdae.mechanism.formats.template import Template
 from mbdae.system import State
 
@@ -21,9 +21,9 @@ def quotient(run, value, width, mech=None):
     """Derivative of order six of run(value + k h), points (n, ...) or other numbers."""
     h = width * (abs(value) or 1.0)
     if mech is None:
-        return differences.slope(lambda x: run(value + x), h)
+        return finite_differences.slope(lambda x: run(value + x), h)
     base = run(value)
-    return differences.slope(lambda x: difference(mech, base, run(value + x)), h)
+    return finite_differences.slope(lambda x: difference(mech, base, run(value + x)), h)
 
 
 def best(found, run, value, widths=(3e-4, 1e-3, 3e-3), mech=None):

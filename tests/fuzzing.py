@@ -95,7 +95,7 @@ class Mutants:
             case "replicated":
                 return self._text("x.xml", REPLICATED, rng)
             case "toml":
-                from mbdae.mechanism.formats.library import models_directory
+                from mbdae.mechanism.formats.model_library import models_directory
 
                 source = rng.choice(sorted(models_directory().glob("*/mechanism.toml")))
                 for file in source.parent.glob("*.urdf"):

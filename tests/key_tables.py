@@ -13,9 +13,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
+from mbdae.mechanism.checked_table import Table
 from mbdae.mechanism.formats.schema import MechanismFile
-from mbdae.mechanism.signals import SIGNALS
-from mbdae.mechanism.tables import Table
+from mbdae.mechanism.time_functions import SIGNALS
 
 PAGE = Path(__file__).parent.parent / "models" / "README.md"
 BETWEEN = re.compile(r"(?<=<!-- keys: written by tests/key_tables.py -->\n).*(?=<!-- end of keys -->)", re.S)

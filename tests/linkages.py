@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from mbdae import Closure, Mechanism
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 
 
 def bar(model, parent, at, length, name, mass=1.0):

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from mbdae import Mechanism
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 
 M, C, ABOUT = 1.5, 0.4, 0.05  # kg, m to the centre of mass, kg m^2 about it
 TOTAL = ABOUT + M * C * C  # about the hinge

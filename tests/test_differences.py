@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mbdae.differences import PLACES, quotient, slope, slopes
+from mbdae.finite_differences import PLACES, quotient, slope, slopes
 
 
 def test_polynomials_of_degree_six_are_exact():

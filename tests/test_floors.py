@@ -14,8 +14,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "mbdae"
 HOUSE = "errors < system < mechanism methods textbook < solution < integrate < cli < studies < __init__ < __main__"
-INSIDE = "frames joints signals < start < closures forces scene < formulations < variations < mechanism < formats"
-CORE = "numbers < mechanism < system < steps < run < tangents < bindings"  # of native
+INSIDE = "frames joints time_functions < model_settings < closures forces scene < formulations < discrete_sensitivity < mechanism < formats"
+CORE = "math < mechanism < system < steps < run < sensitivity < bindings"  # of native
 SECRETS = {  # heavy or special imports, and the only places that may know them
     "pinocchio": "mechanism/**/*.py backend.py",  # the latter compares versions
     "coal": "mechanism/**/*.py",
@@ -25,7 +25,7 @@ SECRETS = {  # heavy or special imports, and the only places that may know them
     "umsgpack": "studies/replay/*.py",
     "click": "cli/*.py studies/*/command.py __main__.py",
     "rich": "cli/options.py progress.py",
-    "pyarrow": "studies/sweep/file.py",
+    "pyarrow": "studies/sweep/results_file.py",
 }
 FILES = sorted(PACKAGE.rglob("*.py"))
 

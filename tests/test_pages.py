@@ -26,9 +26,9 @@ import mbdae
 from mbdae import backend
 from mbdae.__main__ import cli, main
 from mbdae.mechanism.closures.closure import KINDS
-from mbdae.mechanism.closures.keys import keys
+from mbdae.mechanism.closures.key_rules import keys
 from mbdae.mechanism.forces import FORCES
-from mbdae.mechanism.formats.library import MECHANISM, PARAMETRIC, SOURCES
+from mbdae.mechanism.formats.model_library import MECHANISM, PARAMETRIC, SOURCES
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = (".github", "examples", "mbdae", "models")

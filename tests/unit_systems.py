@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from mbdae import Closure, Driver, Mechanism, Stop
+from mbdae.mechanism.checked_table import HUGE
 from mbdae.mechanism.forces.joint_damping import JointDamping
 from mbdae.mechanism.forces.joint_pid import JointPID
 from mbdae.mechanism.forces.joint_spring import JointSpring
@@ -19,9 +20,8 @@ from mbdae.mechanism.forces.spring_damper import SpringDamper
 from mbdae.mechanism.forces.wrench import Wrench
 from mbdae.mechanism.frames import find_joint, find_joints
 from mbdae.mechanism.joints import PER_COORDINATE, lengths
-from mbdae.mechanism.signals import Constant, Harmonic, Polynomial, Steps, TimeTable
-from mbdae.mechanism.start import Start
-from mbdae.mechanism.tables import HUGE
+from mbdae.mechanism.model_settings import Start
+from mbdae.mechanism.time_functions import Constant, Harmonic, Polynomial, Steps, TimeTable
 
 PLAIN = ("kind", "name", "frames", "joints", "joint", "frame", "axes", "axis", "second_axis", "grip", "contact",
          "surface", "unilateral", "restitution", "limits", "interpolation", "controls")  # fmt: skip

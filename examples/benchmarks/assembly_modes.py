@@ -21,7 +21,7 @@ import pinocchio as pin
 
 import mbdae
 from mbdae import Closure, Driver, Mechanism
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 
 Array = np.ndarray
 CLOSE = 1e-4  # rad: real roots nearer to each other, and complex ones nearer to the real axis, are no count

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from click import Context, Parameter
 from click.shell_completion import CompletionItem
 
-from ..members import added, instances, model_names, public
+from ..discovery import added, instances, model_names, public
 
 FORMULATIONS = ("index2", "ggl", "index1")
 COMPARED = ("index2", "project", "ggl")  # in which a comparison has half-explicit methods

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..discovery import model_names, public
 from ..errors import InputError
-from ..members import model_names, public
 from .completion import completed, problems
 from .options import values_by_name
 

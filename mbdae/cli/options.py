@@ -12,7 +12,7 @@ import click
 
 from ..backend import BACKENDS
 from ..errors import InputError, printable
-from ..files import TABLE_SUFFIXES
+from ..file_io import TABLE_SUFFIXES
 from ..integrate.defaults import DEFAULTS
 from ..progress import progress_bar as bar
 from .completion import FORMULATIONS, completed, methods

@@ -2,7 +2,7 @@
 
 Until the end of the span:
 
-1. near a singular configuration, leap over it (`mbdae.integrate.leap`);
+1. near a singular configuration, leap over it (`mbdae.integrate.singularity_crossing`);
 2. else let the stepper advance: one step in Python, or many in the compiled core, which comes back where something
    asks for Python: a singular configuration, a function to look at for events, a look at the clock;
 3. look for events on what is new, if the core has not; a terminal one ends the run;
@@ -17,13 +17,13 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import STATUS, InputError, StepError
-from ..mechanism.modes.switches import words
+from ..mechanism.hybrid.switches import words
 from ..solution.solution import Problem
-from .ending import end_events, end_in_event
-from .leap import KNOWN
-from .modes.cut import ended, too_long
+from .mode_switching.step_truncation import ended, too_long
 from .run import RunState
+from .singularity_crossing import KNOWN
 from .step_map import StepMap
+from .termination import end_events, end_in_event
 
 Progress = Callable[[float], None]
 

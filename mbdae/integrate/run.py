@@ -8,16 +8,16 @@ import numpy as np
 from ..errors import StepError
 from ..solution.solution import Problem, Solution
 from ..system import Array, State, Step, System
-from .carried import Carried
+from .carry_record import Carried
 from .events import EventWatch
 from .growing_array import GrowingArray
 from .jumps import Jumps
-from .modes.watch import ModeWatch
-from .singularity_watch import SingularWatch
-from .stiffness import StiffnessWatch
+from .mode_switching.mode_monitor import ModeWatch
+from .singularity_monitor import SingularWatch
+from .stiffness_detection import StiffnessWatch
 
 if TYPE_CHECKING:
-    from .retrace import Retracer
+    from .backward_steps import Retracer
     from .steppers.stepper import Stepper
 
 

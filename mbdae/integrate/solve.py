@@ -8,10 +8,10 @@ from typing import Any
 from ..solution.problem import problem_of
 from ..solution.solution import Problem, Solution
 from ..system import Array
-from .ending import report
 from .loop import Progress, carry_out
-from .prepare import positive, prepare, within
+from .run_setup import positive, prepare, within
 from .settings import completed
+from .termination import report
 
 
 def solve(
@@ -44,7 +44,7 @@ def solve(
     Half-explicit methods meet the constraint at every stage (Brasey, Hairer, SIAM J. Numer. Anal. 30 (1993); Murua,
     Appl. Numer. Math. 24 (1997); Arnold, BIT 38 (1998)), Radau IIA methods by collocation (Hairer, Wanner II, VII.4).
 
-    What is left out, a mechanism file's ``[solve]`` table says (`mbdae.mechanism.start.SolveSettings`).
+    What is left out, a mechanism file's ``[solve]`` table says (`mbdae.mechanism.model_settings.SolveSettings`).
 
     Args:
         problem: a mechanism, a `mbdae.Hessenberg` problem (which brings its own start), or the name or path of one, see

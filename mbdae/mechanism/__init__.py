@@ -1,23 +1,23 @@
 """What moves: mechanisms over Pinocchio models. The only place that imports pinocchio."""
 
+from ..discovery import model_names
 from ..errors import NotCompiled
-from ..members import model_names
 from .closures.closure import Closure
 from .closures.clutch import Clutch
 from .closures.driver import Driver
-from .closures.one_sided import Stop
+from .closures.unilateral_constraint import Stop
 from .contacts import Contact, contact
 from .forces import NAMES
 from .formats.description import describe, restore
+from .formats.joint_tree import depth_first
 from .formats.load import load
 from .formats.mjcf.states import from_mujoco, to_mujoco
-from .formats.tree import depth_first
-from .formulations.compiled import Compiled
+from .formulations.compiled_systems import Compiled
 from .joint_wrenches import joint_reaction, loaded, loads, point_loads
 from .mechanism import Mechanism
 from .reactions import Effort, Reaction, effort, reaction, redundant
-from .signals import Function
 from .singularity import Singular
+from .time_functions import Function
 
 globals().update(NAMES)  # every force is public, found and not listed
 

@@ -12,11 +12,11 @@ from scipy.linalg.lapack import dpotrf
 
 from ..errors import AssemblyError, InputError, StepError
 from ..system import Array
-from .assembly_mode import Residuals, closures, turned_over, with_directions
 from .closures.closure_error import ClosureError, largest_error
 from .closures.preconditions import refuse_unfit
-from .start import normalized
-from .workspace import make_data
+from .flipped_frames import Residuals, closures, turned_over, with_directions
+from .model_settings import normalized
+from .pinocchio_data import make_data
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import UnknownNameError
-from .expanded import Branches, branches
-from .workspace import make_data
+from .expanded_tree import Branches, branches
+from .pinocchio_data import make_data
 
 WORLD = "world"
 LINKS = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)

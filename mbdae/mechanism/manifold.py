@@ -19,8 +19,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.special import zeta
 
-from ..differences import slopes
 from ..errors import StepError
+from ..finite_differences import slopes
 from .frames import skew
 
 TERMS = 40

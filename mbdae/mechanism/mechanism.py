@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ..discovery import later
 from ..errors import InputError, UnknownNameError
-from ..members import later
 from ..system import Array
 from .appearance import appearance
 from .assembly import START, assemble, refuse_inconsistent
@@ -19,23 +19,23 @@ from .closures.closure_error import ClosureError, largest_error
 from .closures.clutch import Clutch
 from .closures.constraints import Constraints, Spec, anchors
 from .closures.driver import Driver
-from .closures.one_sided import Stop
-from .ends import ends
+from .closures.unilateral_constraint import Stop
+from .dynamics_terms import Quantities
 from .forces import bind_forces, held_joints, named_force
 from .forces.elements import ForceElements
-from .formulations.compiled import COMPILED
+from .formulations.closure_friction import Sliding
+from .formulations.compiled_systems import COMPILED
 from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
-from .formulations.sliding import Sliding
 from .frames import find_joint, joint_names
+from .hybrid.switches import switches_of
+from .joint_stops import ends
 from .joints import is_depth_first
 from .manifold import Manifold
-from .modes.switches import switches_of
-from .quantities import Quantities
+from .model_settings import Motor, OrderSettings, SolveSettings, Start, coordinates, vector
+from .pinocchio_data import make_data
 from .scene.scene import Scene
-from .start import Motor, OrderSettings, SolveSettings, Start, coordinates, vector
-from .workspace import make_data
 
 Coordinates = Mapping[str, float | Sequence[float]]
 SYSTEMS: dict[str, Callable[..., Index2System]] = {s.formulation: s for s in (Index2System, GGLSystem, Index1System)}
@@ -53,7 +53,7 @@ class Mechanism(Quantities):
         stops: ends of the ways of joints, see `mbdae.Stop`.
         clutches: one-way clutches and ratchets, see `mbdae.Clutch`.
         forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
-        start: values of joints at the start, see `mbdae.mechanism.start.Start`.
+        start: values of joints at the start, see `mbdae.mechanism.model_settings.Start`.
         visuals: Pinocchio geometry for the replay; generated from the joints when left out.
         title: one line.
         duration: default end time of a run in s.
@@ -187,7 +187,7 @@ class Mechanism(Quantities):
         baumgarte: tuple[float, float] | None = None,
         native: ModuleType | None = None,
     ) -> Index2System:
-        """Bind the mechanism to a workspace of its own, with ``data`` of `mbdae.mechanism.workspace`.
+        """Bind the mechanism to a workspace of its own, with ``data`` of `mbdae.mechanism.pinocchio_data`.
 
         Args:
             formulation: ``"index2"``, ``"ggl"`` (positions of the closures kept too) or ``"index1"`` (accelerations).
@@ -296,5 +296,5 @@ class Mechanism(Quantities):
         return np.concatenate([q0, v0, s0, [0.0]])
 
     def vector(self, name: str, value: Any, n: int) -> Array:
-        """Return a value as n finite numbers, see `mbdae.mechanism.start.vector`."""
+        """Return a value as n finite numbers, see `mbdae.mechanism.model_settings.vector`."""
         return vector(self.title, name, value, n)

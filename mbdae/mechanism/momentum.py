@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..system import Array
-from .workspace import make_data
+from .pinocchio_data import make_data
 
 MOMENTUM = {f"{word}.{x}": unit
             for word, unit in (("com", "m"), ("momentum", "kg m/s"), ("angular_momentum", "kg m^2/s"))

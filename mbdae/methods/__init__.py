@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 from .. import errors
-from ..members import members, plugins
+from ..discovery import members, plugins
+from .custom_tableau import read_tableau, tableau
 from .explicit import ExplicitMethod
 from .order.conditions import proven
-from .own import read_tableau, tableau
 from .radau import Method, RadauIIA
 from .tableau import Tableau
 

@@ -5,7 +5,7 @@ Half-explicit Runge-Kutta methods with explicit stages for differential-algebrai
 (1998).
 """
 
-from .exact import row, rows
+from .exact_numbers import row, rows
 from .tableau import Tableau
 
 hedop5 = Tableau(

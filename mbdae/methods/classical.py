@@ -5,7 +5,7 @@ order 3, the classical method of order 4 and the 3/8 rule all fall to order 2 (t
 in mechanics). They are offered for demonstration and comparison, with claims that say so.
 """
 
-from .exact import row, rows
+from .exact_numbers import row, rows
 from .tableau import Tableau
 
 kutta3 = Tableau(

@@ -5,7 +5,7 @@ Ordinary Differential Equations I, section II.5 and the Fortran code DOP853 (dec
 """
 
 from .controller import Control
-from .exact import row, rows
+from .exact_numbers import row, rows
 from .explicit import ExplicitMethod
 
 dop853 = ExplicitMethod(

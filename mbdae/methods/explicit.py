@@ -11,8 +11,8 @@ import numpy as np
 
 from ..system import State, Step, System
 from .controller import Control
-from .exact import exact
-from .step import half_explicit_step
+from .exact_numbers import exact
+from .half_explicit_step import half_explicit_step
 from .tableau import ButcherArrays, Row, Text
 
 
@@ -116,7 +116,7 @@ class ExplicitMethod:
         return native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, True, False, 0, self.noise)
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Take one step: that of `mbdae.methods.step.half_explicit_step` where stages meet nothing."""
+        """Take one step: that of `mbdae.methods.half_explicit_step.half_explicit_step` where stages meet nothing."""
         return system.whole_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
 
     controlled_step = step

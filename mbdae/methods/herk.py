@@ -9,7 +9,7 @@ Row i of Ahat is row i + 1 of A, the last one is b, so only A and b are printed.
 * V. Brasey, HEM5 (a Fortran code).
 """
 
-from .exact import row, rows
+from .exact_numbers import row, rows
 from .tableau import Tableau
 
 herk1 = Tableau(

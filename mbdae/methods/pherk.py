@@ -6,7 +6,7 @@ systems of index 2, Computing 59 (1997); E. Hairer and G. Wanner, Solving Ordina
 section VII.6.
 """
 
-from .exact import row, rows
+from .exact_numbers import row, rows
 from .tableau import Tableau
 
 pherk3 = Tableau(

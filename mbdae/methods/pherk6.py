@@ -35,7 +35,7 @@ order 4, on all trees and without a projection. A companion of order 3 was tried
 mechanism it costs a tenth more solves at equal error.
 """
 
-from .exact import row, rows
+from .exact_numbers import row, rows
 from .tableau import Tableau
 
 pherk6 = Tableau(

@@ -16,7 +16,7 @@ import numpy as np
 from ..system import State, Step, System, Variations
 from . import collocation
 from .collocation import collocation_step
-from .collocation_tangent import CollocationSlopes
+from .collocation_sensitivity import CollocationSlopes
 from .controller import PI
 from .radau_coefficients import RadauArrays, coefficients
 from .tableau import Row, Tableau

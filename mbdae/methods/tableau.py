@@ -9,9 +9,9 @@ import numpy as np
 from ..errors import InputError
 from ..system import State, Step, System, Variations
 from .controller import PI
-from .exact import Number, exact
-from .step import doubled_step, half_explicit_step
-from .tangent import StepSlopes
+from .exact_numbers import Number, exact
+from .half_explicit_step import doubled_step, half_explicit_step
+from .step_sensitivity import StepSlopes
 
 Row = list[Number]
 Text = tuple[str, ...]
@@ -171,15 +171,15 @@ class Tableau:
         return native.Tableau(a.A, a.Ahat, a.b, a.c, a.chat, a.e, *flags)
 
     def to_dict(self) -> dict[str, Any]:
-        """The entries as plain data, from which `mbdae.methods.own.tableau` makes it again."""
+        """The entries as plain data, from which `mbdae.methods.custom_tableau.tableau` makes it again."""
         return {key: value for key, value in asdict(self).items() if value}
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
-        """Take one step; see `mbdae.methods.step.half_explicit_step`."""
+        """Take one step; see `mbdae.methods.half_explicit_step.half_explicit_step`."""
         return system.whole_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
 
     def slopes(self, system: System, slopes: Variations, t: float, h: float, state: State) -> StepSlopes:
-        """The slopes of a step, see `mbdae.methods.tangent`."""
+        """The slopes of a step, see `mbdae.methods.step_sensitivity`."""
         return StepSlopes(system, slopes, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:

@@ -17,12 +17,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..errors import STATUS, InputError
-from ..files import write_whole
+from ..file_io import write_whole
 from ..mechanism import Mechanism, Singular, describe, restore
-from ..mechanism.tables import one_line
+from ..mechanism.checked_table import one_line
 from ..tabular import write_csv
 from ..textbook.problems import TEXTBOOK, listed
-from .impact import Impact
+from .impact_record import Impact
 
 if TYPE_CHECKING:
     from .solution import Solution

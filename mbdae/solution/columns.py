@@ -7,9 +7,9 @@ import numpy as np
 from ..errors import InputError
 from ..mechanism import Reaction, joint_reaction, loaded, loads, reaction
 from ..mechanism.contacts import contact, path, rolling
+from ..mechanism.coordinate_units import parts
 from ..mechanism.forces.coulomb_friction import CoulombFriction
 from ..mechanism.frames import WORLD, find_joint, frame_names, motions
-from ..mechanism.units import parts
 from ..system import Array
 from .sampling import kept
 

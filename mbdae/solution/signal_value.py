@@ -9,8 +9,8 @@ import numpy as np
 from ..errors import UnknownNameError
 from ..mechanism import Mechanism
 from ..mechanism.contacts import rolling
+from ..mechanism.coordinate_units import acceleration_units, parts
 from ..mechanism.frames import find_joint, skew
-from ..mechanism.units import acceleration_units, parts
 from ..system import Array
 from .columns import load_units, pulls, row_names
 from .signals import driven, signals, units

@@ -9,9 +9,9 @@ import numpy as np
 from ..errors import UnknownNameError, several
 from ..mechanism import Driver
 from ..mechanism.contacts import rolling
-from ..mechanism.efforts import drive_powers, effort_units, efforts
+from ..mechanism.coordinate_units import acceleration_units, coordinate_units
+from ..mechanism.effort_signals import drive_powers, effort_units, efforts
 from ..mechanism.momentum import MOMENTUM, momentum
-from ..mechanism.units import acceleration_units, coordinate_units
 from ..system import Array
 from .columns import (
     CONTACT,
@@ -139,9 +139,9 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
     ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, and with ``.x .y .z`` behind it
     the components along the world's axes, with ``.1 .2 .3`` along its own, see `mbdae.mechanism.joint_wrenches.loads`;
     ``effort.<name>`` of couplings and drivers (N, N m), ``power.<driver>`` (W); of forces ``torque``, ``force``,
-    ``power`` and ``deflection.<force>``, see `mbdae.mechanism.efforts`; of rolling bodies ``contact.<closure>.x`` in m,
-    ``normal``, ``longitudinal`` and ``lateral.<closure>`` in N, and ``friction.<closure>``, the coefficient that it
-    takes not to slip.
+    ``power`` and ``deflection.<force>``, see `mbdae.mechanism.effort_signals`; of rolling bodies
+    ``contact.<closure>.x`` in m, ``normal``, ``longitudinal`` and ``lateral.<closure>`` in N, and
+    ``friction.<closure>``, the coefficient that it takes not to slip.
 
     ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
     the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of all that moves, ``momentum.x``

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .. import backend
+from ..discovery import later
 from ..errors import InputError
 from ..mechanism import Contact, Effort, Mechanism, NotCompiled, Reaction, Singular, contact, effort, redundant
-from ..members import later
 from ..system import Array
 from ..tabular import Columns, Tabular
 from ..textbook.hessenberg import Hessenberg
 from .archive import read, write
 from .columns import reaction_of
 from .dense_output import DenseOutput
-from .impact import Impact
+from .impact_record import Impact
 from .sampling import at_times
 from .signals import signals, units
 from .statistics import Statistics, statistics

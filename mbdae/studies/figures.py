@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from ..errors import InputError
-from ..files import write_whole
+from ..file_io import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

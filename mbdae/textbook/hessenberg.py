@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..dense import powers, refine
 from ..errors import InputError, StepError
+from ..hermite import powers, refine
 from ..system import Array, Counts, System
 from .implicit import HessenbergStages
 

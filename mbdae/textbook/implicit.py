@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..linear import factorized
+from ..linear_solve import factorized
 from ..system import Array, Counts, Solver
 
 if TYPE_CHECKING:

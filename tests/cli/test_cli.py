@@ -229,7 +229,7 @@ import mbdae
     done = subprocess.run([sys.executable, "-I", "-S", "-c", program, root], capture_output=True, text=True, timeout=60)
     sought = done.stdout.split()
     assert sought[:3] == ["mbdae", "mbdae.cli", "mbdae.cli.interrupt"], done.stderr
-    assert not {"typing", "pathlib", "functools", "importlib.metadata", "click", "mbdae.members"} & set(sought)
+    assert not {"typing", "pathlib", "functools", "importlib.metadata", "click", "mbdae.discovery"} & set(sought)
 
 
 def test_ctrl_c_between_the_imports_can_be_caught():

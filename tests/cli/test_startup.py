@@ -15,9 +15,9 @@ from mbdae.__main__ import cli
 from mbdae.cli import completion
 from mbdae.mechanism.mechanism import SYSTEMS
 from mbdae.methods import EXPLICIT, METHODS
+from mbdae.studies.method_variant import FORMULATIONS
 from mbdae.studies.schema.json_schema import FILES
 from mbdae.studies.statics import equilibrium
-from mbdae.studies.variant import FORMULATIONS
 from mbdae.textbook.problems import TEXTBOOK
 
 HEAVY = {"numpy", "scipy", "pinocchio", "pydantic", "matplotlib", "meshcat", "rich"}

@@ -9,8 +9,8 @@ import pytest
 import mbdae
 from mbdae.integrate import checkpoints
 from mbdae.integrate.checkpoints import Checkpoints
-from mbdae.integrate.trace import Trace
-from mbdae.studies.sensitivity.numbers import bound
+from mbdae.integrate.trajectory import Trace
+from mbdae.studies.sensitivity.run_parameters import bound
 
 
 @pytest.fixture

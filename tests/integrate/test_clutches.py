@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 import mbdae
 from mbdae import Clutch, Driver, JointDamping, JointTorque, Mechanism
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.signals import Harmonic
+from mbdae.mechanism.time_functions import Harmonic
 
 INERTIA = 0.2
 

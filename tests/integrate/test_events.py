@@ -7,7 +7,7 @@ from scipy.special import ellipk
 from smooth import SMOOTH
 
 import mbdae
-from mbdae.mechanism.signals import Steps
+from mbdae.mechanism.time_functions import Steps
 
 QUARTER = float(ellipk(0.5)) / np.sqrt(9.81)  # from horizontal rest to the lowest point: K(sin 45 degrees) / omega
 

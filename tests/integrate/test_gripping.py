@@ -7,7 +7,7 @@ import pytest
 import mbdae
 from mbdae import Closure, CoulombFriction, JointTorque, Mechanism
 from mbdae.errors import InputError
-from mbdae.mechanism.signals import Polynomial
+from mbdae.mechanism.time_functions import Polynomial
 
 R, M, MU, GRAVITY = 0.1, 1.5, 0.3, 9.81
 

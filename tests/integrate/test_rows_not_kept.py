@@ -11,7 +11,7 @@ from bouncing import carried, empty
 
 import mbdae
 from mbdae import Closure, Mechanism
-from mbdae.mechanism.signals import Harmonic
+from mbdae.mechanism.time_functions import Harmonic
 
 
 def bead(c):

@@ -12,7 +12,7 @@ from mbdae.errors import InputError
 from mbdae.integrate.run import RunState
 from mbdae.integrate.steppers import native as core_stepper
 from mbdae.integrate.steppers.stepper import PythonStepper
-from mbdae.mechanism.signals import Steps
+from mbdae.mechanism.time_functions import Steps
 from mbdae.solution.signal_value import signal_values, value
 
 QUARTER = float(ellipk(0.5)) / np.sqrt(9.81)  # of a pendulum's swing from horizontal rest

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import AssemblyError, StepError, UnknownNameError
-from mbdae.integrate import retrace
+from mbdae.integrate import backward_steps
 
 HORIZONTAL = [0.714355529, 1.228159387, 2.65687, 3.170674, 4.599385]  # s: when the cranks of two four-bars lie along x
 
@@ -52,7 +52,7 @@ def test_a_leap_takes_nodes_of_the_run_where_none_steps_back_from_it(monkeypatch
         asked.append(run.t)
         raise StepError("step_size", "rounding forbids steps so sharp")
 
-    monkeypatch.setattr(retrace, "time_loop", refused)
+    monkeypatch.setattr(backward_steps, "time_loop", refused)
     sol = mbdae.solve(mbdae.load("n_four_bar", N=1), (0, 2), rtol=1e-8, project=True)
     assert asked
     assert sol.success

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 import mbdae
 from mbdae import JointFriction, JointSpring, JointTorque, Mechanism, Stop
 from mbdae.errors import InputError
-from mbdae.mechanism.signals import Harmonic, Steps
+from mbdae.mechanism.time_functions import Harmonic, Steps
 
 
 def block(*forces, source=None, **more):

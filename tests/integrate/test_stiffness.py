@@ -11,8 +11,8 @@ from click.testing import CliRunner
 import mbdae
 from mbdae import METHODS, Bushing, JointDamping, JointPID, JointSpring, Mechanism, model_names
 from mbdae.__main__ import cli
-from mbdae.integrate import stiffness
-from mbdae.integrate.stiffness import FIRST, _growth, _largest_eigenvalue
+from mbdae.integrate import stiffness_detection
+from mbdae.integrate.stiffness_detection import FIRST, _growth, _largest_eigenvalue
 
 SOON, EARLY = FIRST + 100, 600  # steps
 SINE = {"kind": "harmonic", "amplitude": 0.2, "omega": 3.0}
@@ -47,7 +47,7 @@ STIFF = {
 @pytest.fixture
 def early(monkeypatch):
     """Look early: Python takes its time for steps."""
-    monkeypatch.setattr(stiffness, "FIRST", EARLY)
+    monkeypatch.setattr(stiffness_detection, "FIRST", EARLY)
 
 
 def told(problem, **options):

@@ -5,7 +5,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.closures.within import Within
+from mbdae.mechanism.closures.active_range import Within
 
 RATIO = np.sqrt(0.5)  # of the pin's radius to the distance of the centres
 

@@ -9,7 +9,7 @@ from linkages import bar, four_bar, point
 import mbdae
 from mbdae import Bushing, Closure, Mechanism, SpringDamper, Wrench
 from mbdae.mechanism.joint_wrenches import joint_wrenches
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 
 
 def at_end(mech, end=0.2):

@@ -7,7 +7,7 @@ from chains import JOINTS, random_inertia, random_q, tree
 from scipy.linalg import expm
 
 import mbdae
-from mbdae import Closure, Mechanism, differences
+from mbdae import Closure, Mechanism, finite_differences
 from mbdae.errors import StepError
 from mbdae.mechanism.manifold import Manifold
 
@@ -76,7 +76,7 @@ def test_tangent_is_the_derivative_of_difference(kind, angle):
     for _ in range(3):
         x, v = increment(model, angle, rng), rng.standard_normal(model.nv)
         moved = manifold.integrate(q, x)
-        rate = differences.slope(
+        rate = finite_differences.slope(
             lambda s, q=q, moved=moved, v=v: manifold.difference(q, manifold.integrate(moved, s * v)), 2e-3
         )
         # Pinocchio's logarithm of the plane loses half its digits at small angles
@@ -90,7 +90,7 @@ def test_tangent_rate(kind):
     manifold = Manifold(model)
     for angle in (1e-3, 0.5, 2.0):
         x, v, dx = increment(model, angle, rng), rng.standard_normal(model.nv), rng.standard_normal(model.nv)
-        rate = differences.slope(lambda s, x=x, v=v, dx=dx: manifold.tangent(x + s * dx, v), 1e-2)
+        rate = finite_differences.slope(lambda s, x=x, v=v, dx=dx: manifold.tangent(x + s * dx, v), 1e-2)
         np.testing.assert_allclose(manifold.tangent_rate(x, dx, v), rate, rtol=0, atol=1e-8)
 
 

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 from chains import JOINTS, random_q, tree
 
-from mbdae.mechanism import workspace
-from mbdae.mechanism.workspace import make_data
+from mbdae.mechanism import pinocchio_data
+from mbdae.mechanism.pinocchio_data import make_data
 
 resource = pytest.importorskip("resource")  # Unix
 
@@ -66,7 +66,7 @@ def test_too_little_memory_is_one_line():
 
 USES = """
 import mbdae, numpy as np, pinocchio as pin
-from mbdae.mechanism.workspace import LARGEST
+from mbdae.mechanism.pinocchio_data import LARGEST
 for name in ("four_bar", "n_four_bar?N=24"):
     mech = mbdae.load(name)
     s, (q, v) = mech.system(), mech.assemble()
@@ -94,7 +94,7 @@ def test_users_may_call_other_algorithms_on_the_workspace_of_a_system():
 
 @pytest.mark.parametrize("kinds", [JOINTS, ["revolute"], ["free"]], ids=len)
 def test_workspace_serves_the_algorithms(kinds, monkeypatch):
-    monkeypatch.setattr(workspace, "LARGEST", 0)
+    monkeypatch.setattr(pinocchio_data, "LARGEST", 0)
     model, rng, found = tree(kinds, PARENTS[: len(kinds)]), np.random.default_rng(3), []
     q, (v, a) = random_q(model, rng), rng.uniform(-1, 1, (2, model.nv))
     for data in (make_data(model), model.createData()):

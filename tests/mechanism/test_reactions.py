@@ -13,7 +13,7 @@ from mbdae import Closure, Driver, JointTorque, Mechanism
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.closures import independent_rows as rows
 from mbdae.mechanism.frames import anchor
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 
 
 def acceleration(sol, t, h=1e-3):

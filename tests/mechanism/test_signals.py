@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mbdae import Function, differences
-from mbdae.mechanism.signals import SIGNALS, Constant, Harmonic, Polynomial, Steps, TimeTable
+from mbdae import Function, finite_differences
+from mbdae.mechanism.time_functions import SIGNALS, Constant, Harmonic, Polynomial, Steps, TimeTable
 
 FUNCTIONS = {
     "harmonic": Harmonic(amplitude=2.0, omega=3.0, phase=0.4, offset=0.7),
@@ -19,7 +19,7 @@ FUNCTIONS = {
 def test_derivatives_of_functions_of_time(signal):
     for t in (0.13, 0.61, 1.2):
         for k in (0, 1):
-            slope = differences.slope(lambda h: signal.at(t + h, k), 1e-2)  # noqa: B023
+            slope = finite_differences.slope(lambda h: signal.at(t + h, k), 1e-2)  # noqa: B023
             assert signal.at(t, k + 1) == pytest.approx(slope, abs=1e-9)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae.dense import fit, nodes, powers, refine
+from mbdae.hermite import fit, nodes, powers, refine
 from mbdae.textbook.problems import TEXTBOOK
 
 SWEEPS = range(9)

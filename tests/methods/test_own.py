@@ -9,7 +9,7 @@ import mbdae
 from mbdae import Tableau
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.methods import METHODS, method
-from mbdae.methods.own import read_tableau
+from mbdae.methods.custom_tableau import read_tableau
 
 RALSTON = "name = 'ralston3'\nA = [[], ['1/2'], [0, 0.75]]\nb = ['2/9', '1/3', '4/9']\n"
 

@@ -9,7 +9,7 @@ import pytest
 
 from mbdae import METHODS, errors
 from mbdae.methods import method
-from mbdae.methods.exact import exact
+from mbdae.methods.exact_numbers import exact
 from mbdae.methods.order.conditions import check_conditions
 from mbdae.methods.radau import MOST, RadauIIA
 from mbdae.methods.radau_coefficients import coefficients, lagrange

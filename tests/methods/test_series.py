@@ -11,7 +11,7 @@ from fractions import Fraction
 import pytest
 
 from mbdae.methods import METHODS
-from mbdae.methods.exact import exact
+from mbdae.methods.exact_numbers import exact
 from mbdae.methods.tableau import Tableau
 
 TABLEAUS = {name: m for name, m in METHODS.items() if isinstance(m, Tableau)}

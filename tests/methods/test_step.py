@@ -7,8 +7,8 @@ import pytest
 import mbdae
 from mbdae.errors import StepError
 from mbdae.methods import METHODS
-from mbdae.methods.exact import exact
-from mbdae.methods.step import doubled_step
+from mbdae.methods.exact_numbers import exact
+from mbdae.methods.half_explicit_step import doubled_step
 from mbdae.methods.tableau import Tableau
 from mbdae.system import Counts, State, Step, System
 from mbdae.textbook.problems import hessenberg_a

@@ -9,7 +9,7 @@ import pytest
 
 from mbdae import errors
 from mbdae.methods import METHODS, method
-from mbdae.methods.exact import Surd, exact
+from mbdae.methods.exact_numbers import Surd, exact
 from mbdae.methods.order.conditions import check_conditions
 from mbdae.methods.tableau import Tableau
 

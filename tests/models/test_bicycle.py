@@ -12,7 +12,7 @@ from scipy.optimize import brentq, fsolve
 
 import mbdae
 from mbdae.mechanism.closures.contact import ConvexBody
-from mbdae.mechanism.formulations.derivatives import hidden_slopes, jacobians
+from mbdae.mechanism.formulations.equation_partials import hidden_slopes, jacobians
 from mbdae.mechanism.frames import motion_cross
 
 WEAVE = {  # m/s: real and imaginary part

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import mbdae
 from mbdae import backend
-from mbdae.mechanism.formulations.compiled_parts import constraints_of, laws_of, limits_of
+from mbdae.mechanism.formulations.core_description import constraints_of, laws_of, limits_of
 from mbdae.methods import METHODS
 
 pytestmark = pytest.mark.native

@@ -9,7 +9,7 @@ from mechanism.forces.test_force_runs import IN_BOTH
 
 import mbdae
 from mbdae import backend
-from mbdae.mechanism.formulations.compiled_parts import samplers_of
+from mbdae.mechanism.formulations.core_description import samplers_of
 from mbdae.mechanism.formulations.index2 import Index2System
 
 pytestmark = pytest.mark.native

@@ -6,9 +6,9 @@ import pytest
 from scipy.integrate import simpson
 
 import mbdae
-from mbdae.differences import PLACES, quotient
 from mbdae.errors import UnknownNameError
-from mbdae.mechanism.signals import Harmonic
+from mbdae.finite_differences import PLACES, quotient
+from mbdae.mechanism.time_functions import Harmonic
 from mbdae.solution.signal_value import signal_values, value
 from mbdae.solution.signals import signals, units
 

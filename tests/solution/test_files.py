@@ -12,7 +12,7 @@ import pytest
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism.forces.joint_pid import JointPID
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 from mbdae.solution import archive
 from mbdae.textbook.problems import hessenberg_a
 

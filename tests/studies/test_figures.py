@@ -14,7 +14,7 @@ from mbdae.solution.signals import units
 from mbdae.studies import figures
 from mbdae.studies.comparison.comparison import Comparison
 from mbdae.studies.comparison.figure import work_precision
-from mbdae.studies.comparison.point import Point
+from mbdae.studies.comparison.run_result import Point
 from mbdae.studies.drift.figure import drifts
 from mbdae.studies.order.figure import convergence
 from mbdae.studies.order.result import OrderStudy, Slope

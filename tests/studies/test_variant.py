@@ -4,7 +4,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.studies.variant import Variant, of, usual, variants
+from mbdae.studies.method_variant import Variant, of, usual, variants
 
 METHODS = ("pherk5", "herk3", "ggl:pherk5", "project:pherk5", "index1:RK45")
 

@@ -6,15 +6,15 @@ from typing import Any, Literal, get_args
 import numpy as np
 from pydantic import Field, model_validator
 
-from ..signals import Harmonic
+from ..time_functions import Harmonic
+from .active_range import Within
 from .contact import ConvexBody
-from .curves import Law, LawTable
-from .keys import BETWEEN_FRAMES, GRIPS, check_keys, check_numbers
-from .one_sided import OneSided
+from .key_rules import BETWEEN_FRAMES, GRIPS, check_keys, check_numbers
+from .motion_laws import Law, LawTable
 from .primitives import primitives_of
 from .profiles import AnyProfile, Profile
 from .rows import FrameRows, JointRow, unit_axis
-from .within import Within
+from .unilateral_constraint import OneSided
 
 Kind = Literal[
     "point", "revolute", "frame", "prismatic", "cylindrical", "universal", "in_plane", "in_line", "parallel",

@@ -5,8 +5,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from ..signals import Steps
-from .between_joints import BetweenJoints
+from ..time_functions import Steps
+from .joint_pair import BetweenJoints
 from .rows import Ratio, Teeth
 
 

@@ -15,14 +15,14 @@ import pinocchio as pin
 from ...errors import InputError, StepError
 from ...system import Array
 from ..frames import Anchor, Pair, anchor, support
-from ..pair_slopes import PairSlopes
+from ..wrench_partials import PairSlopes
 from .brake import Brake
 from .closure import Closure
 from .clutch import Clutch
 from .driver import Driver
-from .joint_part import JointPart, joint_part
-from .one_sided import Stop
+from .joint_rows import JointPart, joint_part
 from .rows import FrameRows
+from .unilateral_constraint import Stop
 from .user_rows import UserRow
 
 Spec = Closure | Driver | Stop | Brake | Clutch

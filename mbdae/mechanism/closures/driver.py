@@ -13,9 +13,9 @@ from typing import Any, get_args
 from pydantic import Field, model_validator
 
 from ...errors import InputError, StepError
-from ..pieces import Beyond, Pieces
-from ..signals import Function, Harmonic, Motion, Polynomial, Signal, Steps, TimeTable
-from ..tables import Table
+from ..checked_table import Table
+from ..piecewise_polynomial import Beyond, Pieces
+from ..time_functions import Function, Harmonic, Motion, Polynomial, Signal, Steps, TimeTable
 from .rows import Coordinate, Distance, FrameRows
 
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients

@@ -5,7 +5,7 @@ from math import pi
 from typing import TYPE_CHECKING
 
 from .contact import Grip, Height
-from .keys import BETWEEN_FRAMES
+from .key_rules import BETWEEN_FRAMES
 from .line_rows import Bevel, Gear, KnifeEdge, Screw
 from .profile_rows import FlatFace, Roller
 from .rows import Coordinate, Curved, Distance, FrameRows, JointRow, Ratio, Sum, between_frames, unit_axis

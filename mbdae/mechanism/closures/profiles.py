@@ -18,8 +18,8 @@ from pydantic import Field, model_validator
 
 from ...errors import StepError
 from ...system import Array
-from ..tables import Table
-from .curves import DEGREE, spline
+from ..checked_table import Table
+from .motion_laws import DEGREE, spline
 
 SAMPLES = 8  # of a piece or half a wave of the highest harmonic, and no fewer than:
 LEAST = 64

@@ -18,9 +18,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ..frames import Pair, cross, skew, unit_gap
-from ..pair_slopes import carried, line_slopes, skews
-from ..signals import Harmonic
-from .curves import LawTable
+from ..time_functions import Harmonic
+from ..wrench_partials import carried, line_slopes, skews
+from .motion_laws import LawTable
 
 Vector = tuple[float, float, float]
 

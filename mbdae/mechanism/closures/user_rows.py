@@ -7,13 +7,13 @@ import numpy as np
 import pinocchio as pin
 from pydantic import BeforeValidator, Field
 
-from ...differences import slope
 from ...errors import InputError, NotCompiled, StepError
+from ...finite_differences import slope
 from ...system import Array
 from ..callbacks import called, checked, function_name
 from ..frames import find_joint
 from .closure import Closure
-from .joint_part import JointPart
+from .joint_rows import JointPart
 
 STEP = 4e-3  # rad or m, of central differences of order 6: 3e-17 of the seventh derivative beside 1e-13 of rounding
 FITS = 1e-5  # of 1 + |G|: what the slope of g may differ by

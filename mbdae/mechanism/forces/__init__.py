@@ -8,8 +8,8 @@ import pinocchio as pin
 from pydantic import Field
 from pydantic_core import PydanticUndefined
 
+from ...discovery import members, plugins
 from ...errors import InputError
-from ...members import members, plugins
 from ..frames import find_joint
 from .elements import ForceElements
 from .force import Force, PythonForce

@@ -9,7 +9,7 @@ from pydantic import model_validator
 from ...errors import StepError
 from ..frames import Pair, anchor, motion_cross, skew, wrench_matrix
 from ..manifold import inverse_jacobian
-from ..pair_slopes import TINY, carried, skews
+from ..wrench_partials import TINY, carried, skews
 from .force import Array, Force, ForceElement, PairElement, Part, Turning
 
 LARGEST_TURN = 3.0  # rad: a rotation vector is smooth below pi

@@ -5,7 +5,7 @@ from typing import Literal
 import pinocchio as pin
 from pydantic import Field, model_validator
 
-from ..signals import Signal
+from ..time_functions import Signal
 from .force import Force, ForceElement, one_velocity
 from .linear import LinearElement, Term
 

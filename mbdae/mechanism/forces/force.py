@@ -13,10 +13,10 @@ import pinocchio as pin
 
 from ...errors import InputError, NotCompiled
 from ...system import Array
+from ..checked_table import Table
 from ..frames import Pair, find_joint, find_joints
-from ..pair_slopes import PairSlopes
-from ..signals import Constant, Signal
-from ..tables import Table
+from ..time_functions import Constant, Signal
+from ..wrench_partials import PairSlopes
 
 Part = np.ndarray | float
 Joints = str | tuple[str, ...]

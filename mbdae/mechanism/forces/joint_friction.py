@@ -36,8 +36,8 @@ class JointFriction(Force):
     Regularised: tau = -friction * tanh(v / velocity). A joint under load creeps then, and the problem is stiff.
 
     Exact, where ``static`` is given or ``exact`` is true: a joint slips, tau = -friction * sign(v), or sticks, v = 0,
-    as long as that takes no more than ``static``. A run locates where it sticks and slips, see `mbdae.mechanism.modes`;
-    outside of runs there is no friction.
+    as long as that takes no more than ``static``. A run locates where it sticks and slips, see
+    `mbdae.mechanism.hybrid`; outside of runs there is no friction.
 
     Attributes:
         joint: one joint or several; all joints when left out.

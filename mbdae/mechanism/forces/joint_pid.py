@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
-from ..signals import Constant, Function, Signal
+from ..time_functions import Constant, Function, Signal
 from .force import Array, Force, ForceElement, one_velocity, single
 from .linear import LinearElement, Term
 from .sampled import Sample, SampledElement

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field, field_validator, model_validator
 
-from ..pieces import Interpolation, Pieces, Point, curve, increasing
+from ..piecewise_polynomial import Interpolation, Pieces, Point, curve, increasing
 from .force import Array, Force, ForceElement, Joints, Part, single
 from .linear import LinearElement, Spring
 

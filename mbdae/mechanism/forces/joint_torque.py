@@ -6,7 +6,7 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ..frames import find_joint
-from ..signals import Signal
+from ..time_functions import Signal
 from .force import Force, ForceElement, single
 from .linear import LinearElement, Term
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ..signals import Constant, Signal
+from ..time_functions import Constant, Signal
 from .force import Array, ForceElement
 
 Term = tuple[str, int, str, int, float]

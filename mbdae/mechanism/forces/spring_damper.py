@@ -7,8 +7,8 @@ import pinocchio as pin
 from pydantic import Field
 
 from ..frames import Pair, anchor, skew, unit_gap
-from ..pair_slopes import line_slopes
-from ..signals import Constant, Signal
+from ..time_functions import Constant, Signal
+from ..wrench_partials import line_slopes
 from .force import Array, Force, ForceElement, PairElement, Part, Turning
 
 COINCIDE = 1e-13  # m, and of places: points as near stand apart by rounding

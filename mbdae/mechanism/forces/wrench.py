@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..frames import WORLD, Pair, anchor, skew
-from ..pair_slopes import carried
-from ..signals import Constant, Signal
+from ..time_functions import Constant, Signal
+from ..wrench_partials import carried
 from .force import Array, Force, ForceElement, PairElement, Part, Turning
 
 ZERO = Constant(value=0.0)

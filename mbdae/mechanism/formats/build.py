@@ -7,12 +7,12 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError, printable
+from ..checked_table import HUGE
 from ..frames import WORLD, find_frame, frame_names
-from ..part import Part
-from ..tables import HUGE
+from ..imported_model import Part
 from .inertias import judged_inertia
+from .joint_tree import Tree, settled, turn_of_z
 from .schema import Body, Frame, MechanismFile, Source
-from .tree import Tree, settled, turn_of_z
 
 
 def build(file: MechanismFile, parts: Sequence[Part], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:

@@ -9,13 +9,13 @@ from pydantic import Field, ValidationError
 
 from ...errors import InputError
 from ..callbacks import function_name
+from ..checked_table import Table, one_line
 from ..forces import FORCES, PYTHON_FORCES
 from ..forces.actuator import Actuator
 from ..mechanism import Mechanism
-from ..plain import made, written
-from ..start import Motor
-from ..tables import Table, one_line
-from ..workspace import make_data
+from ..model_serialization import made, written
+from ..model_settings import Motor
+from ..pinocchio_data import make_data
 from .load import Recipe, make, of_file, plain
 from .schema import MechanismFile
 from .sources import restored

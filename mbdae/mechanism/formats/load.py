@@ -9,19 +9,19 @@ from typing import Any, NamedTuple
 import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
-from ...files import text_of
+from ...file_io import text_of
 from ..assembly import START
 from ..closures.closure import Closure
 from ..closures.clutch import Clutch
 from ..closures.driver import Driver
-from ..closures.one_sided import Stop
+from ..closures.unilateral_constraint import Stop
 from ..forces import FORCES
+from ..imported_model import Part, not_carried_over
 from ..mechanism import Mechanism
-from ..part import Part, not_carried_over
-from ..start import Motor
-from .blame import blamed
+from ..model_settings import Motor
 from .build import build
-from .library import IN_FOLDER, MECHANISM, PARAMETRIC, READERS, find, model_names, told
+from .error_context import blamed
+from .model_library import IN_FOLDER, MECHANISM, PARAMETRIC, READERS, find, model_names, told
 from .parametric import read_parametric, split
 from .schema import MechanismFile, Source, read_toml
 from .sources import merged, read_source, restored

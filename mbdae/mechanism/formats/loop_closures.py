@@ -17,14 +17,14 @@ import pinocchio as pin
 from pydantic import Field, ValidationError
 
 from ...errors import InputError
-from ...files import text_of
+from ...file_io import text_of
+from ..allowed_paths import Places, refused
+from ..checked_table import Table, one_line
 from ..closures.closure import Axis, Closure
 from ..frames import find_joint, place
-from ..part import Part
-from ..places import Places, refused
-from ..start import Motor
-from ..tables import Table, one_line
-from ..workspace import make_data
+from ..imported_model import Part
+from ..model_settings import Motor
+from ..pinocchio_data import make_data
 from .robot_yaml import yaml_table
 from .schema import Frame, Vector
 

@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
 
 from ...errors import InputError, printable
-from ..part import listed
+from ..imported_model import listed
 
 NAME, ALL = "name", "*"
 

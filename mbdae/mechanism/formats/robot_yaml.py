@@ -21,13 +21,13 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from ...errors import InputError
-from ...files import text_of
+from ...file_io import text_of
+from ..allowed_paths import Places
+from ..checked_table import one_line
 from ..closures.closure import Closure
 from ..frames import find_joint, joint_names
-from ..part import Part
-from ..places import Places
-from ..start import Motor
-from ..tables import one_line
+from ..imported_model import Part
+from ..model_settings import Motor
 from .urdf import read_urdf
 
 FILE, URDF = "robot.yaml", "robot.urdf"

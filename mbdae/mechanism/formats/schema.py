@@ -8,18 +8,18 @@ from typing import Any, Literal, get_args
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from ...errors import InputError, printable
+from ..checked_table import HUGE, Table, one_line
+from ..closures.active_range import Within
 from ..closures.closure import Closure
 from ..closures.clutch import Clutch
-from ..closures.curves import LawTable
 from ..closures.driver import Driver
-from ..closures.one_sided import Stop
+from ..closures.motion_laws import LawTable
 from ..closures.profiles import AnyProfile
+from ..closures.unilateral_constraint import Stop
 from ..closures.user_rows import UserRows
-from ..closures.within import Within
 from ..forces import FORCES, AnyForce
-from ..signals import SIGNALS, Signal, Steps
-from ..start import OrderSettings, SolveSettings, Start, Value
-from ..tables import HUGE, Table, one_line
+from ..model_settings import OrderSettings, SolveSettings, Start, Value
+from ..time_functions import SIGNALS, Signal, Steps
 
 Vector = tuple[float, float, float]
 Override = Literal[

@@ -6,20 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, UnknownNameError
-from ...files import text_of
+from ...file_io import text_of
+from ..allowed_paths import Places
 from ..forces.joint_friction import JointFriction
 from ..forces.joint_torque import JointTorque
 from ..forces.wrench import Wrench
 from ..frames import joint_names
-from ..part import FRICTION, LIMITS, Part, follow
-from ..places import Places
-from ..plain import made
+from ..imported_model import FRICTION, LIMITS, Part, follow
+from ..model_serialization import made
+from ..model_settings import Motor
 from ..scene.shapes import unpack
-from ..signals import Constant
-from ..start import Motor
-from .library import SOURCES, installed, resolve
+from ..time_functions import Constant
 from .loop_closures import with_loops
 from .mjcf.read import read_mjcf
+from .model_library import SOURCES, installed, resolve
 from .robot_yaml import read_robot_yaml
 from .schema import MechanismFile, Source
 from .sdf.read import SdfRecord, read_sdf

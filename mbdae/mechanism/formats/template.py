@@ -21,15 +21,15 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError, UnknownNameError
+from ..checked_table import Table
 from ..frames import find_joint, joint_names
+from ..imported_model import Part
 from ..mechanism import Mechanism
-from ..part import Part
-from ..signals import Constant
-from ..start import Start
-from ..tables import Table
+from ..model_settings import Start
+from ..time_functions import Constant
 from .build import body_inertia, placement
-from .library import PARAMETRIC, find
 from .load import Recipe, make, read
+from .model_library import PARAMETRIC, find
 from .parametric import parameter_names, split
 from .schema import Body, MechanismFile
 

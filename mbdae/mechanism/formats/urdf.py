@@ -10,16 +10,16 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
+from ..allowed_paths import Places
+from ..checked_table import HUGE, Table
 from ..closures.closure import Axis
 from ..frames import find_joint, joint_names
-from ..part import EFFORTS, FRICTION, LIMITS, LOST, Mimic, Part, follow, listed
-from ..places import Places
+from ..imported_model import EFFORTS, FRICTION, LIMITS, LOST, Mimic, Part, follow, listed
+from ..model_settings import Value
 from ..scene.meshes import stand_in
-from ..start import Value
-from ..tables import HUGE, Table
+from .joint_tree import settled
 from .recorded import Recorded, unread_phrases
 from .schema import WITH_AXIS
-from .tree import settled
 
 TOKEN = 10_000_000  # m: the size of boxes that stand for meshes
 PLACE = "xyz rpy"

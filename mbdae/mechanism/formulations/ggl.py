@@ -15,14 +15,14 @@ from scipy.linalg.lapack import dgesv, dpotrs
 from ...errors import StepError
 from ...system import Array, Solver, StageEquations
 from ..closures import independent_rows
-from .chart import Index2Chart
-from .implicit import Linearized, padded
-from .implicit_slopes import stabilised_stage
+from .implicit_stage import Linearized, padded
+from .implicit_stage_partials import stabilised_stage
 from .index2 import Index2System
+from .index2_step import Index2Chart
 
 if TYPE_CHECKING:
+    from ..discrete_sensitivity.parameter_partials import Parameters
     from ..mechanism import Mechanism
-    from ..variations.parameters import Parameters
 
 ITERATIONS = 12
 ROUNDING = 1e-15  # of 1 + |q|: a correction this small is not made, G belongs to the point without it
@@ -186,7 +186,8 @@ class LinearizedGGL(Linearized):
 
     P are the rows of G that are kept, (k, nv).
 
-    With the letters of `mbdae.mechanism.formulations.implicit`, and m = h times an eigenvalue of the method's matrix,
+    With the letters of `mbdae.mechanism.formulations.implicit_stage`, and m = h times an eigenvalue of the method's
+    matrix,
 
         [ E - m D - m^2 K S J   -L   -m K S J N ] [du' ]
         [ G + m B S J            0     B S J N  ] [dlam]

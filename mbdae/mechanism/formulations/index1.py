@@ -15,8 +15,8 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ...system import Array, State
-from .chart import Index2Chart
 from .index2 import Index2System
+from .index2_step import Index2Chart
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -28,7 +28,7 @@ class Index1System(Index2System):
     Args:
         mechanism: what moves.
         baumgarte: alpha and beta in 1/s; zeros for none.
-        core: see `mbdae.mechanism.formulations.compiled`.
+        core: see `mbdae.mechanism.formulations.compiled_systems`.
 
     Raises:
         InputError: for anything else than two numbers that are not negative.

@@ -15,12 +15,12 @@ from ...errors import StepError
 from ...system import Array, Counts, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
-from ..modes.switches import Mode, left_out
-from ..workspace import make_data
-from . import choice_of_rows, derivatives, interpolation, projection, residuals
-from .chart import Index2Chart
-from .inertial import Inertial
-from .sliding import Sliding, with_friction
+from ..hybrid.switches import Mode, left_out
+from ..pinocchio_data import make_data
+from . import equation_partials, interpolation, projection, residuals, row_selection
+from .closure_friction import Sliding, with_friction
+from .index2_step import Index2Chart
+from .inertial_forces import Inertial
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -280,10 +280,10 @@ class Index2System(System):
             out[: self.nv] = x[: self.nv] - (y1[: self.nq] - y0[: self.nq])
         return out
 
-    slopes, rate_slopes = derivatives.jacobians, derivatives.rate_slopes
+    slopes, rate_slopes = equation_partials.jacobians, equation_partials.rate_slopes
     restore = projection.restore
-    choose_rows, settle = choice_of_rows.choose_rows, choice_of_rows.settle
-    multiplier_gain, pivot_ratio = choice_of_rows.multiplier_gain, choice_of_rows.pivot_ratio
+    choose_rows, settle = row_selection.choose_rows, row_selection.settle
+    multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio
     residuals = residuals.residuals
     interpolant = interpolation.interpolant
 

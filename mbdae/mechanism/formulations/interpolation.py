@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...dense import fit, fits, nodes, powers, values
+from ...hermite import fit, fits, nodes, powers, values
 from ...system import Array
 
 if TYPE_CHECKING:

@@ -16,12 +16,12 @@ import numpy as np
 
 from ...errors import InputError
 from ...system import Array
-from .derivatives import jacobians
-from .freedom import Freedom, freedom
+from .equation_partials import jacobians
+from .null_space import Freedom, freedom
 from .spectrum import EPS
 
 if TYPE_CHECKING:
-    from .balance import Balance, Statics
+    from .equilibrium_equations import Balance, Statics
 
 STEADY = 1e-6  # of the largest term: what may be left of the accelerations of a steady motion
 

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ..tables import HUGE
+from ..checked_table import HUGE
 
 NUMBERS = rb"[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)"
 TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

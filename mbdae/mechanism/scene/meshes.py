@@ -10,7 +10,7 @@ import coal
 import numpy as np
 
 from ...errors import InputError
-from ..places import package_of
+from ..allowed_paths import package_of
 from .mesh_points import points_of
 from .shapes import mesh
 

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ..workspace import make_data
+from ..pinocchio_data import make_data
 from . import stick_figure
 from .meshes import FILE_FORMATS, Mesh, read_mesh, triangles
 from .outlines import Outline, draw_outlines

@@ -10,7 +10,7 @@ import pinocchio as pin
 from pydantic import Field, ValidationError
 
 from ...errors import InputError
-from ..tables import Table, one_line
+from ..checked_table import Table, one_line
 
 Place = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
 SOLIDS = {  # kind: the shape of sizes, its sizes, and their number

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..joints import subspace
-from ..workspace import make_data
+from ..pinocchio_data import make_data
 
 Point = tuple[int, np.ndarray]  # a joint, and a point fixed in its frame [m]
 Part = tuple[str, pin.GeometryObject]  # its role, and the geometry

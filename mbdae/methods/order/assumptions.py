@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
-from ..exact import Number
+from ..exact_numbers import Number
 from ..radau import Method
 from ..tableau import Row
 

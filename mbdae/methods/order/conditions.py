@@ -17,11 +17,11 @@ from math import prod
 from typing import Any
 
 from ...errors import InputError
-from ..exact import Number, exact
+from ..exact_numbers import Number, exact
 from ..radau import Method
 from ..tableau import Row
 from .assumptions import assumptions
-from .report import Check, ConditionReport, Embedded, Failure
+from .condition_report import Check, ConditionReport, Embedded, Failure
 from .trees import RootedTree, iterate_y, trees_z
 from .weights import Weights
 

@@ -8,7 +8,7 @@ from fractions import Fraction
 from math import gcd, lcm, prod
 from typing import NamedTuple
 
-from ..exact import Number, Surd
+from ..exact_numbers import Number, Surd
 from ..radau import Method
 from ..tableau import Row
 from .trees import RootedTree

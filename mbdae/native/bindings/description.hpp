@@ -1,4 +1,4 @@
-// What Python says of a mechanism (mbdae/mechanism/formulations/compiled_parts.py), read and checked.
+// What Python says of a mechanism (mbdae/mechanism/formulations/core_description.py), read and checked.
 #pragma once
 
 #include <nanobind/nanobind.h>

@@ -4,9 +4,9 @@
 #include <numeric>
 #include <set>
 
-#include "mechanism/lines.hpp"
+#include "mechanism/line_rows.hpp"
 #include "mechanism/rows.hpp"
-#include "numbers/vec3.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae {
 

@@ -4,7 +4,7 @@
 
 #include "mechanism/mechanics.hpp"
 #include "mechanism/rows.hpp"
-#include "numbers/vec3.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae {
 

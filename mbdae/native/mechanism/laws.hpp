@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "mechanism/pair_slopes.hpp"
+#include "mechanism/wrench_partials.hpp"
 #include "mechanism/rows.hpp"
-#include "mechanism/signals.hpp"
+#include "mechanism/time_functions.hpp"
 
 namespace mbdae {
 

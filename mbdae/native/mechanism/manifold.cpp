@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "mechanism/signals.hpp"
-#include "numbers/vec3.hpp"
+#include "mechanism/time_functions.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae {
 

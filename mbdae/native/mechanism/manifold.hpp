@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "numbers/linear.hpp"
+#include "math/factorizations.hpp"
 #include "mechanism/mechanics.hpp"
 
 namespace mbdae {

@@ -22,7 +22,7 @@ using Out = Eigen::Map<VectorXd>;
 namespace {
 
 // A workspace for crba in the world's convention, nonLinearEffects, rnea, forwardKinematics and computeJointJacobians:
-// what the constructor from a model sets aside for second derivatives grows with nv^3. See mechanism/workspace.py.
+// what the constructor from a model sets aside for second derivatives grows with nv^3. See mechanism/pinocchio_data.py.
 pinocchio::Data lean(const pinocchio::Model& model) {
   using namespace pinocchio;
   Data data;

@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "mechanism/tree_slopes.hpp"
-#include "numbers/limits.hpp"
+#include "mechanism/rnea_partials.hpp"
+#include "math/tolerances.hpp"
 
 namespace mbdae {
 
@@ -35,7 +35,7 @@ class Mechanics {
   void bias(const double* q, const double* v, double* out);       // nle(q, v); velocities, and what `falling` gives
   void inverse(const double* q, const double* v, const double* a, double* out);  // M a + nle(q, v); J and poses
 
-  // model points to the expanded tree (mechanism/expanded.py).
+  // model points to the expanded tree (mechanism/expanded_tree.py).
   void expand(const void* model);
   bool expanded() const { return !parts.empty(); }
   // Slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` where v = 0. M, J and poses

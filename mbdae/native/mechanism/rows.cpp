@@ -5,9 +5,9 @@
 #include <limits>
 #include <set>
 
-#include "mechanism/lines.hpp"
-#include "mechanism/pair_slopes.hpp"
-#include "numbers/vec3.hpp"
+#include "mechanism/line_rows.hpp"
+#include "mechanism/wrench_partials.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae {
 

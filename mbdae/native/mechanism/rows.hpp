@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "mechanism/contact.hpp"
-#include "numbers/linear.hpp"
+#include "math/factorizations.hpp"
 #include "mechanism/mechanics.hpp"
-#include "mechanism/profile.hpp"
-#include "mechanism/signals.hpp"
+#include "mechanism/profiles.hpp"
+#include "mechanism/time_functions.hpp"
 
 namespace mbdae {
 

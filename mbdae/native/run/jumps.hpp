@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "system/sampler.hpp"
+#include "system/sampled_controller.hpp"
 #include "run/step_control.hpp"
 
 namespace mbdae {

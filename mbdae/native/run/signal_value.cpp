@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "numbers/vec3.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae {
 

@@ -1,7 +1,7 @@
 // Step sizes: under error control, or on a grid (mbdae/integrate/steppers, mbdae/methods/controller.py).
 #pragma once
 
-#include "numbers/linear.hpp"
+#include "math/factorizations.hpp"
 
 namespace mbdae {
 

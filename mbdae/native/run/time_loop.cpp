@@ -4,7 +4,7 @@
 #include <chrono>
 #include <cmath>
 
-#include "numbers/vec3.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae {
 

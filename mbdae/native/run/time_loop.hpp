@@ -5,15 +5,15 @@
 #include <vector>
 
 #include "steps/collocation.hpp"
-#include "run/event_watch.hpp"
+#include "run/event_detection.hpp"
 #include "run/jumps.hpp"
 #include "system/projection.hpp"
-#include "steps/step.hpp"
+#include "steps/half_explicit_step.hpp"
 #include "run/step_control.hpp"
 
 namespace mbdae {
 
-// The watch for singular configurations, in ratios of pivots (mbdae/integrate/singularity_watch.py).
+// The watch for singular configurations, in ratios of pivots (mbdae/integrate/singularity_monitor.py).
 struct SingularWatch {
   double usual = 0, before = 0;  // the largest so far, and the last
   double suspect = 0, landed = 0, zone = 0;

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include "numbers/matrices.hpp"
+#include "math/eigen_types.hpp"
 #include "steps/stage_solver.hpp"
-#include "numbers/vec3.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae {
 

@@ -1,8 +1,8 @@
 // Half-explicit steps that keep g = 0 too: x' = J (v + M^-1 G^T mu) (mbdae/mechanism/formulations/ggl.py).
 #pragma once
 
-#include "system/positions.hpp"
-#include "steps/step.hpp"
+#include "system/position_rows.hpp"
+#include "steps/half_explicit_step.hpp"
 
 namespace mbdae {
 

@@ -6,9 +6,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "numbers/matrices.hpp"
+#include "math/eigen_types.hpp"
 #include "steps/stage_solver.hpp"
-#include "numbers/vec3.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae {
 
@@ -18,7 +18,7 @@ struct LinearizedGGL : LinearizedStages {
   Numbers P;  // (k, nv) the rows with a g that are kept
 };
 
-// With the letters of mbdae/mechanism/formulations/implicit.py, N = M^-1 P^T, and m = h times an eigenvalue:
+// With the letters of mbdae/mechanism/formulations/implicit_stage.py, N = M^-1 P^T, and m = h times an eigenvalue:
 //
 //   [ E - m D - m^2 K S J   -L   -m K S J N ] [du' ]
 //   [ G + m B S J            0     B S J N  ] [dlam]

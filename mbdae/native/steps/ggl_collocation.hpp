@@ -2,7 +2,7 @@
 #pragma once
 
 #include "steps/collocation.hpp"
-#include "system/positions.hpp"
+#include "system/position_rows.hpp"
 
 namespace mbdae {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "numbers/vec3.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae {
 

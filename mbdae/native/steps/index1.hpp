@@ -2,7 +2,7 @@
 // (mbdae/mechanism/formulations/index1.py).
 #pragma once
 
-#include "steps/step.hpp"
+#include "steps/half_explicit_step.hpp"
 
 namespace mbdae {
 

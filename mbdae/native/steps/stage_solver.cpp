@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "numbers/dense_lu.hpp"
-#include "numbers/vec3.hpp"
+#include "math/dense_lu.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae {
 

@@ -9,11 +9,11 @@
 #include "mechanism/laws.hpp"
 #include "mechanism/manifold.hpp"
 #include "mechanism/mechanics.hpp"
-#include "system/point.hpp"
+#include "system/configuration.hpp"
 #include "mechanism/rows.hpp"
 #include "system/saddle.hpp"
-#include "system/sampler.hpp"
-#include "system/sliding.hpp"
+#include "system/sampled_controller.hpp"
+#include "system/closure_friction.hpp"
 
 namespace mbdae {
 
@@ -26,7 +26,7 @@ struct State {
 };
 
 // Slopes of (f + G^T lam - M v', h, power) and of G v + g_t at a point, by rows; n = nv + ns + 1
-// (mbdae/mechanism/formulations/derivatives.py).
+// (mbdae/mechanism/formulations/equation_partials.py).
 struct Slopes {
   Numbers M, K, D, G, B;  // (nv, nv), (n, nv) by q, (n, n) by (v, s, w), (r, nv), (r, nv) of G v by q
   Numbers g_t;            // (r,)

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "system/independent_rows.hpp"
-#include "system/point.hpp"
+#include "system/configuration.hpp"
 
 namespace mbdae {
 

@@ -9,7 +9,7 @@ from ... import backend
 from ...cli.completion import completed, problems
 from ...cli.model import ChosenModel, chosen_model, set_option, start_option
 from ...cli.options import as_json, emit, show
-from ...members import model_names
+from ...discovery import model_names
 
 
 @click.command()

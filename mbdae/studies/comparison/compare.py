@@ -13,10 +13,10 @@ from ...mechanism import Mechanism
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
 from ...system import Array
-from ..variant import Variant, usual, variants
-from .bench import Bench, Progress
+from ..method_variant import Variant, usual, variants
 from .comparison import Comparison
-from .motion import Motion, Trial
+from .reference_motion import Motion, Trial
+from .run_queue import Bench, Progress
 
 __all__ = ["compare"]
 
@@ -62,9 +62,9 @@ def compare(
         q: consistent start configuration (nq,); the model's when left out.
         v: consistent start velocity (nv,); the model's when left out.
         methods: names, or tableaus, alone or with a formulation in front: ``"pherk5"``, ``"project:pherk5"``,
-            ``"ggl:radau5"``, ``"index1:dop853"``, ``"baumgarte=20,20:dop853"``, see `mbdae.studies.variant`; a textbook
-            problem has none but index 2. When left out, what `mbdae.solve` takes by default, with its projection, and
-            those of `METHODS` whose formulation the problem has.
+            ``"ggl:radau5"``, ``"index1:dop853"``, ``"baumgarte=20,20:dop853"``, see `mbdae.studies.method_variant`; a
+            textbook problem has none but index 2. When left out, what `mbdae.solve` takes by default, with its
+            projection, and those of `METHODS` whose formulation the problem has.
         formulations: for the names without one: each of these; ``"index2"`` when left out.
         rtol: relative tolerances, 1e-3 to 1e-10 when left out; atol is 0.01 rtol.
         steps: numbers of fixed steps over the span, instead of tolerances.

@@ -10,8 +10,8 @@ from ...backend import computed_by
 from ...errors import InputError, UnknownNameError
 from ...integrate.steppers.scipy_ivp import SCIPY
 from ...tabular import Columns, Tabular
-from .point import Point, number, read_point
 from .ranking import Place, rank, sentence, targets
+from .run_result import Point, number, read_point
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

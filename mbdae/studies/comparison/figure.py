@@ -6,7 +6,7 @@ import numpy as np
 
 from ..figures import WIDTH, logarithmic, look, plain, settled, sheet
 from .comparison import QUANTITIES, Comparison
-from .point import Point
+from .run_result import Point
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING
 
 from ...tabular import aligned
 from ..drift.drift import brief
-from .point import COUNTS
+from .run_result import COUNTS
 
 if TYPE_CHECKING:
     from .comparison import Comparison
-    from .point import Point
+    from .run_result import Point
 
 SHORT = {"rejected": "rej.", "factorizations": "fact."}
 

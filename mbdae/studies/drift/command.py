@@ -53,7 +53,7 @@ def drift(
     Methods are names, or stand behind their formulation: -m pherk5 -m ggl:pherk5 -m index1:dop853.
     """
     from ...solution.solution import Solution
-    from ..variant import variants
+    from ..method_variant import variants
     from .drift import drift as measure_drift
 
     written = writable((output, TABLES), (plot, PICTURES))

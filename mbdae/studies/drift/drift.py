@@ -11,7 +11,7 @@ from ...solution.columns import balance, residuals
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
 from ...textbook.hessenberg import Hessenberg
-from ..variant import of as variant_of
+from ..method_variant import of as variant_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,7 +25,7 @@ class History:
 
     Attributes:
         title: of the mechanism.
-        method: as a `mbdae.studies.variant.Variant` is written.
+        method: as a `mbdae.studies.method_variant.Variant` is written.
         label: method and tolerance or step.
         t: times in s, (n,).
         g: max |g| over rows (m, rad), (n,).
@@ -48,7 +48,7 @@ class Drift(Tabular):
 
     Attributes:
         title: of the mechanism.
-        method: that computed the run, as a `mbdae.studies.variant.Variant` is written.
+        method: that computed the run, as a `mbdae.studies.method_variant.Variant` is written.
         label: method and tolerance or step.
         t_end: last time in s.
         g_max: max |g| over rows and times (m, or rad for directions).
@@ -165,7 +165,7 @@ def brief(x: float) -> str:
 
 
 def names_of_run(sol: Solution) -> tuple[str, str]:
-    """Return the method of a run as a `mbdae.studies.variant.Variant` is written, and the same with its control."""
+    """Return the method of a run as a `mbdae.studies.method_variant.Variant` is written, and the same with its control."""
     method, settings = str(variant_of(sol.settings)), sol.settings
     control = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {brief(settings.get('rtol', np.nan))}"
     return method, f"{method}, {control}"

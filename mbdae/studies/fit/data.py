@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import InputError
 from ...system import Array
 from ..sensitivity.cost import real
-from ..sweep.file import arrow
+from ..sweep.results_file import arrow
 
 TIME = "t"
 LARGEST = 1e150  # value

@@ -17,15 +17,15 @@ from scipy.stats import chi2 as chi2_distribution
 
 from ...errors import InputError, MbdaeError, require, several
 from ...mechanism import Mechanism
-from ...mechanism.formats.remembered import number
+from ...mechanism.formats.loaded_model import number
 from ...mechanism.formats.template import Template
 from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
-from ..sensitivity.numbers import Makes, maker, named_values, reals, scaled, teller
-from ..sweep.run import check_settings
+from ..sensitivity.run_parameters import Makes, maker, named_values, reals, scaled, teller
+from ..sweep.sweep_run import check_settings
 from .data import records
-from .misfit import Misfit
+from .fit_residuals import Misfit
 from .result import TIED, Attempt, Fit
 
 __all__ = ["fit"]

@@ -3,8 +3,8 @@
 import numpy as np
 
 from ..report.page import document, facts, image
-from ..report.parts import captioned
 from ..report.report import provenance
+from ..report.report_tables import captioned
 from .figure import compared
 from .result import Fit
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...files import write_page
+from ...file_io import write_page
 from ...system import Array
 from ...tabular import Columns, Tabular
 

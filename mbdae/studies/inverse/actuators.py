@@ -7,11 +7,11 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError, several
 from ...mechanism import Mechanism
+from ...mechanism.coordinate_units import coordinate_units, effort_unit
 from ...mechanism.forces.dc_motor import DCMotor
 from ...mechanism.forces.joint_pid import JointPID
 from ...mechanism.forces.joint_torque import JointTorque
 from ...mechanism.frames import find_joint
-from ...mechanism.units import coordinate_units, effort_unit
 from ...system import Array
 
 ACTING = (JointPID, JointTorque, DCMotor)  # forces in whose place actuators are

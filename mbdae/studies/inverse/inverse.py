@@ -11,8 +11,8 @@ from ...mechanism import Mechanism
 from ...mechanism.closures.brake import Brake
 from ...mechanism.closures.independent_rows import minimum_norm
 from ...mechanism.frames import find_joint
+from ...mechanism.hybrid.switches import Mode
 from ...mechanism.joint_wrenches import joint_wrenches
-from ...mechanism.modes.switches import Mode
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ..kinematics.passing import Passed, passages

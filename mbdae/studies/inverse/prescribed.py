@@ -15,7 +15,7 @@ from ...mechanism.closures.closure_error import largest_error
 from ...mechanism.frames import find_joint
 from ...solution.solution import Solution
 from ...system import Array
-from ..kinematics.driven import start_pose
+from ..kinematics.driven_mechanism import start_pose
 from ..kinematics.result import Kinematics
 
 DEGREE = 5  # of the spline through a table: accelerations are splines of degree 3

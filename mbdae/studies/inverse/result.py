@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 
 from ...errors import UnknownNameError
 from ...mechanism import Mechanism, Reaction, reaction
-from ...mechanism.units import coordinate_units, effort_unit
+from ...mechanism.coordinate_units import coordinate_units, effort_unit
 from ...solution.columns import OWN_AXES, row_names
 from ...system import Array
 from ...tabular import Columns, Tabular

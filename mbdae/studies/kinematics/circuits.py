@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from ...errors import StepError
 from ...system import Array
-from .curve import NEAR, CurvePoint, PoseCurve
+from .pose_curve import NEAR, CurvePoint, PoseCurve
 
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
@@ -40,7 +40,7 @@ def circuit(system: "Index2System", turning: Array, period: float, q: Array, u: 
     """Follow the circuit of a closed pose q (nq,) at the input u.
 
     Args:
-        system: a workspace of `mbdae.studies.kinematics.driven.driven`.
+        system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven`.
         turning: which coordinates are angles, (nv,).
         period: of the input, 2 pi for an angle, else 0.
         q: the pose.

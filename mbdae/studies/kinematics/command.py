@@ -45,8 +45,8 @@ def kinematics(
     as_json: bool,
 ) -> None:
     """Follow the poses of a mechanism with one freedom over an input: rates, dead points, branches, assembly modes."""
+    from .assembly_modes import assembly_modes
     from .kinematics import kinematics as follow
-    from .modes import assembly_modes
 
     written = writable((path, TABLES), (html, PAGES), (plot, PICTURES))
     if last is not None and first is None and not modes:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...mechanism.units import coordinate_units
+from ...mechanism.coordinate_units import coordinate_units
 from ..figures import COLOURS, NAMES, WIDTH, beside, own_style, plain, settled, sheet
 from .result import Kinematics, neighbours
 

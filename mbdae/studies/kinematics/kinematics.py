@@ -13,13 +13,13 @@ from ...mechanism.assembly import close_position
 from ...mechanism.joints import turning
 from ...solution.problem import mechanism_of
 from ...system import Array
-from .branching import leave, same
-from .crossing import BranchPoint
-from .curve import NEAR, CurvePoint, PoseCurve
-from .driven import Hold, check_freedom, driven, input_at, left_open, start_pose
+from .branch_following import leave, same
+from .branch_points import BranchPoint
+from .curve_sampling import Events, at_crossing, events, sample
+from .driven_mechanism import Hold, check_freedom, driven, input_at, left_open, start_pose
 from .passing import passed_by
+from .pose_curve import NEAR, CurvePoint, PoseCurve
 from .result import Kinematics, Stretch
-from .sampling import Events, at_crossing, events, sample
 from .transmission import default_output, transmission
 
 __all__ = ["kinematics"]

@@ -16,7 +16,7 @@ from ...mechanism.frames import find_joint
 from ...mechanism.joints import lengths, turning
 from ...system import Array
 from .circuits import circuit
-from .curve import NEAR, PoseCurve
+from .pose_curve import NEAR, PoseCurve
 
 HITS = 3  # of each mode, by random starts
 MISSED = 0.01  # how often a mode as easy as the others may be missed
@@ -47,7 +47,7 @@ class ModeSearch:
     """All poses of a mechanism at one value of its input.
 
     Args:
-        moved: the mechanism with its drive, see `mbdae.studies.kinematics.driven.driven`.
+        moved: the mechanism with its drive, see `mbdae.studies.kinematics.driven_mechanism.driven`.
         q0: a closed configuration (nq,), at any input.
         u: the input.
         counts: by which coordinates modes are told apart, (nv,).

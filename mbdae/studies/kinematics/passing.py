@@ -10,10 +10,10 @@ from scipy.interpolate import CubicHermiteSpline, PPoly
 
 from ...errors import StepError
 from ...mechanism import Mechanism
-from ...mechanism.modes.point import AllRows
-from ...mechanism.modes.switch import Margins, Switch
+from ...mechanism.hybrid.mode_point import AllRows
+from ...mechanism.hybrid.switch import Margins, Switch
 from ...system import Array
-from .curve import PoseCurve
+from .pose_curve import PoseCurve
 
 PASSED = 1e-6  # rad or m: less is the rounding of a motion that rests on a stop
 NEARBY = 1e-2  # of a cubic's depth: that of the curve itself

@@ -10,13 +10,13 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
+from ...mechanism.coordinate_units import coordinate_units
 from ...mechanism.frames import WORLD, frame_names, motions
-from ...mechanism.units import coordinate_units
 from ...solution.columns import coordinates
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
-from .crossing import BranchPoint
+from .branch_points import BranchPoint
 from .passing import Passed, told
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from scipy.linalg import matrix_balance
 
 from ...errors import UnknownNameError, several
 from ...mechanism import Mechanism
-from ...mechanism.efforts import named_laws
+from ...mechanism.effort_signals import named_laws
 from ...mechanism.forces.linear import LinearElement
-from ...mechanism.formulations.balance import Statics
+from ...mechanism.formulations.equilibrium_equations import Statics
 from ...mechanism.formulations.linearization import LinearMotion
 from ...mechanism.formulations.spectrum import spectrum
 from ...mechanism.frames import WORLD, Pair, anchor, frame_names

@@ -10,8 +10,8 @@ import numpy as np
 
 from ...errors import StepError
 from ...mechanism import Mechanism
-from ...mechanism.formulations.freedom import close
 from ...mechanism.formulations.linearization import LinearMotion
+from ...mechanism.formulations.null_space import close
 from ...mechanism.formulations.spectrum import CERTAIN, Spectrum, spectrum
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution

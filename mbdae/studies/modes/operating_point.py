@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import InputError, several
 from ...mechanism import Mechanism
-from ...mechanism.formulations.balance import Balance, Statics
+from ...mechanism.formulations.equilibrium_equations import Balance, Statics
 from ...mechanism.formulations.linearization import LinearMotion, linearize_at, refuse_unsteady
 from ...system import Array
 from ..statics.equilibrium import balanced, labels, settle_arguments, velocities

@@ -14,7 +14,7 @@ from ...mechanism import Mechanism
 from ...mechanism.formulations.spectrum import CERTAIN, Spectrum
 from ...system import Array
 from ...tabular import Columns, Tabular
-from ..sweep.run import maker_of
+from ..sweep.sweep_run import maker_of
 from .modes import modes
 
 if TYPE_CHECKING:

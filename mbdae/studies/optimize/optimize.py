@@ -17,8 +17,8 @@ from ...errors import InputError, MbdaeError, UnknownNameError, is_number, requi
 from ...mechanism import Mechanism
 from ...system import Array
 from ..sensitivity.cost import Cost
-from ..sensitivity.numbers import Names, maker, named_values, reals, scaled, teller
-from .motion import Measured, Motion, Moves, curves, runs
+from ..sensitivity.run_parameters import Names, maker, named_values, reals, scaled, teller
+from .objective import Measured, Motion, Moves, curves, runs
 from .result import Optimum, Tried
 
 __all__ = ["optimize"]

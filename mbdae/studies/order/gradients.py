@@ -13,20 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from ...differences import PLACES, quotient
 from ...errors import InputError, several
+from ...finite_differences import PLACES, quotient
 from ...integrate.binding import common
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
-from ...mechanism.variations.parameter import possible
+from ...mechanism.discrete_sensitivity.parameter_direction import possible
 from ...methods import METHODS
 from ...methods import method as find_method
 from ...methods.radau import Method
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
-from ..sensitivity.numbers import maker
+from ..sensitivity.run_parameters import maker
 from ..sensitivity.sensitivity import sensitivity
 from .measurement import LEAST_OUTPUTS, Measurement, Progress, ended, finished
 from .result import OrderStudy

@@ -11,7 +11,7 @@ from .threejs import typed
 
 if TYPE_CHECKING:
     from ...mechanism import Mechanism
-    from ...mechanism.modes.switch import Switch
+    from ...mechanism.hybrid.switch import Switch
     from ...solution.solution import Solution
 
 HELD, STRUCK = "#6741d9", "#f59f00"

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError, UnknownNameError, require
-from ...files import write_page, write_whole
+from ...file_io import write_page, write_whole
 from ..figures import COLOURS
 from . import animation_tracks as tracks
-from .document import document, drawn, frame
+from .html_page import document, drawn, frame
 from .mode_tracks import HELD, STRUCK, switched
 from .plot_panels import Plot, PlotPanel, Signal, panes
 from .threejs import typed

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ...errors import InputError, MbdaeError
-from ...files import write_whole
+from ...file_io import write_whole
 
 if TYPE_CHECKING:
     from PIL.Image import Image

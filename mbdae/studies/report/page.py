@@ -13,12 +13,12 @@ from ..comparison.tables import comparison_rows
 from ..drift.drift import names_of_run
 from ..drift.figure import drifts
 from ..order.figure import convergence
-from ..replay.document import frame
 from ..replay.figure import posture
+from ..replay.html_page import frame
 from ..replay.replay import pace
 from ..replay.replay import page as replay_page
 from ..run.figure import motion
-from .parts import captioned, downloads, parts, ranking
+from .report_tables import captioned, downloads, parts, ranking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...backend import machine
 from ...errors import InputError
-from ...files import write_page
+from ...file_io import write_page
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism, describe
@@ -24,9 +24,9 @@ from ..card.card import Card, card
 from ..comparison.compare import compare
 from ..comparison.comparison import Comparison
 from ..drift.drift import Drift, drift
+from ..method_variant import Variant, default, usual, variants
 from ..order.order import check_order
 from ..order.result import OrderStudy
-from ..variant import Variant, default, usual, variants
 
 __all__ = ["report"]
 

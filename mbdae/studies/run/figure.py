@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import UnknownNameError, several
 from ...mechanism import Mechanism
-from ...mechanism.units import coordinate_units
+from ...mechanism.coordinate_units import coordinate_units
 from ...solution.signals import find, signals, units
 from ...solution.solution import Solution
 from ..figures import COLOURS, NAMES, WIDTH, beside, logarithmic, own_style, plain, positive, settled, sheet

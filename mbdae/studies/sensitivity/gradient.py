@@ -8,14 +8,14 @@ import numpy as np
 
 from ...errors import require
 from ...integrate.events import Event
-from ...integrate.trace import Trace
+from ...integrate.trajectory import Trace
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
-from .backwards import Arriving, backwards
+from .adjoint import Arriving, backwards
 from .cost import Cost, Signals, evaluated
-from .ending import ending
-from .numbers import Model, Names, bound
+from .run_parameters import Model, Names, bound
 from .sensitivity import begun, places, start_columns
+from .terminal_event import ending
 
 __all__ = ["gradient"]
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from ...errors import InputError, MbdaeError, require
 from ...integrate.events import Event
-from ...integrate.trace import Trace
-from ...mechanism.units import coordinate_units
+from ...integrate.trajectory import Trace
+from ...mechanism.coordinate_units import coordinate_units
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
-from .ending import ending
-from .numbers import Model, Names, bound
-from .signal_slopes import SignalSlopes
+from .run_parameters import Model, Names, bound
+from .signal_jacobian import SignalSlopes
+from .terminal_event import ending
 
 __all__ = ["sensitivity"]
 
@@ -132,8 +132,8 @@ def sensitivity(
     """Differentiate a run with respect to numbers of its mechanism and to its start: half-explicit methods, Radau IIA.
 
     The steps that were taken stand, with their sizes and rows: the derivative is that of the computed numbers, and
-    exact for them to rounding (`mbdae.methods.tangent`, `collocation_tangent`). Where the run began at its mechanism's
-    own start, that is assembled anew with the parameters; a start that was given stays. Sampling instants and times of
+    exact for them to rounding (`mbdae.methods.step_sensitivity`, `collocation_tangent`). Where the run began at its
+    mechanism's own start, that is assembled anew with the parameters; a start that was given stays. Sampling instants and times of
     jumps are data.
 
     Args:

@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError, MbdaeError, StepError
-from ...mechanism.formulations.balance import Balance, Statics
+from ...mechanism.formulations.equilibrium_equations import Balance, Statics
 from ...mechanism.formulations.spectrum import CERTAIN, EPS, Curvature, curvature, null_space, scale_of
 from ...system import Array
-from .search import symmetric
+from .trust_region import symmetric
 
 LARGEST, LEAST = 0.03, 1e-7  # of a step: rad or characteristic lengths, and of the range of the factor
 ROUNDED = 1e-11  # of the terms of forces: balanced

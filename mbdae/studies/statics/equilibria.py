@@ -9,17 +9,17 @@ from scipy.optimize import brentq
 
 from ...errors import AssemblyError, InputError, StepError, several
 from ...mechanism import Mechanism
-from ...mechanism.formulations.balance import Balance, Statics
+from ...mechanism.formulations.equilibrium_equations import Balance, Statics
 from ...mechanism.joints import turning
 from ...solution.problem import mechanism_of
 from ...system import Array
+from ..kinematics.assembly_modes import assembly_modes
 from ..kinematics.kinematics import kinematics
 from ..kinematics.mode_search import FLAT
-from ..kinematics.modes import assembly_modes
 from ..kinematics.result import Kinematics
 from .equilibrium import Equilibrium, labels, velocities
-from .search import Search
 from .stability import verdict
+from .trust_region import Search
 
 __all__ = ["equilibria"]
 

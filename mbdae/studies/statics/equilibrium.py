@@ -10,18 +10,18 @@ import numpy as np
 
 from ...errors import EquilibriumError, StepError, UnknownNameError, several
 from ...mechanism import Mechanism
-from ...mechanism.formulations.balance import Balance, Statics
+from ...mechanism.coordinate_units import coordinate_units, effort_unit
+from ...mechanism.formulations.equilibrium_equations import Balance, Statics
 from ...mechanism.formulations.linearization import refuse_unsteady
 from ...mechanism.frames import find_joint
 from ...mechanism.reactions import Reaction, reaction
-from ...mechanism.units import coordinate_units, effort_unit
 from ...solution.columns import coordinates
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
-from .search import Search
 from .stability import Verdict, verdict
+from .trust_region import Search
 
 if TYPE_CHECKING:
     from ...mechanism.mechanism import Coordinates

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UnknownNameError
-from ...mechanism.units import coordinate_units
+from ...mechanism.coordinate_units import coordinate_units
 from ..figures import COLOURS, WIDTH, beside, plain, settled, sheet
 from .load_path import LoadPath
 

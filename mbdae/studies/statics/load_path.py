@@ -9,9 +9,9 @@ import numpy as np
 
 from ...errors import InputError, UnknownNameError
 from ...mechanism import Mechanism
-from ...mechanism.formulations.balance import Statics
+from ...mechanism.coordinate_units import coordinate_units
+from ...mechanism.formulations.equilibrium_equations import Statics
 from ...mechanism.formulations.spectrum import curvature
-from ...mechanism.units import coordinate_units
 from ...solution.columns import coordinates
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from ...errors import StepError
-from ...mechanism.formulations.balance import Balance, Statics
+from ...mechanism.formulations.equilibrium_equations import Balance, Statics
 from ...mechanism.formulations.linearization import LinearMotion, linearize_at
 from ...mechanism.formulations.spectrum import curvature, null_space, spectrum
 from ...system import Array
-from .search import symmetric, symmetric_part
+from .trust_region import symmetric, symmetric_part
 
 ASIDE = 1e-2  # rad or characteristic lengths: a neighbour
 LOST = 1e-4  # of the smallest singular value there: what it falls to where rank is lost

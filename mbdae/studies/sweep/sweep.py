@@ -18,17 +18,17 @@ from ...integrate.span import checked_span
 from ...integrate.steppers.scipy_ivp import find
 from ...mechanism import Mechanism, describe
 from ...mechanism.callbacks import function_name
-from ...mechanism.formats.library import model_names
+from ...mechanism.formats.model_library import model_names
 from ...mechanism.formats.parametric import split as split_name
-from ...mechanism.part import not_carried_over
+from ...mechanism.imported_model import not_carried_over
 from ...solution.archive import versions
 from ...solution.signals import units
 from ..workers import pool
-from .file import SweepFile
 from .fingerprint import fingerprint
 from .outputs import Output, check, label, parse
 from .plan import Parameters, Task, names, tasks
-from .run import SOLVE, Job, Maker, check_settings, run, split
+from .results_file import SweepFile
+from .sweep_run import SOLVE, Job, Maker, check_settings, run, split
 from .table import Sweep, column_kinds, completed
 
 __all__ = ["sweep"]

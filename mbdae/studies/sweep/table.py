@@ -10,9 +10,9 @@ import numpy as np
 
 from ...errors import STATUS, InputError, UnknownNameError
 from ...tabular import Columns, Tabular, aligned
-from .file import MORE, Row, read, write
 from .plan import Task, names
-from .run import COUNTS, FAILURES
+from .results_file import MORE, Row, read, write
+from .sweep_run import COUNTS, FAILURES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -22,12 +22,12 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError
 
 from ...errors import InputError
-from ...files import text_of
-from ...mechanism.formats.library import PARAMETRIC, find, model_names
+from ...file_io import text_of
+from ...mechanism.checked_table import Table, one_line
+from ...mechanism.formats.model_library import PARAMETRIC, find, model_names
 from ...mechanism.formats.parametric import split
-from ...mechanism.tables import Table, one_line
 from .plan import RANGE, Parameters, Random
-from .run import check_settings
+from .sweep_run import check_settings
 
 
 class RandomTable(Table):

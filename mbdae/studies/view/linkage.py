@@ -7,8 +7,8 @@ import numpy as np
 
 from ...errors import InputError, NotCompiled
 from ...mechanism import Mechanism
-from ...mechanism.expanded import expand, parts
-from ...mechanism.formulations.compiled_parts import constraints_of
+from ...mechanism.expanded_tree import expand, parts
+from ...mechanism.formulations.core_description import constraints_of
 from ...mechanism.frames import find_joint
 from ...mechanism.joints import joint_transform, subspace
 from ...mechanism.scene.scene import Anchor, Scene

@@ -9,8 +9,8 @@ import numpy as np
 from ...errors import MbdaeError
 from ...mechanism import Mechanism
 from ...mechanism.assembly import close_position
+from ...mechanism.coordinate_units import coordinate_units
 from ...mechanism.frames import find_joint
-from ...mechanism.units import coordinate_units
 from ...system import Array
 from ..kinematics.kinematics import kinematics
 

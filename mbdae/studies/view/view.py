@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...files import write_page
+from ...file_io import write_page
 from ...mechanism import Mechanism
 from ...mechanism.frames import find_joint
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ..replay import animation_tracks as tracks
-from ..replay.document import document, drawn, frame
+from ..replay.html_page import document, drawn, frame
 from .linkage import linkage
 from .sliders import MOST, Slider, sliders
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from ...members import public
+from ...discovery import public
 from ..hessenberg import Hessenberg
 
 TEXTBOOK: dict[str, Callable[[], Hessenberg]] = {

@@ -9,7 +9,7 @@ import pytest
 from chains import random_q, tree
 
 import mbdae
-from mbdae import Closure, Driver, Mechanism, differences
+from mbdae import Closure, Driver, Mechanism, finite_differences
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.closures.closure import KINDS
 from mbdae.mechanism.formats.schema import read_toml
@@ -54,12 +54,12 @@ def test_derivatives_far_off_the_manifold(name):
             return pin.integrate(mech.model, q, s * v)
 
         _, G = system.closures(q, t)
-        slopes = differences.slopes(lambda x, q=q, t=t: system.closures(at(1.0, q, x), t)[0], mech.nv, h)
+        slopes = finite_differences.slopes(lambda x, q=q, t=t: system.closures(at(1.0, q, x), t)[0], mech.nv, h)
         assert slopes == pytest.approx(np.where(mech.positional, G.T, 0.0).T, abs=2e-9)
-        g_t = differences.slope(lambda s, q=q, t=t: system.closures(q, t + s)[0], h)
+        g_t = finite_differences.slope(lambda s, q=q, t=t: system.closures(q, t + s)[0], h)
         assert g_t == pytest.approx(np.where(mech.positional, system.g_t(t), 0.0), abs=2e-9)
         # along q(s) = q (+) s v the velocity stays v: d/ds (G v + g_t) = Gdot v + g_tt
-        rate = differences.slope(lambda s, q=q, v=v, t=t: system.residual(t + s, at(s), v)[1], h)
+        rate = finite_differences.slope(lambda s, q=q, v=v, t=t: system.residual(t + s, at(s), v)[1], h)
         assert rate == pytest.approx(system.gamma(q, v, t), abs=2e-8 * (1 + v @ v))
 
 

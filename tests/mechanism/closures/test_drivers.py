@@ -8,10 +8,10 @@ import pytest
 from driven import DRIVEN, crane, linkage
 
 import mbdae
-from mbdae import Driver, differences
+from mbdae import Driver, finite_differences
 from mbdae.errors import AssemblyError, InputError
 from mbdae.mechanism.formats.schema import read_toml
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 from mbdae.methods import method
 
 POINTS = [(0.0, 0.1), (0.5, 0.4), (1.2, -0.3), (2.0, 0.2)]
@@ -31,7 +31,7 @@ def test_motions_have_their_derivatives(kind):
     driver = MOTIONS[kind]
     for t in (-0.7, 0.1, 0.77, 1.6, 2.9):
         for k in (0, 1):
-            slope = differences.slope(lambda s, t=t, k=k: driver.follow(t + s)[k], 1e-2)
+            slope = finite_differences.slope(lambda s, t=t, k=k: driver.follow(t + s)[k], 1e-2)
             assert slope == pytest.approx(driver.follow(t)[k + 1], abs=1e-9)
 
 

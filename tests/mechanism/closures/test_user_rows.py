@@ -9,7 +9,7 @@ import pytest
 import mbdae
 from mbdae import Closure, Mechanism
 from mbdae.errors import InputError
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 
 LENGTH = 0.5
 

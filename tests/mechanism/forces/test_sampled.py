@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 import mbdae
 from mbdae import DCMotor, JointPID, Sampled
 from mbdae.errors import InputError
-from mbdae.mechanism.signals import Steps
-from mbdae.studies.comparison.motion import Motion
+from mbdae.mechanism.time_functions import Steps
+from mbdae.studies.comparison.reference_motion import Motion
 from mbdae.studies.order.measurement import Measurement
 
 

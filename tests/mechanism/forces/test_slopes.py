@@ -5,11 +5,11 @@ import pinocchio as pin
 import pytest
 from chains import random_q, tree
 
-from mbdae import DCMotor, JointDamping, JointPID, JointSpring, JointTorque, Mechanism, Sampled, differences
+from mbdae import DCMotor, JointDamping, JointPID, JointSpring, JointTorque, Mechanism, Sampled, finite_differences
 from mbdae.errors import NotCompiled
 from mbdae.mechanism.forces.force import ForceElement
-from mbdae.mechanism.formulations.compiled_parts import laws_of
-from mbdae.mechanism.signals import Harmonic, Steps
+from mbdae.mechanism.formulations.core_description import laws_of
+from mbdae.mechanism.time_functions import Harmonic, Steps
 
 MODEL = tree(["free", "prismatic", "spherical", "revolute", "continuous"], [0, 1, 2, 3, 2])
 A, B, TURN = (n for n in MODEL.names if n.startswith(("prismatic", "revolute", "continuous")))
@@ -42,7 +42,7 @@ def test_linear_laws_know_their_slopes(forces):
         dq, dv, ds = np.split(e, [MODEL.nv, 2 * MODEL.nv])
         return np.concatenate(s.laws.torque(0.3, pin.integrate(MODEL, q, dq), v + dv, x + ds))
 
-    np.testing.assert_allclose(known, differences.slopes(values, 2 * MODEL.nv + s.ns, 0.01), atol=1e-9)
+    np.testing.assert_allclose(known, finite_differences.slopes(values, 2 * MODEL.nv + s.ns, 0.01), atol=1e-9)
     assert np.abs(known).max() > 0.01
 
 

@@ -10,7 +10,7 @@ from closure_kinds import KINDS, body_and_closure
 from scipy.optimize import least_squares
 
 import mbdae
-from mbdae.mechanism.formats.library import SOURCES, models_directory
+from mbdae.mechanism.formats.model_library import SOURCES, models_directory
 
 DATA = Path(__file__).parents[2] / "data"
 PARTS = ("materials.xml", "loops.xml")  # an included file, and equalities for random states that cannot all hold

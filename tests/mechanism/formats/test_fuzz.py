@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import mbdae
 from mbdae.errors import MbdaeError
-from mbdae.mechanism.formats.library import models_directory
+from mbdae.mechanism.formats.model_library import models_directory
 
 DATA = Path(__file__).parents[2] / "data"
 ROBOT, GRIPPER = DATA / "robot", DATA / "robot_description" / "urdf" / "gripper.urdf"

@@ -9,7 +9,7 @@ from chains import JOINTS, random_placement, random_q, tree
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism import depth_first
-from mbdae.mechanism.formats.tree import Tree
+from mbdae.mechanism.formats.joint_tree import Tree
 from mbdae.mechanism.joints import PER_COORDINATE, PER_VELOCITY, is_depth_first
 
 

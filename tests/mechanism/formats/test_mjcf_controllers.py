@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae.mechanism.formats.remembered import Remembered, number
+from mbdae.mechanism.formats.loaded_model import Remembered, number
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 FIVE_BAR = """<mujoco>

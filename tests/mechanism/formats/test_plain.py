@@ -10,7 +10,7 @@ from chains import JOINTS, tree
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism import depth_first
-from mbdae.mechanism.plain import NUMBERS, made, written
+from mbdae.mechanism.model_serialization import NUMBERS, made, written
 
 MODELS = mbdae.model_names()
 

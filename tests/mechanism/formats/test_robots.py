@@ -6,7 +6,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.library import ROBOTS
+from mbdae.mechanism.formats.model_library import ROBOTS
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*not carried over")  # limits of joints, which have tests of their own
 

@@ -9,7 +9,7 @@ import pytest
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism import describe, restore
-from mbdae.mechanism.formats.library import ROBOTS
+from mbdae.mechanism.formats.model_library import ROBOTS
 
 BAR = """<link name="{name}"><pose{to}>{pose}</pose><inertial><pose>{half} 0 0 0 0 0</pose><mass>{mass}</mass>
 <inertia><ixx>0.001</ixx><iyy>{I}</iyy><izz>{I}</izz></inertia></inertial>

@@ -8,11 +8,11 @@ import pinocchio as pin
 import pytest
 from chains import JOINTS, close, random_q, tree
 
-from mbdae import Bushing, Closure, Driver, Mechanism, SpringDamper, differences
+from mbdae import Bushing, Closure, Driver, Mechanism, SpringDamper, finite_differences
 from mbdae.mechanism.closures.closure import KINDS
 from mbdae.mechanism.closures.constraints import Constraints
 from mbdae.mechanism.closures.rows import FrameRows
-from mbdae.mechanism.formulations.derivatives import hidden_slopes, jacobians
+from mbdae.mechanism.formulations.equation_partials import hidden_slopes, jacobians
 from mbdae.mechanism.frames import wrench_matrix
 
 PAIRS = [("tip_3", "tip_5"), ("tip_5", "tip_3"), ("tip_2", "tip_5"), ("ground", "tip_5"), ("tip_0", "tip_3")]
@@ -63,10 +63,10 @@ def test_closures_on_every_kind_of_joint(kind):
     def at(x):
         return pin.integrate(model, q, x)
 
-    turned = differences.slopes(lambda x: s.jacobian(at(x)), nv, 4e-4)  # (ng, nv, nv): G_ik by q_m in [i, k, m]
-    bias_q = differences.slopes(lambda x: s.gamma(at(x), v, 0.3), nv, 4e-4)
+    turned = finite_differences.slopes(lambda x: s.jacobian(at(x)), nv, 4e-4)  # (ng, nv, nv): G_ik by q_m in [i, k, m]
+    bias_q = finite_differences.slopes(lambda x: s.gamma(at(x), v, 0.3), nv, 4e-4)
     bias_v = [(s.gamma(q, v + e, 0.3) - s.gamma(q, v - e, 0.3)) / 2 for e in np.eye(nv)]  # gamma is quadratic in v
-    Gdot = differences.slope(lambda e: s.jacobian(at(e * v)), 4e-4)
+    Gdot = finite_differences.slope(lambda e: s.jacobian(at(e * v)), 4e-4)
     gamma_q, gamma_v = hidden_slopes(s, q, v)
     lam, whole = rng.standard_normal(mech.ng), np.zeros((nv, nv))
     K, B = s.constraints.slopes(v, lam)

@@ -8,7 +8,7 @@ import pytest
 from chains import free_force, jacobian, rates, rod
 
 import mbdae
-from mbdae import Closure, Mechanism, differences
+from mbdae import Closure, Mechanism, finite_differences
 from mbdae.mechanism.closures import independent_rows as independent_rows
 from mbdae.methods import METHODS
 from mbdae.studies.drift.drift import drift
@@ -26,7 +26,7 @@ def dense_solution(mech, q, v, tau=0.0):
     """v' and lam of smallest norm from one least-squares solve of [M -G^T; G 0], gamma by differences."""
     M, f = free_force(mech.model, q, v)
     G = jacobian(mech, q)
-    gamma = differences.slope(lambda h: mech.residual(mech.manifold.integrate(q, h * v), v)[1], 1e-3)
+    gamma = finite_differences.slope(lambda h: mech.residual(mech.manifold.integrate(q, h * v), v)[1], 1e-3)
     matrix = np.block([[M, -G.T], [G, np.zeros((mech.ng, mech.ng))]])
     x = np.linalg.lstsq(matrix, np.concatenate([f + tau, -gamma]), rcond=1e-10)[0]
     return x[: mech.nv], x[mech.nv :]

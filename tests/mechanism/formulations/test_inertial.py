@@ -5,17 +5,17 @@ import pinocchio as pin
 import pytest
 from chains import JOINTS, close, random_q, tree
 
-from mbdae import differences
+from mbdae import finite_differences
 from mbdae.errors import InputError
-from mbdae.mechanism.expanded import expand, parts
-from mbdae.mechanism.formulations import inertial
+from mbdae.mechanism.expanded_tree import expand, parts
+from mbdae.mechanism.formulations import inertial_forces
 
 
 @pytest.mark.parametrize("kind", JOINTS)
 @pytest.mark.parametrize("largest", [0, 100])
 def test_inertial_slopes_on_every_kind_of_joint(kind, largest, monkeypatch):
     """Of Pinocchio, and of large models with nv^2 numbers."""
-    monkeypatch.setattr(inertial, "LARGEST", largest)
+    monkeypatch.setattr(inertial_forces, "LARGEST", largest)
     model, rng = tree([kind, "rx", kind, kind], [0, 1, 2, 1], seed=1), np.random.default_rng(2)
     model.armature = rng.uniform(0.1, 0.5, model.nv)
     q, (v, a), data = random_q(model, rng), rng.standard_normal((2, model.nv)), model.createData()
@@ -23,9 +23,9 @@ def test_inertial_slopes_on_every_kind_of_joint(kind, largest, monkeypatch):
     def tau(x, dv=0.0):
         return pin.rnea(model, data, pin.integrate(model, q, x), v + dv, a).copy()
 
-    M, by_q, by_v = inertial.Inertial(model).slopes(q, v, a)
-    close(by_q, differences.slopes(tau, model.nv, 1e-2))
-    close(by_v, differences.slopes(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
+    M, by_q, by_v = inertial_forces.Inertial(model).slopes(q, v, a)
+    close(by_q, finite_differences.slopes(tau, model.nv, 1e-2))
+    close(by_v, finite_differences.slopes(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
     U = np.triu(pin.crba(model, data, q))
     close(M, U + np.triu(U, 1).T, 1e-14)
 

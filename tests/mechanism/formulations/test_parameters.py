@@ -6,10 +6,10 @@ import pytest
 from chains import random_q, tree
 
 from mbdae import Bushing, Closure, Driver, JointFriction, JointPID, Mechanism, SpringDamper, Wrench
-from mbdae.differences import WEIGHTS
 from mbdae.errors import InputError
+from mbdae.finite_differences import WEIGHTS
+from mbdae.mechanism.discrete_sensitivity.parameter_partials import Parameters
 from mbdae.mechanism.formats.template import Template
-from mbdae.mechanism.variations.parameters import Parameters
 
 KINDS = ["free", "revolute", "spherical", "universal", "planar", "prismatic", "continuous", "composite", "euler"]
 PARENTS = [0, 1, 2, 3, 1, 5, 0, 7, 8]

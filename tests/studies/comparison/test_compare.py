@@ -7,12 +7,12 @@ import mbdae
 from mbdae.backend import machine
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.integrate.binding import common
-from mbdae.studies.comparison import bench
+from mbdae.studies.comparison import run_queue
 from mbdae.studies.comparison.comparison import Comparison
-from mbdae.studies.comparison.motion import Motion
-from mbdae.studies.comparison.point import Point
 from mbdae.studies.comparison.ranking import rank, sentence, targets, work_at
-from mbdae.studies.variant import Variant
+from mbdae.studies.comparison.reference_motion import Motion
+from mbdae.studies.comparison.run_result import Point
+from mbdae.studies.method_variant import Variant
 from mbdae.textbook.problems import TEXTBOOK
 
 METHODS = ("pherk5", "herk3", "ggl:pherk5", "project:pherk5", "index1:RK45")
@@ -256,7 +256,7 @@ def test_times_are_taken_in_turn(four_bar, monkeypatch):
     assert all(len(p.times) == 3 for p in study.points)
     assert told == sorted(told)
     assert 0.5 < told[-1] <= 1
-    monkeypatch.setattr(bench, "LONG", 0.0)
+    monkeypatch.setattr(run_queue, "LONG", 0.0)
     once = mbdae.compare(four_bar, (0, 0.2), **QUICK | {"repeats": 3})
     assert all(len(p.times) == 1 for p in once.points), "long runs are timed once"
 

@@ -10,12 +10,12 @@ from scipy.optimize import least_squares
 
 import mbdae
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.formats.library import find
-from mbdae.mechanism.formats.remembered import number
+from mbdae.mechanism.formats.loaded_model import number
+from mbdae.mechanism.formats.model_library import find
 from mbdae.mechanism.formats.template import Template
 from mbdae.studies.fit.data import records
 from mbdae.studies.fit.fit import ROUGH, SPANS, TOLERANCE
-from mbdae.studies.fit.misfit import Misfit
+from mbdae.studies.fit.fit_residuals import Misfit
 
 COMMANDS = (
     "run four_bar -t 0.4 --step 0.02 -o fit.csv",

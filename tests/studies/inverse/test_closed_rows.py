@@ -8,7 +8,7 @@ from linkages import bar
 import mbdae
 from mbdae import Clutch, JointFriction, JointTorque, Mechanism, Stop, inverse_dynamics, kinematics
 from mbdae.errors import InputError
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 
 COMMANDS = (
     "run slider_crank_with_stop -t 0.3 -o stopped.npz",

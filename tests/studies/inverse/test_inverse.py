@@ -9,7 +9,7 @@ from scipy.interpolate import make_interp_spline
 import mbdae
 from mbdae import Driver, Mechanism, inverse_dynamics, kinematics
 from mbdae.errors import InputError, UnknownNameError
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 
 COMMANDS = (
     "run four_bar -t 0.2 -o bar.npz",

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import mbdae
 from mbdae import Closure, Mechanism, assembly_modes
 from mbdae.errors import InputError
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 from mbdae.studies.kinematics import circuits
 
 SCRIPTS = Path(__file__).parents[3] / "examples" / "benchmarks"

@@ -9,7 +9,7 @@ from linkages import bar
 import mbdae
 from mbdae import Closure, Clutch, Driver, JointFriction, Mechanism, Stop, assembly_modes, kinematics
 from mbdae.errors import AssemblyError, InputError
-from mbdae.mechanism.start import Start
+from mbdae.mechanism.model_settings import Start
 from mbdae.studies.kinematics.passing import below
 
 

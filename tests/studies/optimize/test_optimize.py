@@ -7,10 +7,10 @@ import pytest
 from sprung_arm import ARM
 
 import mbdae
-from mbdae import differences
+from mbdae import finite_differences
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.template import Template
-from mbdae.studies.optimize.motion import curves, runs
+from mbdae.studies.optimize.objective import curves, runs
 
 STIFFNESS = {"force.spring.stiffness": 10.0}
 BALANCE = 2.0 * 9.81 * 0.5 / (0.6 * 0.4)  # k h a = m g r: a spring without rest length carries the arm everywhere
@@ -68,9 +68,9 @@ def test_curves_are_differentiated_at_equal_inputs(model, options, signals, valu
     here = follow(values).signals
     for i, (name, x) in enumerate(values.items()):
         h = 2e-3 * abs(x)
-        near = {k: follow({**values, name: x + k * h}).signals for k in differences.PLACES}
+        near = {k: follow({**values, name: x + k * h}).signals for k in finite_differences.PLACES}
         for signal in signals:
-            quotient = differences.quotient({k: found[signal] for k, found in near.items()}, h)
+            quotient = finite_differences.quotient({k: found[signal] for k, found in near.items()}, h)
             own = here.derivative(signal)[:, i]
             assert np.abs(own - quotient).max() < 1e-8 * (1 + np.abs(own).max()), (name, signal)
 

@@ -16,8 +16,8 @@ from commands import call
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.library import model_names
-from mbdae.studies.variant import default, of, usual
+from mbdae.mechanism.formats.model_library import model_names
+from mbdae.studies.method_variant import default, of, usual
 
 OPTIONS = {"methods": ("pherk5", "ggl:herk3"), "tolerances": (1e-3, 1e-5), "rtol": 1e-6, "repeats": 1}
 LIBRARY = Path(__file__).parents[3] / "models"
@@ -198,7 +198,7 @@ def test_the_command_writes_it(tmp_path):
 
 
 def test_tables_are_numbers_of_the_mechanism_and_the_ranking_that_of_the_comparison(result):
-    from mbdae.studies.report.parts import parts, ranking
+    from mbdae.studies.report.report_tables import parts, ranking
 
     text = html.unescape(re.sub(r"<[^>]+>", "|", parts(result.sol.mechanism)))
     model = result.sol.mechanism.model

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import mbdae
 from mbdae.__main__ import cli
 from mbdae.errors import UnknownNameError
-from mbdae.mechanism.formats.library import models_directory
+from mbdae.mechanism.formats.model_library import models_directory
 
 jsonschema = pytest.importorskip("jsonschema")
 COMMANDS = ("schema", "schema sweep")

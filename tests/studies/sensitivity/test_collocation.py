@@ -6,7 +6,7 @@ from frozen import best, compare, free_velocity, retraced, runs_of
 from smooth import SMOOTH
 
 import mbdae
-from mbdae.mechanism.formats.remembered import Remembered, number
+from mbdae.mechanism.formats.loaded_model import Remembered, number
 
 SHORT = {"andrews_squeezer": (2e-4, 4e-5), "rolling_disc": (0.04, 5e-3),
          "snakeboard": (0.02, 2e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.01, 5e-3),

@@ -7,7 +7,7 @@ import pytest
 from smooth import SMOOTH
 
 import mbdae
-from mbdae.integrate import trace
+from mbdae.integrate import trajectory
 from mbdae.mechanism.mechanism import Mechanism
 from mbdae.methods import METHODS, Tableau
 
@@ -19,12 +19,12 @@ STEPS = {"andrews_squeezer": 5e-4, "humanoid_stance": 2e-3, "flyball_governor": 
 @contextmanager
 def in_python():
     """Let Python go along the steps of traces."""
-    known = trace.core_steps
-    trace.core_steps = lambda trace: None
+    known = trajectory.core_steps
+    trajectory.core_steps = lambda trace: None
     try:
         yield
     finally:
-        trace.core_steps = known
+        trajectory.core_steps = known
 
 
 def random_cost(sol, seed=0):

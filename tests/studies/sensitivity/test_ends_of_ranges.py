@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import mbdae
-import mbdae.differences as differences
-from mbdae.differences import ABOVE, BELOW, PLACES
+import mbdae.finite_differences as differences
 from mbdae.errors import InputError
+from mbdae.finite_differences import ABOVE, BELOW, PLACES
+from mbdae.mechanism.discrete_sensitivity.parameter_direction import FIRST, possible
 from mbdae.mechanism.formats.template import Template
-from mbdae.mechanism.variations.parameter import FIRST, possible
 
 G, M = 9.81, 2.0
 SLIDER = """

@@ -9,7 +9,7 @@ import mbdae
 from mbdae import Closure, CoulombFriction, Mechanism
 from mbdae.errors import InputError
 from mbdae.mechanism.closures.profiles import CircleProfile
-from mbdae.studies.sensitivity.numbers import maker
+from mbdae.studies.sensitivity.run_parameters import maker
 
 
 def planar_body(joints):

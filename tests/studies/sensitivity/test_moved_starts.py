@@ -7,7 +7,7 @@ from frozen import best, compare
 import mbdae
 from mbdae import Driver
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.remembered import Remembered, number
+from mbdae.mechanism.formats.loaded_model import Remembered, number
 from mbdae.mechanism.formats.template import Template
 
 WIDTHS = (1e-5, 1e-4, 1e-3)

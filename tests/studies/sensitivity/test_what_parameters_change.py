@@ -8,7 +8,7 @@ from chains import random_inertia
 import mbdae
 from mbdae import JointPID, backend
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.remembered import Remembered, number
+from mbdae.mechanism.formats.loaded_model import Remembered, number
 
 
 def with_pid(**more):

@@ -6,9 +6,9 @@ from closure_kinds import BODY
 from frozen import best
 
 import mbdae
-from mbdae.differences import settled
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.remembered import number
+from mbdae.finite_differences import settled
+from mbdae.mechanism.formats.loaded_model import number
 from mbdae.mechanism.formats.template import Template
 
 OMEGA = 10.0

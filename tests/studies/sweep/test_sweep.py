@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.library import models_directory
+from mbdae.mechanism.formats.model_library import models_directory
 from mbdae.mechanism.formats.template import Template
 from mbdae.solution.signals import signals
 from mbdae.studies.sweep.plan import own_seed, tasks

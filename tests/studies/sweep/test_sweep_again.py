@@ -10,7 +10,7 @@ import mbdae
 from mbdae.__main__ import cli
 from mbdae.cli.options import FAILED
 from mbdae.errors import InputError
-from mbdae.studies.sweep.file import write
+from mbdae.studies.sweep.results_file import write
 
 
 def closing_over(g):

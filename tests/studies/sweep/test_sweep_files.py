@@ -14,7 +14,7 @@ from commands import call
 
 import mbdae
 from mbdae.errors import InputError, MbdaeError, UnknownNameError
-from mbdae.studies.sweep.file import PART
+from mbdae.studies.sweep.results_file import PART
 from mbdae.studies.sweep.toml_file import read_sweep
 from mbdae.studies.workers import AHEAD
 

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from ...forces.bushing import Bushing
 from ...forces.joint_spring import JointSpring
-from ...start import Motor
+from ...model_settings import Motor
 from .states import pose
 
 if TYPE_CHECKING:

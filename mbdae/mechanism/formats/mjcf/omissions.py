@@ -7,7 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ...part import FRICTION, LIMITS, listed
+from ...imported_model import FRICTION, LIMITS, listed
 from ...scene.shapes import LEVEL, ground, mesh
 from .actuators import actuator_name
 from .states import pose

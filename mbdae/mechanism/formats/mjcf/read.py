@@ -16,15 +16,15 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError, UnknownNameError
-from ...part import Part
-from ...places import Places
-from ...plain import written
+from ...allowed_paths import Places
+from ...checked_table import HUGE
+from ...imported_model import Part
+from ...model_serialization import written
+from ...model_settings import Start
 from ...scene.shapes import pack
-from ...start import Start
-from ...tables import HUGE
 from .actuators import actuators_of, disabled, springs_of, weightless
 from .equalities import loops_of
-from .files import check_files
+from .file_checks import check_files
 from .omissions import left_out, visuals
 from .said import unread
 from .states import from_mujoco, pose

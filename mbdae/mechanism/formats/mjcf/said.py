@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..recorded import ALL, Recorded, unread_phrases
-from .files import XmlFiles
+from .file_checks import XmlFiles
 
 TURN = "quat axisangle xyaxes zaxis euler"
 GEOM = f"""class type size pos {TURN} fromto mass density shellinertia group rgba material mesh fitscale hfield contype

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError
-from ...places import Places
+from ...allowed_paths import Places
 from ...scene.meshes import stand_in
 from ..inertias import judged_inertia
 from ..recorded import Recorded

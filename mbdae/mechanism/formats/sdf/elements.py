@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError
+from ...checked_table import HUGE
 from ...frames import WORLD
-from ...tables import HUGE
 from ..recorded import Recorded
 
 MODEL, OWN = "__model__", "the model"

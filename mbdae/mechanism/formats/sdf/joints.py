@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError
-from ...part import Mimic
+from ...imported_model import Mimic
 from ..recorded import Recorded
 from .elements import AXES_IN_MODEL, MODEL, SdfElements
 

@@ -17,13 +17,13 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError
+from ...allowed_paths import Places
+from ...checked_table import Table
 from ...closures.closure import Closure
 from ...forces.joint_spring import JointSpring
 from ...frames import WORLD
+from ...imported_model import EFFORTS, FRICTION, LIMITS, LOST, Mimic, Part, listed
 from ...joints import subspace
-from ...part import EFFORTS, FRICTION, LIMITS, LOST, Mimic, Part, listed
-from ...places import Places
-from ...tables import Table
 from ..recorded import Recorded, unread_phrases
 from .bodies import inertia_of, visuals_of
 from .elements import SdfElements

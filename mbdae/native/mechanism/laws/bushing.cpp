@@ -4,8 +4,8 @@
 
 #include "mechanism/laws.hpp"
 #include "mechanism/manifold.hpp"
-#include "mechanism/pair_slopes.hpp"
-#include "numbers/vec3.hpp"
+#include "mechanism/wrench_partials.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae::laws {
 

@@ -1,7 +1,7 @@
 // Spring, damper and thrust between two points; a: stiffness, damping, length; signals: the thrust.
 #include "mechanism/laws.hpp"
-#include "mechanism/pair_slopes.hpp"
-#include "numbers/vec3.hpp"
+#include "mechanism/wrench_partials.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae::laws {
 

@@ -2,8 +2,8 @@
 #include <algorithm>
 
 #include "mechanism/laws.hpp"
-#include "mechanism/pair_slopes.hpp"
-#include "numbers/vec3.hpp"
+#include "mechanism/wrench_partials.hpp"
+#include "math/vec3.hpp"
 
 namespace mbdae::laws {
 

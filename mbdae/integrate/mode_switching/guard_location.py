@@ -1,0 +1,174 @@
+"""Where the first guard of a mode passes zero in a step: located on steps of the method, so that order survives."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ...errors import StepError
+from ...mechanism.hybrid.switch import Guard
+from ...system import Array
+from ..signal_events import ITERATIONS, SHARE, SHARP
+from .load_resolution import QUARTERS, At, places
+
+if TYPE_CHECKING:
+    from ...mechanism.hybrid.mode_point import ModePoint
+    from ..step_map import StepMap
+
+BAND = 1e-13  # of the size of a guard: nearer to zero it is rounding
+LATER = 1.05  # times the flight that speed and acceleration tell: when a row that was struck is below zero
+ROOT = 1e-6  # of a bracket: a zero of a struck row that is nearer to the start is the start itself
+HALVINGS = 40  # towards the start of a step
+NEWTON = 12  # iterations, of which three or four are needed
+
+
+class FollowedGuard:
+    """A guard that is followed from step to step.
+
+    Attributes:
+        guard: the guard.
+        size: the largest magnitude that it had.
+        level: where it ends the mode: 0, or the value within rounding below it with which the mode began, until it
+            rises above 0.
+        back: when a row that was just struck comes back, as far as its acceleration says; nan where it does not.
+    """
+
+    def __init__(self, guard: Guard, point: "ModePoint") -> None:
+        self.guard, f = guard, guard.value(point)
+        self.size, self.level, self.back = abs(f), 0.0 if guard.loads else min(0.0, f), np.nan
+        if guard.rate and guard.bend and f <= self.band and (speed := guard.rate(point)) > 0 > (a := guard.bend(point)):
+            self.back = point.t - LATER * 2 * speed / a
+
+    def move(self, point: "ModePoint") -> None:
+        """Go on from the end of a step."""
+        f = self.guard.value(point)
+        self.size = max(self.size, abs(f))
+        if f >= 0:
+            self.level = 0.0
+
+    def value(self, point: "ModePoint") -> float:
+        """Return the guard less its level."""
+        return self.guard.value(point) - self.level
+
+    @property
+    def band(self) -> float:
+        """How near to zero the guard is rounding."""
+        return BAND * (1 + self.size)
+
+
+def first(
+    guards: Sequence[FollowedGuard], step: "StepMap", at: At, thetas: Array = QUARTERS
+) -> tuple[float, list[Guard]]:
+    """Return the share of a step at which the first guards pass zero, and these; 2 and none where none does.
+
+    Args:
+        guards: of the mode.
+        step: the step.
+        at: the point after a share of it.
+        thetas: shares at which loads are looked at.
+    """
+    theta, fired = 2.0, list[Guard]()
+    near = 4 * _sharp(step)
+    waiting = [(guard, _below(guard, step, at, thetas)) for guard in guards]
+    while True:
+        if theta <= 1:  # those that pass zero before, perhaps more than once
+            waiting = [(g, theta) for g in guards if g.guard not in fired and g.value(at(theta)) < -g.band]
+        guard, high = next(((g, x) for g, x in waiting if x is not None), (None, None))
+        if guard is None or high is None:
+            return theta, fired
+        found = _locate(guard, step, at, high)
+        if not fired or found < theta - near:
+            theta, fired = found, [guard.guard]
+        elif found <= theta + near:
+            fired.append(guard.guard)
+        else:
+            return theta, fired
+
+
+def _sharp(step: "StepMap") -> float:
+    """How sharply a zero is found, as a share of a step."""
+    return SHARP * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
+
+
+def _below(followed: FollowedGuard, step: "StepMap", at: At, thetas: Array) -> float | None:
+    """A share of the step at which a guard is negative, of loads the first one found; None where it is not."""
+    band, guard = followed.band, followed.guard
+    if guard.loads:
+        for theta in places(guard, at, thetas)[1:]:
+            with suppress(StepError):
+                if followed.value(at(float(theta))) < -band:
+                    return float(theta)
+        return None
+    f1 = followed.value(at(1.0))
+    if f1 < -band:
+        return 1.0
+    back = (followed.back - step.t) / step.h
+    if 0 < back < 1 and followed.value(at(back)) < -band:
+        return back
+    if guard.rate is not None:
+        r0, r1 = guard.rate(at(0.0)), guard.rate(at(1.0))
+        if not r0 < 0 < r1:
+            return None
+        f0, h = followed.value(at(0.0)), abs(step.h)
+        if _least(f0, f1, h * r0, h * r1) > 0.25 * min(f0, f1):
+            return None
+        rate = guard.rate
+        theta = float(brentq(lambda x: rate(at(x)), 0.0, 1.0, xtol=1e-9, rtol=1e-9, maxiter=ITERATIONS))
+        return theta if followed.value(at(theta)) < -band else None
+    return None
+
+
+def _least(f0: float, f1: float, m0: float, m1: float) -> float:
+    """The least value of the cubic with values f and slopes m at 0 and 1, at eight places."""
+    x = np.linspace(0, 1, 9)
+    values = f0 + x * (m0 + x * (3 * (f1 - f0) - 2 * m0 - m1 + x * (2 * (f0 - f1) + m0 + m1)))
+    return float(values.min())
+
+
+def _locate(followed: FollowedGuard, step: "StepMap", at: At, high: float) -> float:
+    """The zero of a guard before a share of the step at which it is negative.
+
+    Where the rate is known Newton's iteration begins at the zero of the cubic through values and rates; else, and where
+    that leaves the bracket, Brent's method. A guard that is zero at the start (a row that was just struck) is divided
+    by the share: what is left is its rate.
+    """
+    f0, guard, h = followed.value(at(0.0)), followed.guard, abs(step.h)
+    struck = f0 <= followed.band
+    sharp = _sharp(step)
+    if guard.rate is not None:
+        r0 = guard.rate(at(0.0))
+        theta = _cubic_zero(max(f0, 0.0), followed.value(at(high)), high * h * r0, high * h * guard.rate(at(high)))
+        theta, nearest, best = theta * high, 0.0, np.inf
+        for _ in range(NEWTON):
+            if not (ROOT * high if struck else 0.0) < theta < high:
+                break
+            f, slope = followed.value(at(theta)), h * guard.rate(at(theta))
+            if not slope < 0 or not abs(f) < best:
+                if best <= followed.band and not struck:
+                    return nearest
+                break
+            nearest, best, move = theta, abs(f), f / slope
+            if abs(move) <= sharp + SHARE * theta:
+                return theta
+            theta -= move
+    low = 0.0
+    if struck:
+        low = next((high / 2**k for k in range(1, HALVINGS) if followed.value(at(high / 2**k)) > 0), 0.0)
+        if not low:
+            return 0.0
+
+    def value(theta: float) -> float:
+        f = followed.value(at(theta)) if theta else f0
+        return f / theta if struck else f
+
+    return float(brentq(value, low, high, xtol=sharp, rtol=SHARE, maxiter=ITERATIONS))
+
+
+def _cubic_zero(f0: float, f1: float, m0: float, m1: float) -> float:
+    """The first zero in (0, 1) of the cubic with values f0 >= 0 > f1 and slopes m at 0 and 1; 1 for none."""
+    c = [2 * (f0 - f1) + m0 + m1, 3 * (f1 - f0) - 2 * m0 - m1, m0]
+    roots = np.roots([*c, f0] if f0 > 0 else c)
+    real = [float(x.real) for x in roots if abs(x.imag) < 1e-9 and 0 < x.real < 1]
+    return min(real, default=1.0)

@@ -1,0 +1,103 @@
+"""Loads within a step: where they are looked at, and whether the step resolves them.
+
+What sticks or rests has no error of its own, and steps would grow until a load comes and goes between two samples. A
+step resolves a load where it is a cubic through five equidistant samples but for a small share of what it has left to
+its limit: 1 for the share that friction holds, 0 for a force that presses.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import StepError
+from ...mechanism.hybrid.switch import Guard
+from ...system import Array
+
+if TYPE_CHECKING:
+    from ...mechanism.hybrid.mode_point import ModePoint
+    from .guard_location import FollowedGuard
+
+QUARTERS = np.linspace(0.0, 1.0, 5)  # of a step: where loads are looked at
+QUARTIC = np.linalg.inv(np.vander(QUARTERS))  # coefficients of the quartic through five samples
+FINEST = 64  # intervals of a step of fixed size
+FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth difference of samples
+ROUGH = 0.05  # of what a load has left to its limit: how far it may be off a cubic
+NEAR_LIMIT = 0.02  # of the limit, or of the largest load: no less counts as left
+LEAST = 1e-6  # of the largest load of the mode: the least that counts as the largest one of a step
+NEARLY = 0.1  # of the limit, or of the largest load: extrema that come as near are looked at
+EPS = 1e-9  # of an imaginary part
+BESIDE = 0.1  # of five samples: how far beside them an extremum is looked at
+At = Callable[[float], "ModePoint"]
+
+
+def unresolved(guards: Sequence["FollowedGuard"], at: At, thetas: Array, step_size: float) -> float:
+    """Return how far loads go beyond what is resolved by samples; above 1 they are too few.
+
+    Samples that may pass a guard twice are too few, too. The measure falls with the fourth power of their distance.
+
+    Args:
+        guards: of the mode.
+        at: the point after a share of the step.
+        thetas: shares of the step, equidistant, 4 k + 1 of them.
+        step_size: the size of the step.
+    """
+    worst = 0.0
+    for followed in guards:
+        guard = followed.guard
+        if guard.longest is not None:
+            longest = min(guard.longest(at(theta)) for theta in (0.0, 1.0))
+            worst = max(worst, (4 * step_size / (len(thetas) - 1) / longest) ** 4)
+        if guard.load is not None:
+            loads = _samples(guard, at, thetas)
+            size, left = _left(guard, loads, LEAST * followed.size)
+            bend = max(float(np.linalg.norm(FOURTH @ five)) for five in _fives(loads))
+            if guard.kind == "slip" or bend > np.abs(FOURTH).sum() * at(0.0).rounding:
+                worst = max(worst, bend / (size * ROUGH * max(left, NEAR_LIMIT)))
+    return worst
+
+
+def resolving(guards: Sequence["FollowedGuard"], at: At, step_size: float) -> Array:
+    """Return shares of a step of fixed size at which loads are looked at: as many as resolve them."""
+    thetas = QUARTERS
+    with suppress(StepError):
+        while len(thetas) <= FINEST and unresolved(guards, at, thetas, step_size) > 1:
+            thetas = np.linspace(0.0, 1.0, 2 * len(thetas) - 1)
+    return thetas
+
+
+def places(guard: Guard, at: At, thetas: Array) -> Array:
+    """Return the samples, and where a load comes nearest to its limit between them by quartics through five each."""
+    found = list(thetas)
+    with suppress(StepError):
+        loads = _samples(guard, at, thetas) if guard.load else np.empty((0, 1))
+        slips, size = guard.kind == "slip", float(np.abs(loads).max(initial=0.0)) or 1.0
+        for k, five in enumerate(_fives(loads / size)):
+            quartics = (QUARTIC @ five).T
+            near = np.sum([np.convolve(c, c) for c in quartics], axis=0) if slips else quartics[0]
+            for x in np.roots(np.polyder(near)):
+                if abs(x.imag) < EPS and -BESIDE < x.real < 1 + BESIDE:
+                    value = float(np.polyval(near, x.real))
+                    if size * np.sqrt(max(value, 0.0)) > 1 - NEARLY if slips else value < NEARLY:
+                        found.append(float(np.clip((k + x.real) * 4 / (len(thetas) - 1), 0.0, 1.0)))
+    return np.unique(found)
+
+
+def _samples(guard: Guard, at: At, thetas: Array) -> Array:
+    """Return the loads of a guard at shares of a step, (n, k)."""
+    assert guard.load
+    return np.array([np.atleast_1d(guard.load(at(float(theta)))) for theta in thetas])
+
+
+def _fives(loads: Array) -> list[Array]:
+    """Return samples by fives, the last of which is the first of the next ones."""
+    return [loads[k : k + 5] for k in range(0, len(loads) - 1, 4)]
+
+
+def _left(guard: Guard, loads: Array, least: float) -> tuple[float, float]:
+    """Return the size of a load, and what it has left to its limit as a share of that; all where it has passed it."""
+    sizes = np.linalg.norm(loads, axis=1)
+    size = 1.0 if guard.kind == "slip" else max(float(sizes.max()), least)
+    left = 1.0 - float(sizes.max()) if guard.kind == "slip" else float(loads.min()) / (size or 1.0)
+    return size, left if left >= 0 else 1.0

@@ -1,0 +1,171 @@
+"""Follows the modes of a run from step to step."""
+
+from typing import TYPE_CHECKING
+
+from ...errors import InputError, StepError
+from ...mechanism.closures.independent_rows import UNDERWAY
+from ...mechanism.hybrid.mode_point import ModePoint
+from ...mechanism.hybrid.switch import Guard, Switch
+from ...mechanism.hybrid.switches import words
+from ...solution.impact_record import Impact
+from ...system import Array
+from .guard_location import FollowedGuard, first
+from .load_resolution import QUARTERS, At, resolving, unresolved
+from .transition import Transition
+
+if TYPE_CHECKING:
+    from ...mechanism.formulations.index2 import Index2System
+    from ...mechanism.hybrid.switches import Mode
+    from ..run import RunState
+    from ..step_map import StepMap
+
+TOUCHING = 1e-9  # m or rad: a row that is open by no more at the start touches
+SAFETY, SHRINK = 0.8, 0.2  # of the step that resolves loads, and the least share of the last one
+COMMANDS = ("command", "step")  # guards of what jumps at known times
+SHORT = 1e-7  # of the span: a load that no longer step resolves jumps
+MANY = 100  # transitions, and as many for each switch: if they all fall into the time of a rest, they have no end
+
+
+class ModeWatch:
+    """The modes of a run.
+
+    Args:
+        system: the run's workspace, of a mechanism that has switches.
+
+    Attributes:
+        modes: from which node on which mode was there.
+        impacts: those that were found.
+    """
+
+    def __init__(self, system: "Index2System") -> None:
+        self.system, self.transition = system, Transition(system)
+        self.switches = system.mechanism.switches
+        self.modes: list[tuple[int, Mode]] = []
+        self.impacts: list[Impact] = []
+        self.seen: tuple[Array | None, dict[float, ModePoint]] = (None, {})  # end of the last step, and points on it
+        self.struck: dict[int, float] = {}  # when each switch was struck last
+        self.times: list[float] = []  # of transitions
+        self.rest = min((s.rest for s in self.switches if s.rest), default=0.0)
+        self._enter(system.mode)
+
+    def _enter(self, mode: "Mode", run: "RunState | None" = None) -> None:
+        self.system.enter(mode)
+        for signal in run.events.signals.values() if run else ():
+            signal.system.enter(mode)
+        self.guards: list[FollowedGuard] = []
+
+    def begin(self, t: float, y: Array) -> None:
+        """Follow the guards of the mode from a point on."""
+        at, mode = self.transition.point(t, y), self.system.mode
+        self.system.beside = UNDERWAY
+        self.guards = [FollowedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
+
+    def start(self, run: "RunState", y: Array) -> Array:
+        """Choose the mode of a start; return the point, behind an impact where something approaches what it touches.
+
+        Raises:
+            InputError: where a gap is negative.
+        """
+        at = self.transition.point(run.t, y)
+        for s, gap in self._gaps(at):
+            if gap < -TOUCHING:
+                unit = self.system.mechanism.row_units[s.rows[0]]
+                raise InputError(f"{s.name!r} is passed by {-gap:.3g} {unit} at the start")
+        y, mode = self._settled(run, at, set())
+        self.modes = [(0, mode)]
+        self._enter(mode, run)
+        return y
+
+    def _gaps(self, at: ModePoint) -> list[tuple[Switch, float]]:
+        return [(s, g.value(at)) for s in self.switches for g in s.guards(0) if g.kind == "touch"]
+
+    def touching(self, t: float, y: Array, near: float) -> list[str]:
+        """Return the names of what touches at a point, or nearly."""
+        return [s.name for s, gap in self._gaps(self.transition.point(t, y)) if abs(gap) <= near]
+
+    def _settled(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
+        recent = {i for i, when in self.struck.items() if abs(at.t - when) < self.switches[i].rest}
+        y, impact = self.transition.impact(at, recent)
+        if impact:
+            self.impacts.append(impact)
+            self.struck |= {s.at: at.t for s in self.switches if s.name in impact.where}
+        return y, self.transition.choice(run, at.t, y, opened)
+
+    def look(self, run: "RunState", step: "StepMap") -> tuple[float, list[Guard]]:
+        """Return the share of a step at which the mode ends, and the guards that say so; 2 and none where it lasts."""
+        at = self._points(step)
+        fixed = run.stepper.any_size and not run.stepper.controls
+        theta, fired = first(self.guards, step, at, resolving(self.guards, at, abs(step.h)) if fixed else QUARTERS)
+        if not fired:
+            for guard in self.guards:
+                guard.move(at(1.0))
+        return theta, fired
+
+    def blind(self, run: "RunState", step: "StepMap") -> bool:
+        """Say whether a step is too long to see the loads of what sticks or rests, and bound the next one."""
+        if not run.stepper.controls or not run.stepper.any_size:
+            return False
+        h, least = abs(step.h), SHORT * abs(run.t1 - run.ts[0])
+        worst = unresolved(self.guards, self._points(step), QUARTERS, h)
+        if worst > 0:
+            run.stepper.bound(max(least, h * max(SHRINK, SAFETY * worst**-0.25)))
+        return worst > 1 and h > 2 * least
+
+    def _points(self, step: "StepMap") -> "At":
+        """Return the point after a share of a step, each computed once."""
+        if self.seen[0] is not step.y1:
+            self.seen = step.y1, {}
+        known = self.seen[1]
+
+        def at(theta: float) -> ModePoint:
+            if theta not in known:
+                y = step.y if not theta else step.y1 if theta == 1 else step.point(theta)
+                known[theta] = self.transition.point(step.t + theta * step.h, y)
+            return known[theta]
+
+        return at
+
+    def command(self, run: "RunState", y: Array) -> Array:
+        """Return the point behind what is commanded at a jump, in the mode that follows.
+
+        Raises:
+            StepError: where an impact has no solution.
+        """
+        if not any(g.kind in COMMANDS for g in self.violated(run.t, y)):
+            return y
+        y, mode = self._settled(run, self.transition.point(run.t, y), set())
+        if mode != self.system.mode:
+            self.modes.append((len(run.ts) - 1, mode))
+        self._enter(mode, run)
+        return y
+
+    def violated(self, t: float, y: Array) -> list[Guard]:
+        """Return guards that are negative at a point: where a load jumps."""
+        at = self.transition.point(t, y)
+        return [g.guard for g in self.guards if g.value(at) < -g.band]
+
+    def switch(self, run: "RunState", fired: list[Guard]) -> None:
+        """Go on in the mode that follows: a second point of the run at the same time.
+
+        Raises:
+            StepError: where modes switch without an end, or an impact has no solution.
+        """
+        self._count(run.t, fired)
+        if run.singular:
+            run.singular.end_leg(run)
+        opened = {g.at for g in fired if g.kind == "let go"}
+        y, mode = self._settled(run, self.transition.point(run.t, run.ys[-1]), opened)
+        self._enter(mode, run)
+        if run.project:
+            y = self.system.restore(run.t, y)
+        self.modes.append((len(run.ts), mode))
+        run.turn(y)
+        self.begin(run.t, run.ys[-1])
+
+    def _count(self, t: float, fired: list[Guard]) -> None:
+        most = MANY * (1 + len(self.switches))
+        self.times = [*self.times[-most:], t]
+        if len(self.times) > most and abs(t - self.times[0]) <= max(self.rest, 1e-9 * abs(t)):
+            names = " and ".join(repr(g.name) for g in fired)
+            mode = words(self.switches, self.system.mode)
+            raise StepError("switching", f"{names}: modes switch without an end at t = {t:.17g} ({mode})")

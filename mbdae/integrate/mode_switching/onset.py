@@ -1,0 +1,86 @@
+"""One-sided rows that neither press nor separate at a point: the loads a short step later decide.
+
+Where a row touches with lam = 0 and without acceleration, the first derivative of lam that is not 0 says whether it
+presses, all undecided rows held: lam^(k) > 0 it does, lam^(k) < 0 it runs free (lexicographic complementarity). The
+derivatives are not formed: all undecided rows are held over a step of length d, and the signs of their loads behind it
+are theirs. The row that pulls most is released, and so on, one at a time.
+
+Source: A. J. van der Schaft, J. M. Schumacher, Math. Control Signals Systems 9 (1996), for the choice of the mode by
+the first derivative that is not 0.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import StepError
+from ...mechanism.hybrid.switch import HELD
+from ...system import Array, State
+
+if TYPE_CHECKING:
+    from ...mechanism.hybrid.mode_point import ModePoint
+    from ...mechanism.hybrid.switch import Candidate
+    from ...mechanism.hybrid.switches import Mode
+    from ..run import RunState
+
+SHARES = 10.0 ** np.arange(-9, -2)  # of the time to the next jump, which no step may cross
+CLEAR = 1e3  # times the rounding of multipliers: a load
+
+Later = Callable[["Mode", float], tuple[Array, float]]
+
+
+def later(run: "RunState", at: "ModePoint") -> Later:
+    """Return a function of a mode and a share of the time to the next jump.
+
+    It returns lam (ng,) behind a step that long in the mode, and the rounding of it.
+    """
+
+    def step(mode: "Mode", share: float) -> tuple[Array, float]:
+        system, before = at.system, at.system.mode
+        system.enter(mode)
+        try:
+            h = share * (run.ahead.leg(at.t).stop - at.t)
+            start = system.settle(at.t, State(at.y)).y
+            carry = system.carry(*system.derivative(at.t, start))
+            end = run.tableau.step(system, at.t, h, State(start, carry)).state.y
+            point = type(at)(system, at.all_rows, at.t + h, end)
+            return point.lam, point.rounding
+        finally:
+            system.enter(before)
+
+    return step
+
+
+def pressing(mode: "Mode", undecided: dict[int, "Candidate"], step: Later) -> set[int]:
+    """Return the switches that press from now on, of those that are undecided.
+
+    Args:
+        mode: of the others, with these open.
+        undecided: their rows, by the numbers of the switches.
+        step: see `later`.
+    """
+    left = dict(undecided)
+    while left:
+        loads = _loads(mode, left, step)
+        worst = min(loads, key=lambda i: loads[i])
+        if loads[worst] >= 0:
+            return {i for i, load in loads.items() if load > 0}
+        del left[worst]
+    return set()
+
+
+def _loads(mode: "Mode", held: dict[int, "Candidate"], step: Later) -> dict[int, float]:
+    """Return the loads of switches that are held, positive where they press; 0 where there is none."""
+    trial, loads = list(mode), dict.fromkeys(held, 0.0)
+    for i in held:
+        trial[i] = HELD
+    with suppress(StepError):
+        for share in SHARES:
+            lam, rounding = step(tuple(trial), float(share))
+            signed = {i: float(lam[c.row]) * (1.0 if np.isfinite(c.lower) else -1.0) for i, c in held.items()}
+            loads = {i: x if abs(x) > CLEAR * rounding else 0.0 for i, x in signed.items()}
+            if all(loads.values()):
+                break
+    return loads

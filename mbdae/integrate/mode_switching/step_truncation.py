@@ -1,0 +1,56 @@
+"""A step that ends where the mode does."""
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import StepError
+from ...mechanism.hybrid.switch import Guard
+from ...system import State, Step
+from ..step_map import StepMap
+
+if TYPE_CHECKING:
+    from ..run import RunState
+
+
+def too_long(run: "RunState", start: State | None) -> bool:
+    """Take the last step back where loads of what sticks come and go within it, and say so."""
+    if not run.modes or start is None or not run.modes.blind(run, StepMap(run, start)):
+        return False
+    run.stepper.take_back()
+    run.take_back(start)
+    run.rejected = (run.rejected or 0) + 1
+    return True
+
+
+def ended(run: "RunState", start: State | None) -> list[Guard]:
+    """Let the last step end where the first guards pass zero, and return these; the run stands there.
+
+    Args:
+        run: the run, which stands at the end of the step.
+        start: the state where the step began; None on a leap.
+    """
+    assert run.modes
+    step = StepMap(run, start)
+    try:
+        theta, fired = run.modes.look(run, step)
+    except StepError:  # what a guard needs cannot be computed: the run ends before
+        run.take_back(start or State(step.y))
+        raise
+    if not fired or theta >= 1:
+        return fired
+    at, taken, t = start or State(step.y), None, step.t + theta * step.h
+    if theta > 0 and t != step.t:
+        if start and run.stepper.any_size:
+            with suppress(StepError):
+                taken = step.take(theta)
+        if taken is None:
+            taken = Step(State(step.point(theta)), run.zs[-1], np.empty(0))
+    run.stepper.take_back()
+    run.take_back(at)
+    if taken is not None:
+        run.accept(t, taken)
+    if run.singular:
+        run.singular.cut(run)
+    return fired

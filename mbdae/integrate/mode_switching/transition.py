@@ -1,0 +1,212 @@
+"""What happens where guards pass zero: an impact, and then which rows carry load from there on."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import StepError
+from ...mechanism.hybrid.friction_lcp import Limit, choose_with_friction
+from ...mechanism.hybrid.impact_law import RANK, Rub, strike
+from ...mechanism.hybrid.mode_point import ROUNDING, AllRows, ModePoint
+from ...mechanism.hybrid.switch import Candidate, Strike
+from ...solution.impact_record import Impact
+from ...system import Array
+from .onset import later, pressing
+
+if TYPE_CHECKING:
+    from ...mechanism.formulations.index2 import Index2System
+    from ...mechanism.hybrid.switches import Mode
+    from ..run import RunState
+
+NEAR = 1e-12  # m or rad: rows nearer than that touch, and are brought together: a flight of a microsecond is as high
+EXACT = 1e-13  # of 1 + |v|: rows that are kept are met as well as that
+JUMP = 1e-6  # of 1 + |v|: a speed that rows miss which are there from now on
+HELD = 1e-9  # of the accelerations that a limit makes: less is none
+LOADED = 1e-10  # of the largest multiplier, of what slips from now on, too: less is none
+
+
+class Transition:
+    """Impacts and choices of modes of a mechanism.
+
+    Args:
+        system: the run's workspace.
+    """
+
+    def __init__(self, system: "Index2System") -> None:
+        self.system, self.all_rows = system, AllRows(system)
+        self.switches = system.mechanism.switches
+        switched = {row for s in self.switches for row in s.rows}
+        self.always = np.array([k for k in range(system.ng) if k not in switched], int)
+
+    def point(self, t: float, y: Array) -> ModePoint:
+        """Return a point in the mode of the workspace."""
+        return ModePoint(self.system, self.all_rows, t, y)
+
+    def impact(self, at: ModePoint, soft: set[int]) -> tuple[Array, Impact | None]:
+        """Return the point behind an impact, and what happened; None where nothing approaches or is joined.
+
+        Args:
+            at: the point.
+            soft: numbers of switches that were struck a moment ago. Where nothing else strikes they come to rest, all
+                of them that touch: none throws off another one. Else e = 0 for them.
+        """
+        mode, system = self.system.mode, self.system
+        found = {s.at: s.strike(at, mode[s.at], NEAR) for s in self.switches}
+        found = {i: strikes for i, strikes in found.items() if strikes}
+        rate, still = at.rate, at.standstill
+        hit = [i for i, strikes in found.items() if strikes[0].sign * rate[strikes[0].row] <= still or mode[i]]
+        touched: list[tuple[int, Strike]] = [(i, s) for i in hit for s in found[i] if s.sign]
+        approaching = [i for i, s in touched if s.sign * rate[s.row] < -still]
+        bound = [s.row for i in hit if not found[i][0].sign for s in found[i]]
+        speeds = 1 + float(np.abs(at.v).max())
+        missed = [k for k in (*self.always, *bound) if abs(rate[k]) > EXACT * speeds]
+        if not approaching and not missed:
+            return at.y, None
+        others = [s.row for i in hit for s in found[i] if not s.sign and np.isnan(s.share)]
+        apart = [(i, s) for i in found if i not in hit for s in found[i] if s.sign]
+        rubbing = [(i, s) for i in found for s in found[i] if s.share >= 0]
+        if approaching and all(i in soft for i in approaching):
+            rubs = {i for i, _ in rubbing}
+            rests = [(i, s) for i, s in touched if (i in soft or mode[i]) and i not in rubs]
+            others += [s.row for _, s in rests]
+            touched = [x for x in touched if x not in rests]
+        kept = np.array([*self.always, *others], int)
+        both = [*touched, *apart]
+        rows = np.array([s.row for _, s in both], int)
+        signs = np.array([s.sign for _, s in both])
+        e = np.array([0.0 if i in soft else s.restitution for i, s in both])
+        G, g_t = at.values[1:]
+        U = np.triu(system.inertia(at.t, at.q))
+        by = [next(k for k, (j, _) in enumerate(both) if j == i) for i, _ in rubbing]
+        rubs_of = [Rub(k, G[s.row], float(g_t[s.row]), s.share) for k, (_, s) in zip(by, rubbing, strict=True)]
+        try:
+            blow = strike(U, G[kept], g_t[kept], signs[:, None] * G[rows], signs * g_t[rows], e, at.v, rubs_of)
+        except StepError as reason:
+            raise self._named(reason, at.t, (i for i, _ in both)) from None
+        y = at.y.copy()
+        y[system.nq : system.nq + system.nv] = blow.v
+        y[-1] += blow.work
+        whole = np.zeros(system.ng)
+        whole[rows] = signs * blow.p
+        whole[kept] += blow.P
+        whole[[s.row for _, s in rubbing]] = blow.friction
+        hits = [(self.switches[i].name, s.sign * whole[s.row]) for i in found for s in found[i][:1] if s.sign]
+        joined = [k for k in dict.fromkeys(missed) if abs(rate[k]) > JUMP * speeds]
+        if not approaching and not joined:  # what is brought onto the rows of a mode by less is none
+            return y, None
+        struck = [(name, float(p)) for name, p in hits if p > 0]
+        struck += [(system.mechanism.row_names[k], float(whole[k])) for k in joined]
+        where, impulse = zip(*struck, strict=True) if struck else ((), ())
+        loss = -blow.work
+        return y, Impact(at.t, tuple(where), tuple(impulse), tuple(whole.tolist()), loss)
+
+    def choice(self, run: "RunState", t: float, y: Array, opened: set[int]) -> "Mode":
+        """Return the mode behind a point, whose velocities do not jump any more.
+
+        Args:
+            run: the run, whose method says what presses from now on where nothing does at the point itself.
+            t: time.
+            y: the point.
+            opened: numbers of switches that let go there.
+        """
+        before = self.system.mode
+        at = self.point(t, y)
+        found: dict[int, tuple[Candidate, ...]] = {}
+        for s in self.switches:
+            candidates = s.candidate(at, before[s.at], NEAR)
+            if candidates and abs(at.rate[candidates[0].row]) <= at.standstill:
+                found[s.at] = candidates
+        mode, left = list(before), dict(found)
+        for s in self.switches:
+            if s.at not in found:
+                mode[s.at] = s.settled(at, (), (), False)
+        waiting, largest = {i for i in opened if i in left}, 0.0
+        while True:
+            among = {i: c for i, c in left.items() if i not in waiting}
+            lam, rates, scale = self._loads(at, mode, among)
+            largest = max(largest, float(np.abs(lam).max(initial=0.0)))
+            pressed = [i for i in waiting if self._approaches(at, left[i][0], rates)]
+            if pressed:  # it cannot let go: others press it
+                waiting -= set(pressed[:1])
+                continue
+            held = {i: self._held(c[0], lam, rates, scale, LOADED * largest) for i, c in among.items()}
+            gone = [i for i, yes in held.items() if not yes and (len(among[i]) > 1 or among[i][0].slips)]
+            if not gone:
+                break
+            left = {i: c for i, c in left.items() if i not in gone}
+            for i in gone:  # what holds less while it slips changes what others must hold
+                c = among[i] if among[i][0].slips else ()
+                mode[i] = self.switches[i].settled(at, [lam[x.row] for x in c], [rates[x.row] for x in c], False)
+        for i, c in among.items():
+            values = [lam[x.row] for x in c], [rates[x.row] for x in c]
+            mode[i] = self.switches[i].settled(at, *values, held[i])
+        for i in waiting:
+            mode[i] = self.switches[i].settled(at, (), (), False)
+        alone = {i: c[0] for i, c in among.items() if len(c) == 1 and c[0].one_sided}
+        undecided = {i: x for i, x in alone.items() if self._undecided(at, x, lam, rates, LOADED * largest)}
+        if undecided:
+            others = tuple(0 if i in undecided else k for i, k in enumerate(mode))
+            presses = pressing(others, undecided, later(run, at))
+            for i, x in undecided.items():
+                mode[i] = self.switches[i].settled(at, lam[[x.row]].tolist(), rates[[x.row]].tolist(), i in presses)
+        return tuple(mode)
+
+    def _undecided(self, at: ModePoint, c: Candidate, lam: Array, rates: Array, near: float) -> bool:
+        """Say whether a row neither presses nor separates, to the rounding of the forces at the point."""
+        row = at.G[c.row]
+        along = np.linalg.solve(np.triu(self.system.inertia(at.t, at.q)).T, row)
+        least = HELD / ROUNDING * at.rounding * float(along @ along) / (float(np.abs(row).max()) or 1.0)
+        return bool(abs(lam[c.row]) <= max(near, at.rounding) and abs(rates[c.row]) <= least)
+
+    def _named(self, reason: StepError, t: float, which: Iterable[int]) -> StepError:
+        names = " and ".join(repr(self.switches[i].name) for i in dict.fromkeys(which))
+        return StepError(reason.status, f"{names}: {reason}, at t = {t:.17g}")
+
+    def _held(self, c: Candidate, lam: Array, rates: Array, scale: Array, near: float) -> bool:
+        if c.slips:  # some of those that depend on each other may stand at a limit, and all of them hold
+            return bool(abs(rates[c.row]) <= HELD * scale[c.row])
+        return bool(c.lower + near < lam[c.row] < c.upper - near)
+
+    def _approaches(self, at: ModePoint, c: Candidate, rates: Array) -> bool:
+        inward = -rates[c.row] if np.isfinite(c.lower) else rates[c.row]
+        return bool(inward > 1e-9 * (1 + float(np.abs(rates).max())))
+
+    def _loads(
+        self, at: ModePoint, mode: list[int], found: dict[int, tuple[Candidate, ...]]
+    ) -> tuple[Array, Array, Array]:
+        """Multipliers, accelerations G v' + gamma and their sizes of all rows, (ng,) each, with loads on candidates."""
+        system, before = self.system, self.system.mode
+        base = tuple(0 if i in found else state for i, state in enumerate(mode))
+        system.enter(base)
+        F, _ = system.derivative(at.t, at.y)
+        system.enter(before)
+        rates = at.G @ F[system.nv : 2 * system.nv] + at.gamma
+        lam, scale = np.zeros(system.ng), np.abs(rates)
+        rows = np.array([c.row for cs in found.values() for c in cs], int)
+        if not len(rows):
+            return lam, rates, scale
+        lower, upper = (np.array([getattr(c, k) for cs in found.values() for c in cs]) for k in ("lower", "upper"))
+        carried = {row for s, state in zip(self.switches, base, strict=True) for row in s.active(state)}
+        kept = np.array([*self.always, *sorted(carried)], int)
+        U = np.triu(system.inertia(at.t, at.q))
+        B = np.linalg.solve(U.T, at.G.T)
+        C = B[:, rows]
+        if len(kept):
+            left, sizes, _ = np.linalg.svd(B[:, kept], full_matrices=False)
+            Q = left[:, sizes > RANK * sizes[:1]]
+            C = C - Q @ (Q.T @ C)
+            C[:, np.linalg.norm(C, axis=0) <= RANK * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # kept anyway
+        limits, first = dict[int, Limit](), 0
+        for cs in found.values():
+            limits |= {first + k: Limit(first, c.share, c.drag) for k, c in enumerate(cs) if c.share >= 0}
+            first += len(cs)
+        try:
+            lam[rows] = choose_with_friction(C, rates[rows], lower, upper, limits)
+        except StepError as reason:
+            raise self._named(reason, at.t, (i for i, cs in found.items() if any(c.share >= 0 for c in cs))) from None
+        vdot = C @ lam[rows]
+        free = B - Q @ (Q.T @ B) if len(kept) else B
+        bounded = np.where(np.isfinite(upper - lower), upper - lower, 0.0)
+        scale[rows] += (C * C).sum(axis=0) * bounded
+        return lam, rates + free.T @ vdot, scale

@@ -1,1 +1,0 @@
-"""Guards and transitions of modes between the steps of a run: see `mbdae.mechanism.modes` for what switches."""

@@ -1,0 +1,159 @@
+"""Many steps of a trace at once, in the compiled core: what is carried along them, their tangents and adjoints."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..errors import NotCompiled
+from ..mechanism.discrete_sensitivity.core_parameters import vary
+from ..mechanism.formulations.compiled_systems import Compiled
+from ..methods import Tableau
+from ..system import Array, State
+from .steppers.adaptive import NOTHING
+from .steppers.fixed import TOLERATED
+
+if TYPE_CHECKING:
+    from .trajectory import Trace
+
+MANY = 1000  # steps of a call, between looks at Ctrl-C
+
+
+class Nodes(NamedTuple):
+    """Some nodes of a trace: the steps that they are of, times (m + 1,), points, and what is carried there."""
+
+    steps: range
+    ts: Array
+    ys: Array
+    carries: Array
+
+
+class Walked(NamedTuple):
+    """States behind some steps, whether what is carried was found anew there, and whether all could be repeated."""
+
+    states: list[State]
+    renewed: list[int]
+    complete: bool
+
+
+class CoreSteps:
+    """The steps of a trace as the compiled core goes along them, from node i to node j > i with nothing between.
+
+    Args:
+        trace: a run, in a workspace of the core.
+
+    Raises:
+        NotCompiled: for what the core does not have.
+    """
+
+    def __init__(self, trace: "Trace", system: Compiled) -> None:
+        self.trace, self.core = trace, system.core
+        self.parameters = vary(system, trace.slopes.parameters)
+        self.method = system.method(trace.tableau)
+        self.run = system.native.Run()
+        self.run.project, self.run.adaptive, self.run.tolerated = trace.project, trace.controlled, TOLERATED
+        if trace.controlled:
+            control = self.run.control
+            control.rtol, control.atol = trace.stepper.rtol, np.atleast_1d(trace.stepper.atol).tolist()
+            control.nothing = NOTHING
+        self.blocked: set[int] = set()  # steps that the core could not go along
+
+    def after(self, i: int, ends: bool = False) -> int:
+        """The last node to which nothing but steps leads from node i; i itself where the core does not go on.
+
+        Args:
+            i: a node.
+            ends: leave the last step of the run out, whose size moves.
+        """
+        kept = self.trace.walked.length if self.trace.walked else MANY
+        last, j = min(len(self.trace.ts) - 1 - ends, (i // kept + 1) * kept), i
+        while j < last and self.plain(j) and not (j > i and self.trace.renewed[j]):
+            j += 1
+        return j
+
+    def before(self, i: int) -> int:
+        """The first node from which nothing but steps leads to node i; i itself where there is none."""
+        kept = self.trace.walked.length if self.trace.walked else MANY
+        first, j = (i - 1) // kept * kept, i
+        while j > max(0, first) and self.plain(j - 1) and not (j < i and self.trace.renewed[j]):
+            j -= 1
+        return j
+
+    def plain(self, i: int) -> bool:
+        """Say whether node i leads to the next by a step that the core takes, but for what is carried on from there."""
+        return not (self.trace.jumped[i] or i + 1 in self.trace.changes or i in self.blocked)
+
+    def nodes(self, i: int, j: int) -> Nodes:
+        """Nodes i .. j, the rows of whose steps are in use then."""
+        trace, carries = self.trace, np.zeros((j - i + 1, self.trace.n_carry))
+        if trace.walked:
+            carries[:-1] = trace.walked.carried(i, j)
+        trace.hold(i)
+        return Nodes(range(i, j), np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1]), carries)
+
+    def short(self, i: int, t: float) -> Nodes:
+        """Node i and the end of a shorter step from there."""
+        trace = self.trace
+        _, ts, ys, carries = self.nodes(i, i + 1 if i + 1 < len(trace.ts) else i)
+        return Nodes(range(i, i + 1), np.array([ts[0], t]), np.array([ys[0], ys[0]]), np.array([carries[0]] * 2))
+
+    def walk(self, i: int, j: int, state: State, near: tuple[float, float]) -> Walked | None:
+        """Go on from node i to j, or as far as nothing but steps leads there.
+
+        Only the last point is that where they end; before it those of the run stand for them.
+        """
+        j = min(j, self.after(i))
+        if j == i:
+            return None
+        trace = self.trace
+        trace.hold(i)
+        ts, ys = np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1])
+        ys[0] = state.y
+        found = self.core.walk(self.method, trace.halved, self.run, ts, ys, state.carry, *near)
+        found = self._tried(range(i, j), found)
+        if found is None:
+            return None
+        carries, renewed, steps, end = found
+        points = [*ys[1:steps], end] if steps else []
+        states = [State(y, carry) for y, carry in zip(points, carries[1:], strict=False)]
+        return Walked(states, renewed[1 : steps + 1], i + steps == j)
+
+    def adjoint(self, nodes: Nodes, extra: Array, bar: Array) -> tuple[Array, Array] | None:
+        """Return the cotangents of y and carry at the first node, (ny + nc,), and of the parameters, (k,).
+
+        Args:
+            nodes: with nothing but steps between.
+            extra: what comes in at each of them, (m + 1, ny + nc); at the first and the last it does not count.
+            bar: the cotangents at the last.
+        """
+        given = self.parameters, self.method, self.trace.halved, self.trace.project
+        found = self.core.adjoint(*given, *nodes[1:], extra, bar)
+        return self._tried(nodes.steps, found)
+
+    def tangent(self, nodes: Nodes, first: Array, dp: Array) -> Array | None:
+        """Return the variations of y and carry at the nodes, (m + 1, d, ny + nc).
+
+        Args:
+            nodes: with nothing but steps between.
+            first: variations at the first of them, (d, ny + nc).
+            dp: of the parameters, (d, k).
+        """
+        given = self.parameters, self.method, self.trace.halved, self.trace.project
+        found = self.core.tangent(*given, *nodes[1:], np.ascontiguousarray(first), np.ascontiguousarray(dp))
+        return self._tried(nodes.steps, found)
+
+    def _tried(self, steps: range, found: Any) -> Any:
+        if found is None:  # Python finds the words for it, or a way
+            self.blocked |= set(steps)
+        return found
+
+
+def core_steps(trace: "Trace") -> CoreSteps | None:
+    """The steps of a trace in the core; None where Python goes along them."""
+    if not isinstance(trace.system, Compiled) or not isinstance(trace.tableau, Tableau):
+        return None
+    if trace.system.mechanism.switches or trace.system.sliding:  # the core has parameters in one mode, without friction
+        return None
+    try:
+        return CoreSteps(trace, trace.system)
+    except NotCompiled:
+        return None

@@ -1,0 +1,215 @@
+"""What is asked of a run, checked and bound: problem, method, stepper, and who watches."""
+
+from collections.abc import Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..mechanism import Mechanism
+from ..mechanism.assembly import START
+from ..mechanism.formulations.index2 import Index2System
+from ..methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
+from ..solution.solution import Problem
+from ..system import Array, System
+from .backward_steps import Retracer
+from .binding import bind
+from .events import Event, EventWatch, as_events
+from .jumps import Jumps
+from .mode_switching.mode_monitor import ModeWatch
+from .run import RunState
+from .signal_events import SignalEvent
+from .singularity_monitor import SingularWatch
+from .span import checked_span
+from .steppers.adaptive import Adaptive
+from .steppers.fixed import Fixed
+from .steppers.native import NativeStepper
+from .steppers.scipy_ivp import Baseline, Scipy, find
+from .steppers.stepper import PythonStepper, Stepper
+from .stiffness_detection import StiffnessWatch
+from .termination import event_value
+
+DRIFTED = 100.0  # times rtol: how far loops may stand open at the start, as after a run that let them drift
+
+Start = tuple[Array | None, Array | None, Array | None]
+Control = tuple[float, float | Array | None, float | None, float]
+
+
+def prepare(
+    problem: Problem,
+    t_span: Sequence[float],
+    start: Start,
+    method: Any,
+    formulation: str,
+    project: bool | str,
+    baumgarte: tuple[float, float] | None,
+    step: float | None,
+    control: Control,
+    jumps: Sequence[float],
+    events: Any,
+    backend: str,
+) -> RunState:
+    """Return a run that can begin; the arguments are those of `mbdae.solve`.
+
+    Raises:
+        InputError: for wrong arguments, or an inconsistent start.
+        UnknownNameError: for a method that does not exist.
+    """
+    tableau = find(formulation, method)
+    project = projected(problem, project, formulation, tableau, step)
+    t0, t1 = checked_span(t_span, pair=True)
+    system, fallback = bind(problem, formulation, baumgarte, backend)
+    inner = _stepper(system, tableau, formulation, step, control, t0, t1)
+    stepper: Stepper = inner
+    if system.native and not isinstance(tableau, Baseline):
+        stepper = NativeStepper(inner, system, tableau, project)
+    end = _reached(problem, t0, t1)
+    ahead = Jumps(system, jumps, end, 1.0 if t1 >= t0 else -1.0, _knots(problem, system, t0, end))
+    y = _start(problem, start, t0, None if step else control[0])
+    run = RunState(problem, tableau, system, stepper, t0, y, ahead, project)
+    run.fallback, run.settings = fallback, {
+        "method": tableau.name,
+        "formulation": formulation,
+        "project": project,
+        "baumgarte": baumgarte,
+        "t_span": [t0, t1],
+    }
+    if isinstance(problem, Mechanism):  # before controllers, modes and projections move the start
+        q, v, s, _ = np.split(y, np.cumsum([problem.nq, problem.nv, len(problem.states)]))
+        run.settings |= {"q": q.tolist(), "v": v.tolist(), "s": s.tolist()}
+    if isinstance(tableau, Tableau) and METHODS.get(tableau.name) is not tableau:
+        run.settings["tableau"] = tableau.to_dict()
+    wanted = as_events(events)
+    run.events = EventWatch(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
+    _set_watches(run, inner, formulation)
+    if isinstance(problem, Mechanism) and isinstance(system, Index2System) and problem.switches:
+        _refuse_modes(problem.switches[0].name, formulation, tableau, run.sign)
+        run.modes, run.events.by_signal = ModeWatch(system), False
+    return run
+
+
+def _reached(problem: Problem, t0: float, t1: float) -> float:
+    """Return how far a run can go: to t1, or to the end of a driver's table that does not say what is beyond.
+
+    Raises:
+        InputError: where the run begins outside of it, or where it ends.
+    """
+    reached = t1
+    for d in problem.drivers if isinstance(problem, Mechanism) else ():
+        words = d.outside(t1)
+        end = (d.span[1] if t1 > t0 else d.span[0]) if words else t1
+        if d.outside(t0) or (end - t0) * (t1 - t0) <= 0 < abs(t1 - t0):
+            raise InputError(f"{d.outside(t0) or words}; the run begins at t = {t0:g} s")
+        reached = min(reached, end) if t1 > t0 else max(reached, end)
+    return reached
+
+
+def _knots(problem: Problem, system: System, t0: float, t1: float) -> Sequence[float]:
+    """Return the times where pieces of loads and motions meet, if modes follow them: between two a load may turn."""
+    if not isinstance(problem, Mechanism) or not isinstance(system, Index2System) or not problem.switches:
+        return ()
+    laws = (signal for law, _ in system.laws.bound for signal in law.signals)
+    drives = (d.path for d in problem.drivers)
+    commands = (clutch.engaged for clutch in problem.clutches if clutch.engaged)
+    return [t for signal in (*laws, *drives, *commands) for t in signal.meets(t0, t1)]
+
+
+def _refuse_modes(name: str, formulation: str, tableau: Any, sign: float) -> None:
+    if formulation != "index2" or isinstance(tableau, Baseline):
+        raise InputError(f"{name!r}: what opens, closes or steps needs formulation 'index2', got {formulation!r}")
+    if sign < 0:
+        raise InputError(f"{name!r}: modes are followed forward in time, impacts cannot be undone")
+
+
+def _stepper(
+    system: System, tableau: Any, formulation: str, step: float | None, control: Control, t0: float, t1: float
+) -> PythonStepper:
+    if isinstance(tableau, Baseline):
+        return Scipy(tableau, system, step, *control)
+    if step:
+        return Fixed(step, t0, t1)
+    return Adaptive(tableau.error_power, *control, tableau.control, tableau.steady(system.ny))
+
+
+def _signals(problem: Problem, system: System, events: tuple[Event, ...]) -> dict[int, SignalEvent]:
+    """Bind the events that a text names, by their place, to one workspace for all of them.
+
+    Raises:
+        InputError: for a text with a textbook problem, or one that names no event.
+    """
+    texts = {i: (e.function, e.direction) for i, e in enumerate(events) if isinstance(e.function, str)}
+    if not texts:
+        return {}
+    if not isinstance(problem, Mechanism) or not isinstance(system, Index2System):
+        raise InputError(
+            f"events of a textbook problem are functions event(t, y), got {next(iter(texts.values()))[0]!r}"
+        )
+    workspace = system.twin()
+    return {i: SignalEvent.of(workspace, problem, *text) for i, text in texts.items()}
+
+
+def _set_watches(run: RunState, stepper: PythonStepper, formulation: str) -> None:
+    """Let a mechanism's run look out for stiffness and singular configurations."""
+    if not isinstance(run.system, Index2System):
+        return
+    control = stepper if isinstance(stepper, Adaptive) and formulation != "index1" else None
+    if control and isinstance(run.tableau, Tableau):
+        run.stiffness = StiffnessWatch(run.system, run.tableau, control)
+    if run.system.ng:
+        kept = run.project or formulation == "ggl"
+        run.singular = SingularWatch(run.system, kept, control, formulation == "index2")
+        if control:
+            run.back = Retracer.of(run, float(control.rtol))
+
+
+def positive(**values: Any) -> None:
+    """Refuse what is no positive number; None says that something is left out.
+
+    Raises:
+        InputError: naming the argument.
+    """
+    for name, value in values.items():
+        if value is None:
+            continue
+        if isinstance(value, bool) or not isinstance(value, Real) or not float(value) > 0:
+            raise InputError(f"{name} must be a positive number, got {value!r}")
+
+
+def _start(problem: Problem, start: Start, t: float, rtol: Any) -> Array:
+    """The start; under step-size control loops may stand open as after a run that let them drift."""
+    q, v, s = start
+    drifted = DRIFTED * float(rtol) if isinstance(rtol, Real) else 0.0
+    return problem.point(q, v, t, s, max(START, drifted))
+
+
+def projected(problem: Problem, project: bool | str, formulation: str, tableau: Any, step: float | None) -> bool:
+    """Say whether positions are restored after each step."""
+    if project not in (True, False, "auto"):
+        raise InputError(f"project is True, False or 'auto', got {project!r}")
+    if project == "auto":
+        return isinstance(problem, Mechanism) and formulation == "index2" and step is None and problem.ng > 0
+    if project and not isinstance(problem, Mechanism):
+        raise InputError("project=True belongs to mechanisms: 0 = g of a textbook problem is kept by the method")
+    if project and formulation != "index2" and not isinstance(tableau, ExplicitMethod):
+        belongs = f"project=True belongs to formulation 'index2', and to {', '.join(EXPLICIT)} of 'index1'"
+        raise InputError(f"{belongs}; got {tableau.name!r} of {formulation!r}")
+    return bool(project)
+
+
+def within(t_eval: Array, t0: float, t1: float) -> Array:
+    """Return times to report as an array, those of a span from t0 to t1, in its order.
+
+    Raises:
+        InputError: for other times.
+    """
+    try:
+        times = np.asarray(t_eval, float)
+    except (TypeError, ValueError):
+        raise InputError(f"t_eval is an array of times, got {t_eval!r}") from None
+    sign = 1.0 if t1 >= t0 else -1.0
+    inside = times.ndim == 1 and len(times) and np.isfinite(times).all()
+    inside = inside and sign * times[0] >= sign * t0 and sign * times[-1] <= sign * t1
+    if not inside or (np.diff(times) * sign <= 0).any():
+        raise InputError(f"t_eval must run from {t0} to {t1} in the span's order")
+    return times

@@ -1,0 +1,279 @@
+"""Rows between joints of one coordinate each, bound to a workspace."""
+
+from collections.abc import Sequence
+from fractions import Fraction
+from math import gcd, lcm
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError
+from ...system import Array
+from ..frames import find_joint
+from ..joints import subspace
+from .motion_laws import fold_of, slopes_of
+from .rows import Coordinate, Curved, JointRow, Ratio, Sum, Teeth
+
+LARGEST_DENOMINATOR = 1000
+
+
+class JointPart:
+    """One row between joints.
+
+    Attributes:
+        at: number of the row.
+        joints: of Pinocchio's model, (k,).
+        columns: velocity indices of the joints between which the row is, (1,) or (2,).
+        polynomial: c_0, c_1, ...
+        period: g is known up to multiples of it; 0 where it is known outright.
+
+    Raises:
+        InputError: for joints of several coordinates.
+    """
+
+    kind = ""
+    period = 0.0
+
+    def __init__(
+        self, model: pin.Model, data: pin.Data, names: Sequence[str], row: JointRow, at: int, name: str
+    ) -> None:
+        self.at, self.polynomial = at, row.coefficients
+        known = [n for n in names if n]
+        self.joints = [find_joint(model, n) for n in known]
+        for j, n in zip(self.joints, known, strict=True):
+            if j.nv != 1:
+                raise InputError(f"{name!r} needs joints of one coordinate; joint {n!r} has nv = {j.nv}")
+        self.columns = [j.idx_v for j in self.joints[:2]]
+        self._live = [data.joints[j.id] for j in self.joints]
+
+    @property
+    def unit(self) -> str:
+        """Unit of g: ``"rad"``, or ``"m"`` where the first joint slides."""
+        return "rad" if subspace(self.joints[0])[3:].any() else "m"
+
+    def plain(self) -> dict[str, Any]:
+        """Return what the compiled core is told of the row."""
+        joints = [[j.idx_q, j.nq, j.idx_v] for j in self.joints]
+        return {"kind": self.kind, "joints": joints, "c": list(self.polynomial), "period": self.period}
+
+    def value(self) -> tuple[float, list[float]]:
+        """Return g, 0 where there is none, and the entries of G in the columns."""
+        raise NotImplementedError
+
+    def bias(self, v: Array) -> float:
+        """Return Gdot v."""
+        raise NotImplementedError
+
+    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:
+        """Add d(G^T lam)/dq to K (nv, nv) and d(G v)/dq to B (nv,)."""
+        raise NotImplementedError
+
+    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:
+        """Add the slopes of Gdot v to by_q and by_v, (nv,) each."""
+        raise NotImplementedError
+
+
+class CoordinatePart(JointPart):
+    """g = x_i - p(x_j), with x an angle in (-pi, pi] for an unbounded joint.
+
+    Raises:
+        InputError: for a coupling that is not defined on unbounded joints.
+    """
+
+    kind = "coordinate"
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Coordinate, at: int, name: str) -> None:
+        super().__init__(model, data, (row.joint, row.other), row, at, name)
+        self.period = _period([j.nq == 2 for j in self.joints], row.coefficients, name)
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+        x, *other = (_coordinate(j.joint_q) for j in self._live)
+        if not other:
+            return x - sum(self.polynomial), [1.0]
+        p, slope, *_ = _horner(self.polynomial, other[0])
+        return x - p, [1.0, -slope]
+
+    def bias(self, v: Array) -> float:  # noqa: D102
+        return -self._curvature()[0] * float(v[self.columns[-1]]) ** 2
+
+    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+        j, curve = self.columns[-1], self._curvature()[0]
+        K[j, j] -= lam * curve
+        B[j] -= curve * v[j]
+
+    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+        j, (second, third) = self.columns[-1], self._curvature()
+        by_q[j] -= third * v[j] ** 2
+        by_v[j] -= 2 * second * v[j]
+
+    def _curvature(self) -> tuple[float, float]:
+        """The second and the third derivative of p at x_j; zero without joint j."""
+        if len(self._live) == 1:
+            return 0.0, 0.0
+        return _horner(self.polynomial, _coordinate(self._live[1].joint_q))[2:]
+
+
+class TeethPart(CoordinatePart):
+    """g = x_i - p(x_j) up to multiples of a pitch.
+
+    Raises:
+        InputError: for a joint that turns without end.
+    """
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Teeth, at: int, name: str) -> None:
+        JointPart.__init__(self, model, data, (row.joint, row.other), row, at, name)
+        if any(j.nq > 1 for j in self.joints):
+            raise InputError(f"{name!r}: a joint that turns without end does not say which tooth is next; bound it")
+        self.period = row.pitch
+
+
+class CurvedPart(CoordinatePart):
+    """g = x_i - f(x_j) with a law f.
+
+    Raises:
+        InputError: for a law that does not come back where an unbounded joint does.
+    """
+
+    kind = "curved"
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Curved, at: int, name: str) -> None:
+        JointPart.__init__(self, model, data, (row.joint, row.other), row, at, name)
+        self.law, turn, (_, length, rise) = row.law, 2 * np.pi, fold_of(row.law)
+        shares = [turn] if self.joints[0].nq == 2 else []
+        if self.joints[1].nq == 2:
+            n = turn / length if length else 0.0
+            if not length or abs(n - round(n)) > 1e-9:
+                what = "does not repeat itself in a turn" if length else "is not periodic"
+                raise InputError(f"{name!r}: a curve that {what} is not defined on an unbounded joint; bound the joint")
+            shares += [abs(rise * round(n))] if rise else []
+        self.period = _common(shares, name)
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        return {**super().plain(), "law": self.law.plain(), "fold": list(fold_of(self.law))}
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+        x, other = (_coordinate(j.joint_q) for j in self._live)
+        f = slopes_of(self.law, other)
+        return x - f.y, [1.0, -f.first]
+
+    def _curvature(self) -> tuple[float, float]:
+        return slopes_of(self.law, _coordinate(self._live[1].joint_q))[2:]
+
+
+class SumPart(JointPart):
+    """g = x_i - c_0 - c_1 x_j - c_2 x_k - ..., between three joints or more."""
+
+    kind = "sum"
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Sum, at: int, name: str) -> None:
+        super().__init__(model, data, row.joints, row, at, name)
+        self.columns = [j.idx_v for j in self.joints]
+        self.shares = [1.0, *(-c for c in row.coefficients[1:])]
+        turns = [2 * np.pi * abs(c) for j, c in zip(self.joints, self.shares, strict=True) if j.nq == 2]
+        self.period = _common(turns, name)
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+        x = [_coordinate(j.joint_q) for j in self._live]
+        return float(np.dot(self.shares, x)) - self.polynomial[0], self.shares
+
+    def bias(self, v: Array) -> float:  # noqa: D102
+        return 0.0
+
+    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:
+        """G is constant."""
+
+    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:
+        """Gdot is zero."""
+
+
+class RatioPart(JointPart):
+    """0 = v_i - r(x_k) v_j, r a polynomial.
+
+    Raises:
+        InputError: for a ratio that an unbounded joint sets.
+    """
+
+    kind = "ratio"
+
+    def __init__(self, model: pin.Model, data: pin.Data, row: Ratio, at: int, name: str) -> None:
+        super().__init__(model, data, (row.joint, row.other, row.setting), row, at, name)
+        self.settings = [j.idx_v for j in self.joints[2:]]
+        if self.settings and self.joints[2].nq > 1:
+            what = f"powers of an unbounded joint's angle are not defined; bound joint {row.setting!r}"
+            raise InputError(f"{name!r}: {what}")
+
+    def value(self) -> tuple[float, list[float]]:  # noqa: D102
+        return 0.0, [1.0, -self._ratio()[0]][: len(self.columns)]
+
+    def bias(self, v: Array) -> float:  # noqa: D102
+        return -sum(float(self._ratio()[1] * v[self.columns[1]] * v[k]) for k in self.settings)
+
+    def slopes(self, v: Array, lam: float, K: Array, B: Array) -> None:  # noqa: D102
+        for k in self.settings:
+            j = self.columns[1]
+            K[j, k] -= lam * self._ratio()[1]
+            B[k] -= self._ratio()[1] * v[j]
+
+    def bias_slopes(self, v: Array, by_q: Array, by_v: Array) -> None:  # noqa: D102
+        for k in self.settings:
+            j = self.columns[1]
+            _, slope, curve, _ = self._ratio()
+            by_q[k] -= curve * v[k] * v[j]
+            by_v[j] -= slope * v[k]
+            by_v[k] -= slope * v[j]
+
+    def _ratio(self) -> tuple[float, float, float, float]:
+        """The ratio and its first three derivatives; a constant without joint k."""
+        return _horner(self.polynomial, _coordinate(self._live[2].joint_q) if len(self._live) > 2 else 0.0)
+
+
+def joint_part(model: pin.Model, data: pin.Data, row: JointRow, at: int, name: str) -> JointPart:
+    """Bind a row between joints to a workspace."""
+    if isinstance(row, Sum):
+        return SumPart(model, data, row, at, name)
+    if isinstance(row, Teeth):
+        return TeethPart(model, data, row, at, name)
+    if isinstance(row, Curved):
+        return CurvedPart(model, data, row, at, name)
+    if isinstance(row, Ratio):
+        return RatioPart(model, data, row, at, name)
+    return CoordinatePart(model, data, row, at, name)
+
+
+def _coordinate(q: Array) -> float:
+    return float(q[0]) if len(q) == 1 else float(np.arctan2(q[1], q[0]))
+
+
+def _horner(coefficients: Sequence[float], x: float) -> tuple[float, float, float, float]:
+    """A polynomial and its first three derivatives at x."""
+    p = slope = curve = third = 0.0
+    for c in reversed(coefficients):
+        p, slope, curve, third = p * x + c, slope * x + p, curve * x + 2 * slope, third * x + 3 * curve
+    return p, slope, curve, third
+
+
+def _period(unbounded: list[bool], coefficients: Sequence[float], name: str) -> float:
+    """The number up to whose multiples q_i - p(q_j) is known where q_i, q_j or both are known up to full turns."""
+    turn = 2 * np.pi
+    if len(unbounded) == 1 or not unbounded[1]:
+        return turn if unbounded[0] else 0.0
+    if any(coefficients[2:]):
+        raise InputError(f"{name!r}: powers of an unbounded joint's angle are not defined; bound the joint")
+    return _common([turn * abs(coefficients[1])] + ([turn] if unbounded[0] else []), name)
+
+
+def _common(shares: Sequence[float], name: str) -> float:
+    """The largest number of which all are multiples, 0 for none: up to its multiples a sum of angles is known."""
+    shares = [s for s in shares if s]
+    if not shares:
+        return 0.0
+    ratios = [Fraction(s / shares[-1]).limit_denominator(LARGEST_DENOMINATOR) for s in shares]
+    for share, ratio in zip(shares, ratios, strict=True):
+        if abs(float(ratio) * shares[-1] - share) > 1e-12 * share:
+            raise InputError(
+                f"{name!r}: the ratio {share / shares[-1]!r} of two unbounded joints is no fraction with a denominator "
+                f"up to {LARGEST_DENOMINATOR}: the angles do not tell how far it is kept; bound one joint"
+            )
+    down = lcm(*(r.denominator for r in ratios))
+    return shares[-1] * gcd(*(int(r * down) for r in ratios)) / down

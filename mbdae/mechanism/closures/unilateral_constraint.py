@@ -1,0 +1,101 @@
+"""Closures that press on one side only, and stops of joints: their rows are there while they carry load."""
+
+from collections.abc import Sequence
+
+from pydantic import Field, model_validator
+
+from ..checked_table import Table
+from .joint_pair import BetweenJoints
+from .rows import Coordinate
+
+REST = 1e-6  # s: a flight that is shorter ends in rest
+
+
+class OneSided(Table):
+    """What says how a row lets go and touches again.
+
+    Attributes:
+        unilateral: the row presses and does not pull (a rope pulls and does not press); it opens and closes.
+        restitution: of Newton's law of impact, between 0 and 1: speed after an impact to speed before; 0 if left out.
+        rest: a flight between two impacts that is shorter, in s, is none: it comes to rest; 1e-6 if left out.
+    """
+
+    unilateral: bool | None = None
+    restitution: float | None = Field(default=None, ge=0, le=1)
+    rest: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _one_sided(self) -> "OneSided":
+        if not self.unilateral and (self.restitution is not None or self.rest is not None):
+            raise ValueError("restitution and rest belong to unilateral = true")
+        return self
+
+
+class Stop(BetweenJoints, OneSided):
+    """Ends of the way of a joint, or of what a coupling leaves open (backlash).
+
+        lower <= q_i <= upper,   lower <= q_i - c_0 - c_1 q_j - c_2 q_j^2 - ... <= upper
+
+    Each end is a row that pushes back only; its multiplier is the torque (N m) or force (N) on joint i.
+
+    Attributes:
+        joint: name of a joint of one coordinate that does not turn without end; or
+        joints: names of joints i and j, with ``coefficients``.
+        coefficients: c_0, c_1, ... for ``joints``.
+        lower: in rad or m; no end there when left out.
+        upper: in rad or m.
+        limits: the ends are those that the source says (URDF ``limit``, MJCF ``range``); without a joint, of all
+            joints that have some.
+        restitution: of Newton's law of impact, between 0 and 1: speed after an impact to speed before; 0 when left out.
+        rest: a flight between two impacts that is shorter, in s, is none: it comes to rest; 1e-6 when left out.
+        unilateral: always true.
+        name: by default the names of the joints and "stop".
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+        UnknownNameError: when a mechanism is made, for a joint that it does not have.
+    """
+
+    unilateral: bool | None = True
+    coefficients: tuple[float, ...] | None = Field(default=None, min_length=2)
+    lower: float | None = None
+    upper: float | None = None
+    limits: bool = False
+    name: str = ""
+
+    @model_validator(mode="after")
+    def _fits(self) -> "Stop":
+        if not self.unilateral:
+            raise ValueError("a stop is always unilateral")
+        if (self.joints is None) != (self.coefficients is None):
+            raise ValueError("a stop of joints needs coefficients, and no other stop takes them")
+        if self.joint is not None and self.joints is not None:
+            raise ValueError("a stop needs one of joint and joints")
+        if self.limits and (self.joints is not None or self.lower is not None or self.upper is not None):
+            raise ValueError("limits are those of joints in their files: no joints, lower or upper beside it")
+        if not self.limits and not self.between:
+            raise ValueError("a stop needs joint, joints or limits = true")
+        if not self.limits and self.lower is None and self.upper is None:
+            raise ValueError("a stop needs lower, upper or both")
+        if self.lower is not None and self.upper is not None and not self.lower < self.upper:
+            raise ValueError(f"lower must lie below upper, got lower = {self.lower:g} and upper = {self.upper:g}")
+        if not self.name and self.between:
+            object.__setattr__(self, "name", "-".join(self.between) + " stop")
+        return self
+
+    @property
+    def ends(self) -> tuple[tuple[float, float], ...]:
+        """The ends, and on which side of each the joint moves: 1 above, -1 below."""
+        both = ((self.lower, 1.0), (self.upper, -1.0))
+        return tuple((end, side) for end, side in both if end is not None)
+
+    @property
+    def m(self) -> int:
+        """Number of rows: one for each end."""
+        return len(self.ends)
+
+    def primitives(self) -> Sequence[Coordinate]:
+        """The rows q_i - p(q_j) - end."""
+        joint, other = self.joints or (self.joint or "", "")
+        c_0, *rest = self.coefficients or (0.0,)
+        return [Coordinate(joint, other, (c_0 + end, *rest)) for end, _ in self.ends]

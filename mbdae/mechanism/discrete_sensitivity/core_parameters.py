@@ -1,0 +1,79 @@
+"""The parameters of a mechanism as the plain numbers that the compiled core takes."""
+
+from typing import TYPE_CHECKING, Any
+
+from ...errors import NotCompiled
+from ...finite_differences import weights
+from ..forces.force import PairElement
+from ..formulations.core_description import constraints_of, laws_of
+from ..formulations.inertial_forces import LARGEST
+from ..frames import Pair, find_frame
+from .parameter_direction import Parameter
+from .parameter_partials import Parameters
+
+if TYPE_CHECKING:
+    from ..._native import Parameters as NativeParameters
+    from ..formulations.compiled_systems import Compiled
+    from ..formulations.index2 import Index2System
+
+Stuff = tuple[str, int, bool, bool]  # kind, number, whether a pair is that of a law, and whether its second frame
+Plain = tuple[list[Stuff], list[Any], list[Any]]
+
+
+def vary(system: "Compiled", parameters: Parameters) -> "NativeParameters":
+    """Hand parameters over to the core of a mechanism like theirs.
+
+    Raises:
+        NotCompiled: for laws or rows that the core does not have, and for trees that are too large for its slopes.
+    """
+    if system.nv > LARGEST:
+        raise NotCompiled(f"slopes of {system.nv} degrees of freedom")
+    system.expand()
+    if parameters.plain is None:
+        parameters.plain = _plain(parameters)
+    return system.core.vary(len(parameters), *parameters.plain)
+
+
+def _plain(parameters: Parameters) -> Plain:
+    """What they change, how each of them changes that, and laws and rows with other numbers."""
+    numbers: dict[Stuff, int] = {}
+    directions: list[tuple[int, int, list[float]]] = []
+    ends = _ends(parameters.system)
+    for i, p in enumerate(parameters.all):
+        for stuff, x in _made_of(p, ends):
+            directions.append((i, numbers.setdefault(stuff, len(numbers)), x.tolist()))
+    changed: list[tuple[int, list[int], list[Any], list[Any]]] = []
+    for i, (p, laws, rows) in enumerate(zip(parameters.all, parameters.laws, parameters.rows, strict=True)):
+        factors = weights(p.places_beside, p.h)
+        if laws.near:
+            near = [(factors[k], *laws_of(x)) for k, x in laws.near.items()]
+            changed.append((i, laws.at.tolist(), near, []))
+        if rows.near:
+            beside = [(factors[k], *constraints_of(x)) for k, x in rows.near.items()]
+            changed.append((i, rows.at.tolist(), [], beside))
+    return list(numbers), directions, changed
+
+
+def _made_of(p: Parameter, ends: dict[int, list[Stuff]]) -> list[tuple[Stuff, Any]]:
+    """What a parameter changes, and how."""
+    out: list[tuple[Stuff, Any]] = [(("inertia", j, False, False), x) for j, x in p.inertias.items()]
+    out += [(("place", j, False, False), x) for j, x in p.places.items()]
+    out += [(stuff, x) for i, x in p.frames.items() for stuff in ends.get(i, ())]
+    out += [((kind, 0, False, False), x) for kind, x in (("gravity", p.gravity), ("armature", p.armature)) if x.any()]
+    return out
+
+
+def _ends(system: "Index2System") -> dict[int, list[Stuff]]:
+    """The ends of pairs that stand in each frame of the model."""
+    model, out = system.model, {}  # type: Any, dict[int, list[Stuff]]
+    frames = list(model.frames)
+
+    def stands(number: int, pair: Pair, of_law: bool) -> None:
+        for a, second in ((pair.a, False), (pair.b, True)):
+            out.setdefault(frames.index(find_frame(model, a.name)), []).append(("frame", number, of_law, second))
+
+    for i, (pair, _) in enumerate(system.constraints.frame_parts.values()):
+        stands(i, pair, False)
+    for i, law in enumerate([law for law, _ in system.laws.acting if isinstance(law, PairElement)]):
+        stands(i, law.pair, True)
+    return out

@@ -1,0 +1,94 @@
+"""Slopes of friction by the forces that closures carry, see `mbdae.mechanism.formulations.closure_friction`.
+
+A place slips by s = S(q) v. Its friction c |F(q, lam)| phi(|s|) S^T s, phi(x) = tanh(x/w)/x, c = -mu r, has with
+psi = phi'/x the variation, lam of the rows in use held,
+
+    c |F| (psi (s . ds) S^T s + phi (dS^T s + S^T ds)) + c phi S^T s d|F|,   ds = dS v + S dv
+
+S and |F| by q are differences of order six of these geometric terms alone. |F| depends on q where rows depend on each
+other: it is that of the multipliers of least norm. Slopes by lam stand in L of
+`mbdae.mechanism.formulations.equation_partials`.
+"""
+
+from math import tanh
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...finite_differences import slopes
+from ...system import Array
+from ..formulations.equation_partials import Jacobians
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
+
+WIDTH = 2e-3  # rad and m, of differences
+SMALL = 0.03  # of the width: below, series
+
+
+def with_friction_slopes(s: "Index2System", at: Jacobians, q: Array, v: Array, lam: Array, rows: Array) -> Jacobians:
+    """Add the slopes by q and v of what slides; lam (r,) of the rows in use."""
+    levers, size = _terms(s, q, lam, rows)
+    shapes = [len(S) for S in levers]
+    ends = np.cumsum(shapes) * s.nv
+
+    def flat(x: Array) -> Array:
+        moved, load = _terms(s, s.manifold.integrate(q, x), lam, rows)
+        return np.concatenate([*(S.ravel() for S in moved), load])
+
+    moved = slopes(flat, s.nv, WIDTH)
+    by_q, by_v = np.zeros((s.nv, s.nv)), np.zeros((s.nv, s.nv))
+    by_load, pull = np.zeros((s.nv, len(size))), np.zeros(s.nv)
+    for k, (S, c, width) in enumerate(_acting(s, levers)):
+        dS = moved[ends[k] - S.size : ends[k]].reshape(*S.shape, s.nv)
+        slip, phi, psi = S @ v, *shape(float(np.linalg.norm(S @ v)), width)
+        T, along = c * size[k], S.T @ slip
+        by_slip = T * (psi * np.outer(along, slip) + phi * S.T)
+        by_v += by_slip @ S
+        by_q += by_slip @ np.einsum("ijm,j->im", dS, v) + T * phi * np.einsum("ijm,i->jm", dS, slip)
+        by_load[:, k], pull = c * phi * along, pull + T * phi * along
+    by_q += by_load @ moved[ends[-1] :]
+    s.jacobian(q)  # the kinematics stand there again
+    K, D, nv = at.K.copy(), at.D.copy(), s.nv
+    K[:nv] += by_q
+    K[-1] += v @ by_q
+    D[:nv, :nv] += by_v
+    D[-1, :nv] += v @ by_v + pull
+    return at._replace(K=K, D=D)
+
+
+def friction(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> Array:
+    """Return the generalised friction and its power, (nv + 1,)."""
+    levers, size = _terms(s, q, lam, rows)
+    out = np.zeros(s.nv)
+    for load, (S, c, width) in zip(size, _acting(s, levers), strict=True):
+        slip = S @ v
+        out += c * load * shape(float(np.linalg.norm(slip)), width)[0] * (S.T @ slip)
+    return np.append(out, out @ v)
+
+
+def _terms(s: "Index2System", q: Array, lam: Array, rows: Array) -> tuple[list[Array], Array]:
+    """Return S (m, nv) of each place that slides, and its |F|, (k,)."""
+    s.jacobian(q)
+    sliding, W = s.sliding, s.constraints.W
+    load = sliding.carried(sliding.whole(rows) @ lam)[0]
+    acts = [k for k, acts in enumerate(sliding.acts) if acts]
+    return [sliding.places[k].lever(W[:, sliding.places[k].rows]) for k in acts], load[acts]
+
+
+def _acting(s: "Index2System", levers: list[Array]) -> list[tuple[Array, float, float]]:
+    """Return S, c and the width of each place that slides."""
+    acts = [k for k, acts in enumerate(s.sliding.acts) if acts]
+    numbers = [(-float(s.sliding.coefficient[k]), s.sliding.places[k].force.width) for k in acts]
+    return [(S, *x) for S, x in zip(levers, numbers, strict=True)]
+
+
+def shape(x: float, width: float) -> tuple[float, float]:
+    """Return phi = tanh(x/w)/x and phi'/x."""
+    r = x / width
+    if r < SMALL:
+        u = r * r
+        phi = 1 - u / 3 + 2 * u**2 / 15 - 17 * u**3 / 315
+        return phi / width, (-2 / 3 + 8 * u / 15 - 34 * u**2 / 105 + 496 * u**3 / 2835) / width**3
+    steep = tanh(r)
+    return steep / x, ((1 - steep * steep) / width - steep / x) / x**2

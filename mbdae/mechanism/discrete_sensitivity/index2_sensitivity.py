@@ -1,0 +1,248 @@
+"""The slopes of what a mechanism's run is made of: stages, points of the hidden constraint, jumps, starts, energies.
+
+Variations are those of a computed step, not of the motion: dy (ny, m) in the tangent at y, dp (k, m) of k parameters,
+m of them at once. What is no stage is linear in (dy, dp), and stands as a matrix.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import AssemblyError, InputError
+from ...finite_differences import settled, slopes
+from ...system import Array, StageEquations
+from ..formulations.equation_partials import hidden_slopes, time_slopes
+from ..hybrid.switches import left_out
+from .friction_partials import with_friction_slopes
+from .parameter_partials import APART
+from .projection_sensitivity import Corrections
+from .stage_sensitivity import Saddle, StageSlopes
+
+if TYPE_CHECKING:
+    from ..formulations.index2_step import Index2Chart
+
+ASSEMBLED = 1e-11  # m or rad: what assembly leaves
+SHORT = 3  # how often widths of starts shrink: what assembly tolerates must not pass for a start
+JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are functions of the user
+
+
+class RateSlopes(NamedTuple):
+    """Slopes of y' and of lam of all rows at a point of the hidden constraint.
+
+    Attributes:
+        rate: by (dy, dp, dt), (ny, ny + k + 1).
+        lam: alike, (ng, ny + k + 1).
+    """
+
+    rate: Array
+    lam: Array
+
+
+class IndexTwoVariations(Corrections):
+    """The slopes of what a run of a mechanism is made of, see `mbdae.system.Variations`.
+
+    Args:
+        system: a workspace that holds the rows in use.
+        parameters: the numbers that vary.
+    """
+
+    of_stage: type[StageSlopes] = StageSlopes
+
+    def stage(
+        self,
+        chart: "Index2Chart",
+        times: tuple[float, float],
+        x: Array,
+        xhat: Array,
+        factor: float,
+        F: Array,
+        lam: Array,
+    ) -> StageSlopes:
+        """Take the slopes of a stage at t and that, of x', (ny,), and lam, (r,)."""
+        return self.of_stage(chart, times, x, xhat, factor, F, lam, self.parameters)
+
+    def implicit(self, chart: "Index2Chart", t: float, x: Array, F: Array, z: Array) -> StageEquations:
+        """Take the slopes of a stage of a collocation method at t, of x and x', (ny,), and z, (m,)."""
+        return chart.slopes(t, x, F, z, self.parameters)
+
+    @property
+    def width(self) -> int:
+        """How many numbers a stage has."""
+        return self.ny
+
+    def renewed(self, t: float, y: Array) -> Array:
+        """Slopes of what is carried from y on, where it is found anew, (nc, ny + k)."""
+        return self.rate(t, y, multipliers=False).rate[self.system.nv :, : self.ny + self.k]
+
+    def first(self, dy: Array, carry: Array) -> Array:
+        """Return dx' of an explicit first stage, (ny, m)."""
+        return np.concatenate([dy[self.system.nv : 2 * self.system.nv], carry])
+
+    def first_reverse(self, F: Array) -> tuple[Array, Array]:
+        """Return the cotangents of y and of the carry."""
+        y, nv = np.zeros_like(F), self.system.nv
+        y[nv : 2 * nv] = F[:nv]
+        return y, F[nv:]
+
+    def carried(self, F: Array) -> Array:
+        """Return the variation of the carry."""
+        return F[self.system.nv :]
+
+    def carried_reverse(self, carry: Array) -> Array:
+        """Return the cotangent of x'."""
+        return np.concatenate([np.zeros((self.system.nv, carry.shape[1])), carry])
+
+    def end(self, x: Array) -> tuple[Array, Array]:
+        """Return Y and X of d(y (+) x) = Y dy + X dx, (ny, ny) each."""
+        nv, Y, X = self.system.nv, np.eye(self.ny), np.eye(self.ny)
+        turn = self.system.manifold.turned(x[:nv], x[:nv])
+        Y[:nv, :nv], X[:nv, :nv] = turn.A, turn.R
+        return Y, X
+
+    def rate(self, t: float, y: Array, multipliers: bool = True) -> RateSlopes:
+        """Take the slopes of y', and of all multipliers unless left out, on M v' = f + G^T lam, 0 = G v' + gamma."""
+        s, nv, n = self.system, self.system.nv, self.system.ny - self.system.nv
+        F, found = s.derivative(t, y)
+        found = found[: s.ng]
+        (q, v), inner, vdot, rows = s.split(y), s.inner(y), F[nv : 2 * nv], np.array(s.in_use, int)
+        G = s.jacobian(q)
+        force = G.T @ found
+        lam = np.linalg.lstsq(G[rows].T, force)[0] if len(rows) else np.empty(0)
+        whole = np.zeros(s.ng)
+        whole[rows] = lam
+        at, p = s.slopes(t, q, y[s.nq :], vdot, lam, rows), self.parameters
+        f_t, _, gamma_t = time_slopes(s, t, q, v, inner, whole)
+        by_q, by_v = hidden_slopes(s, q, v)
+        by_q += s.constraints.slopes(vdot, whole)[1]
+        Q = p.of_rows(t, q, vdot)[0] - p.of_rows(t, q, np.zeros(nv))[0] + p.of_bias(t, q, v)
+        P = p.of_forces(t, q, v, inner, vdot, whole)
+        if s.sliding:
+            P += p.of_friction(q, v, lam, rows)
+            at = with_friction_slopes(s, at, q, v, lam, rows)
+        above = np.hstack([at.K, at.D, P, f_t[:, None]])
+        below = np.hstack([by_q, by_v, np.zeros((s.ng, n - nv)), Q, gamma_t[:, None]])
+        dvdot, dlam = Saddle(at.E[:nv, :nv], at.L[:nv].T, at.G).solve(above[:nv], -below[rows])
+        moves = np.eye(nv, self.ny + self.k + 1, nv)
+        rate = np.concatenate([moves, dvdot, above[nv:] + at.L[nv:] @ dlam])
+        if not multipliers:
+            return RateSlopes(rate, np.empty((0, rate.shape[1])))
+        return RateSlopes(rate, self._all(t, q, v, inner, found, whole, rows, dlam))
+
+    def _all(
+        self, t: float, q: Array, v: Array, inner: Array, found: Array, whole: Array, rows: Array, dlam: Array
+    ) -> Array:
+        """Slopes of the multipliers of all rows, of least norm, from those in use, (ng, ...).
+
+        With A = G^T of fixed rank, y = (A^+)^T lam: dlam = A^+ (dF - dA lam) + (1 - A^+ A) d(G y), F = G^T lam.
+        """
+        s, out = self.system, np.zeros((self.system.ng, dlam.shape[1]))
+        if len(rows) == s.ng:
+            out[rows] = dlam
+            return out
+        G, nv, p, still = s.jacobian(q), s.nv, self.parameters, np.zeros(s.nv)
+        left, sizes, right = np.linalg.svd(G, full_matrices=False)
+        left, sizes, right = left[:, : len(rows)], sizes[: len(rows)], right[: len(rows)]
+        inverse = (left / sizes) @ right  # (G^T)^+
+        y = right.T @ ((left.T @ found) / sizes)
+        of = slice(self.ny, self.ny + self.k)
+        force, turned = G[rows].T @ dlam, np.zeros_like(out)
+        force[:, :nv] += s.constraints.slopes(v, whole - found)[0]
+        turned[:, :nv] = s.constraints.slopes(y, found)[1]
+        if self.k:
+            force[:, of] += p.of_forces(t, q, v, inner, still, whole)[:nv]
+            force[:, of] -= p.of_forces(t, q, v, inner, still, found)[:nv]
+            turned[:, of] = p.of_rows(t, q, y)[0] - p.of_rows(t, q, still)[0]
+        return inverse @ force + turned - left @ (left.T @ turned)
+
+    def jumped(self, t: float, y: Array) -> Array:
+        """Slopes of `mbdae.system.System.jump` at y, (ny, ny + k): differences of the controllers alone."""
+        s, out = self.system, np.eye(self.ny, self.ny + self.k)
+        if s.ns:
+            moved = slopes(lambda x: s.inner(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, JUMP_WIDTH)
+            out[2 * s.nv : -1, : self.ny - 1] = moved
+        for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
+            if laws.near and len(laws.at):
+                (q, v), inner = s.split(y), s.inner(y)[laws.at]
+                found = {k: f.jump(t, q, v, inner) for k, f in laws.near.items()}
+                out[2 * s.nv + laws.at, self.ny + i] = p.quotient(found)
+        return out
+
+    def struck(self, t: float, y: Array) -> tuple[Array, Array]:
+        """Bring v onto the rows of a mode, where a run begins: the point, and slopes with the work of that."""
+        (q, v), (x, out) = self.system.split(y), self.onto_rows(t, y)
+        before, after = (self.energy(q, w)[0] for w in (v, v - x))
+        out[-1] += after @ np.vstack([out, self._unit()]) - before
+        return np.concatenate([q, v - x, y[self.system.nq + self.system.nv :]]), out
+
+    def start(self, t: float, given: Array) -> Array:
+        """Slopes of q and v of the mechanism's own start with respect to the parameters, (ny, k).
+
+        Differences of assembly, of order six; what closures determine is then made exact.
+        """
+        s, out, nv = self.system, np.zeros((self.ny, self.k)), self.system.nv
+        mech = self.parameters.mech
+        base, (q, v) = mech.point(t=t), s.split(given)
+        driven = {d.joint for d in mech.drivers}
+        tables = [
+            {n: x for n, x in table.items() if n not in driven} for table in (mech.start_values.q, mech.start_values.v)
+        ]
+        held = [mech.coordinates(table, of_v=bool(i))[1] for i, table in enumerate(tables)]
+        free_q, free_v = (np.setdiff1d(np.arange(nv), h) for h in held)
+        off, s.constraints.off = s.constraints.off, left_out(mech.switches, (0,) * len(mech.switches))
+        G, kept = s.jacobian(q), s.constraints.positional  # a start is assembled with all open
+        s.constraints.off = off
+        assembled = bool(s.ng and mech.start_values.assemble)
+        decided = assembled and all(_decide(A) for A in (G[np.ix_(kept, free_q)], G[:, free_v]))
+        for i, p in enumerate(self.parameters.all):
+            if decided and all(m.start_values == mech.start_values for m in p.first):
+                continue  # closures and what is held say all
+            try:
+                found = settled(
+                    lambda h, p=p: {k: s.difference(base, m.point(t=t)) for k, m in p.beside(h).items()},  # type: ignore[misc]
+                    p.width, ASSEMBLED, SHORT,
+                )  # fmt: skip
+            except AssemblyError as e:  # as far apart as that
+                if p.name.startswith("start.") or not decided:
+                    raise InputError(f"the start cannot be assembled beside this value of {p.name!r}: {e}") from None
+                continue
+            if not found.apart <= APART:
+                raise InputError(f"the start that is assembled jumps with {p.name!r}: no derivative")
+            out[:, i] = found.slope
+        if not assembled:
+            return out
+        g = self.parameters.of_rows(t, q, np.zeros(nv))[1]
+        out[free_q] -= np.linalg.pinv(G[np.ix_(kept, free_q)], rcond=1e-8) @ (G @ out[:nv] + g)[kept]
+        pin.computeJointJacobians(s.model, s.data, q)
+        B, Q = s.constraints.slopes(v, np.zeros(s.ng))[1], self.parameters.of_rows(t, q, v)[0]
+        left = G @ out[nv : 2 * nv] + B @ out[:nv] + Q
+        out[nv + free_v] -= np.linalg.pinv(G[:, free_v], rcond=1e-8) @ left
+        return out
+
+    def start_states(self) -> Array:
+        """Slopes of the start values of states with respect to the parameters, (ns, k)."""
+        out = np.zeros((self.system.ns, self.k))
+        for i, p in enumerate(self.parameters.all):
+            if any(m.states != self.parameters.mech.states for m in p.first):
+                out[:, i] = p.quotient({k: np.array(list(m.states.values())) for k, m in p.near.items()})
+        return out
+
+    def energy(self, q: Array, v: Array) -> Array:
+        """Slopes of the kinetic and of the potential energy, (2, ny + k)."""
+        s, nv, out = self.system, self.system.nv, np.zeros((2, self.ny + self.k))
+        still = np.zeros(nv)
+        M, weight, _ = (a.copy() for a in s.inertial.slopes(q, still, still))
+        out[0, :nv] = 0.5 * v @ (s.inertial.slopes(q, still, v)[1] - weight)
+        out[0, nv : 2 * nv] = M @ v
+        gravity = pin.nonLinearEffects(s.model, s.data, q, still).copy()
+        pin.forwardKinematics(s.model, s.data, q, still)
+        pin.computeJointJacobians(s.model, s.data, q)
+        out[1, :nv] = gravity - s.laws.parts(0.0, q, still, np.zeros(s.ns))[0]
+        for i, (p, near) in enumerate(zip(self.parameters.all, self.parameters.near, strict=True)):
+            out[:, self.ny + i] = p.quotient({k: np.array(other.energy(q, v)) for k, other in near.items()})
+        return out
+
+
+def _decide(G: Array) -> bool:
+    """Say whether rows of a start's free coordinates determine them all."""
+    return int(np.linalg.matrix_rank(G, 1e-8)) == G.shape[1] if G.size else not G.shape[1]

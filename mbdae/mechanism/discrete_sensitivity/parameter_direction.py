@@ -1,0 +1,231 @@
+"""A number of a mechanism as a direction in what it is made of, found from mechanisms with other values."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError
+from ...finite_differences import ABOVE, BELOW, NARROWER, PLACES, TIMES, quotient, settled
+from ...system import Array
+from ..closures.constraints import Constraints
+from ..forces import bind_forces
+from ..formulations.index2 import Index2System
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, where it is zero: places of centimetres are moved, too
+KNOT = 1e-5  # of the value, where it is a time between pieces of a curve
+FIRST = {PLACES: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}  # times h: the ends; with 0 they tell degree 2
+ROUNDING = 1e-14  # of a number: what its third difference may be then
+
+
+class Nearby(Mapping[int, "Mechanism"]):
+    """The mechanisms with a parameter changed by k h, at the places of differences, made when they are asked for."""
+
+    def __init__(self, make: Callable[[float], "Mechanism"], h: float, places: tuple[int, ...]) -> None:
+        self.make, self.h, self.places = make, h, places
+
+    def __getitem__(self, k: int) -> "Mechanism":
+        return self.make(k * self.h)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.places)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+
+def possible(make: Callable[[float], "Mechanism"], h: float) -> tuple[float, tuple[int, ...]]:
+    """A width at which mechanisms exist (not all inertias of small bodies do), on both sides, or else on one.
+
+    Args:
+        make: makes the mechanism with a number changed by so much.
+        h: the largest width.
+
+    Returns:
+        the width, and places as `mbdae.finite_differences.quotient` takes them; the given one and those of both sides
+        where there are mechanisms on neither.
+    """
+    for places, first in FIRST.items():
+        for i in range(TIMES):
+            with suppress(InputError):
+                _ = [make(k * h / NARROWER**i) for k in first]
+                return h / NARROWER**i, places
+    return h, PLACES
+
+
+class Parameter:
+    """A direction in the numbers of a mechanism.
+
+    Args:
+        name: for messages.
+        mech: the mechanism.
+        make: makes that with the parameter changed by so much.
+        width: the largest width of differences.
+
+    Attributes:
+        h: the width for laws and rows.
+        near: the mechanisms with the parameter changed by k h.
+        places_beside: those k; on one side only where there are no mechanisms on the other.
+    """
+
+    def __init__(self, name: str, mech: "Mechanism", make: Callable[[float], "Mechanism"], width: float) -> None:
+        self.name, self.mech, self.make = name, mech, cache(make)
+        self.width, self.places_beside = possible(self.make, width)
+        self.use(self.width)
+        self.first, model = [self.near[k] for k in FIRST[self.places_beside]], mech.model
+        for other in (m.model for m in self.first):
+            same = [list(x.names) + [f.name for f in x.frames] for x in (model, other)]
+            if same[0] != same[1] or (other.damping != model.damping).any():
+                raise InputError(f"parameter {name!r} changes joints, frames or their damping: it has no derivative")
+            if any(a != b for a, b in zip(model.joints, other.joints, strict=True)):
+                raise InputError(f"parameter {name!r} turns a joint's axis: it has no derivative, its placement has")
+        if any(list(m.states) != list(mech.states) for m in self.first):
+            raise InputError(f"parameter {name!r} changes what states forces have: it has no derivative there")
+        self.inertias = self.each(model.njoints, lambda m, j: np.array(m.model.inertias[j].toDynamicParameters()))
+        self.places = self.moved(mech, model.njoints, lambda m, j: m.model.jointPlacements[j])
+        self.frames = self.moved(mech, model.nframes, lambda m, i: m.model.frames[i].placement)
+        self.gravity = self.rate(lambda m: m.model.gravity.linear)
+        self.armature = self.rate(lambda m: m.model.armature)
+        self.forces = self.changed(mech.forces, lambda m: m.forces)
+        for i in self.forces:  # a controller's
+            own = [m.forces[i] for m in (mech, *self.first)]
+            if len({(getattr(x, "rate", 0), getattr(x, "offset", 0)) for x in own}) > 1:
+                raise InputError(f"parameter {name!r} moves the instants of {mech.forces[i].name!r}: no derivative")
+        self.specs = self.changed(mech.constraints, lambda m: m.constraints)
+        for i in self.forces:
+            self._held(*(m.forces[i] for m in (mech, *self.first)))
+        for i in self.specs:
+            self._held(*(m.constraints[i] for m in (mech, *self.first)))
+
+    def use(self, h: float) -> None:
+        """Take differences of this width."""
+        self.h, self.near = h, self.beside(h)
+
+    def beside(self, h: float) -> Nearby:
+        """The mechanisms with it changed by k h."""
+        return Nearby(self.make, h, self.places_beside)
+
+    @property
+    def side(self) -> str:
+        """From where its derivative is taken, in words, if from one side only."""
+        return {PLACES: "", ABOVE: "above", BELOW: "below"}[self.places_beside]
+
+    def _held(self, own: Any, *others: Any) -> None:
+        """Refuse what moves times at which a signal jumps; where it moves those between pieces, few points see both."""
+        if any(_times(x, "breaks") != _times(own, "breaks") for x in others):
+            raise InputError(f"parameter {self.name!r} moves the instants of {own.name!r}: no derivative")
+        if any(_times(x, "knots") != _times(own, "knots") for x in others):
+            self.use(min(self.h, KNOT * self.width / WIDTH))
+
+    def changed(self, own: Sequence[Any], of: Callable[["Mechanism"], Sequence[Any]]) -> list[int]:
+        """Numbers of the forces, or of the closures and drivers, that it changes."""
+        if any(len(of(m)) != len(own) for m in self.first):
+            raise InputError(f"parameter {self.name!r} changes how many forces or closures there are")
+        return [i for i, x in enumerate(own) if any(of(m)[i] != x for m in self.first)]
+
+    def quotient(self, values: Mapping[int, Array]) -> Array:
+        """Difference of order six of values at k h; exactly zero where they do not change."""
+        return np.array(quotient(values, self.h))
+
+    def rate(self, value: Callable[["Mechanism"], Array]) -> Array:
+        """Derivative of what a mechanism is made of: from the first values where these are exact."""
+        (a, b, c), here = (value(m) for m in self.first), value(self.mech)
+        size = np.abs(here) + np.abs(b) + np.abs(c)
+        if not self.side and (np.abs(2 * c - 9 * b + 8 * here - a) <= ROUNDING * size).all():
+            return np.array((c - a) / (6 * self.h))
+        if self.side and (np.abs(c - 3 * b + 3 * a - here) <= ROUNDING * size).all():
+            return np.array((4 * a - b - 3 * here) / ((4 if self.side == "above" else -4) * self.h))
+        return settled(lambda h: {k: value(m) for k, m in self.beside(h).items()}, self.width).slope
+
+    def each(self, n: int, value: Callable[["Mechanism", int], Array]) -> dict[int, Array]:
+        """Derivatives of the parts 1 to n - 1 of a mechanism that change."""
+        found = {i: self.rate(lambda m, i=i: value(m, i)) for i in range(1, n)}  # type: ignore[misc]
+        return {i: d for i, d in found.items() if d.any()}
+
+    def moved(self, mech: "Mechanism", n: int, place: Callable[["Mechanism", int], pin.SE3]) -> dict[int, Array]:
+        """The motions (6,) of places that change, in their own axes."""
+        found = self.each(n, lambda m, i: place(m, i).homogeneous)
+        twists = {i: place(mech, i).inverse().homogeneous @ d for i, d in found.items()}
+        return {i: np.array([*T[:3, 3], T[2, 1], T[0, 2], T[1, 0]]) for i, T in twists.items()}
+
+
+class ChangedLaws:
+    """The forces that a parameter changes, with their other numbers, in one workspace."""
+
+    def __init__(self, p: Parameter, s: Index2System, near: Nearby) -> None:
+        self.p, self.nv = p, s.nv
+        spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
+        self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
+        beside = near.items() if p.forces else ()
+        self.near = {k: bind_forces([m.forces[i] for i in p.forces], s.model, s.data) for k, m in beside}
+
+    def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
+        """(tau, s', power) with the other numbers, (nv + ns + 1,)."""
+        return {k: np.concatenate(f.torque(t, q, v, s[self.at])) for k, f in self.near.items()}
+
+    def add(self, to: Array, t: float, q: Array, v: Array, s: Array) -> None:
+        """Add the slopes of (tau, s', power), (nv + ns + 1,)."""
+        if self.near:
+            found = self.p.quotient(self.values(t, q, v, s))
+            to[: self.nv] += found[: self.nv]
+            to[self.nv + self.at] += found[self.nv : -1]
+            to[-1] += found[-1]
+
+
+class ChangedRows:
+    """The closures and drivers that a parameter changes, with their other numbers, in one workspace."""
+
+    def __init__(self, p: Parameter, s: Index2System, near: Nearby) -> None:
+        self.p, self.nv = p, s.nv
+        spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
+        self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
+        beside = near.items() if p.specs else ()
+        self.near = {k: Constraints(s.model, s.data, [m.constraints[i] for i in p.specs]) for k, m in beside}
+
+    def forces(self, t: float, lam: Array) -> dict[int, Array]:
+        """(G^T lam, lam . u') with the other numbers, (nv + 1,)."""
+        own = lam[self.at]
+        return {k: np.append(own @ c.jacobian(), own @ c.motion(t)[1]) for k, c in self.near.items()}
+
+    def rates(self, t: float, v: Array) -> dict[int, Array]:
+        """G v + g_t and g with the other numbers, (2, r)."""
+        out = {}
+        for k, c in self.near.items():
+            value, G = c.value(t)
+            out[k] = np.array([G @ v - c.motion(t)[1], value])
+        return out
+
+    def add_forces(self, to: Array, t: float, lam: Array) -> None:
+        """Add the slopes of G^T lam and of the drivers' power lam . u'; J stands."""
+        if self.near:
+            slope = self.p.quotient(self.forces(t, lam))
+            to[: self.nv] += slope[:-1]
+            to[-1] += slope[-1]
+
+    def add_rates(self, Q: Array, g: Array, t: float, v: Array) -> None:
+        """Add the slopes of G v + g_t and of g; J stands."""
+        if self.near:
+            rate, value = self.p.quotient(self.rates(t, v))
+            Q[self.at] += rate
+            g[self.at] += value
+
+    def add_bias(self, to: Array, t: float, v: Array) -> None:
+        """Add the slope of gamma; velocities stand, with accelerations for v' = 0."""
+        if self.near:
+            to[self.at] += self.p.quotient(self.biases(t, v))
+
+    def biases(self, t: float, v: Array) -> dict[int, Array]:
+        """Gamma with the other numbers, (r,)."""
+        return {k: c.bias(v) - c.motion(t)[2] for k, c in self.near.items()}
+
+
+def _times(x: Any, kind: str) -> list[float]:
+    """The breaks, or the knots, of the signals of a force, closure or driver."""
+    parts = x if isinstance(x, tuple) else vars(x).values()
+    return [t for signal in parts if hasattr(signal, kind) for t in getattr(signal, kind)]

@@ -1,0 +1,288 @@
+"""Exact derivatives of a mechanism's equations with respect to its numbers: masses, places, lengths, stiffnesses, ...
+
+A parameter is a direction in what a mechanism is made of: ten inertial numbers dpi of a body, a motion xi of a joint's
+place or of a frame, gravity, armature, the numbers of closures, drivers and forces. The directions are found once,
+from mechanisms made with other values. At a point
+
+    inertial numbers             d(M v' + nle) = Y dpi with the bodies' regressors Y
+    places and frames            columns of K, B, G and gamma_q of a frozen free joint there, times xi
+    closures, drivers, forces    differences of these rows and laws alone, of order six: exact for numbers on which they
+                                 depend by polynomials; for others so narrow that narrower ones agree along a run
+"""
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import cached_property, partial
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError, MbdaeError, NotCompiled
+from ...finite_differences import settled
+from ...system import Array
+from ..closures.constraints import Constraints
+from ..forces.joint_friction import DryElement
+from ..formulations.closure_friction import Sliding
+from ..formulations.index2 import Index2System
+from ..frames import support
+from ..hybrid.switches import Mode, left_out
+from .friction_partials import friction
+from .parameter_direction import SMALL, WIDTH, ChangedLaws, ChangedRows, Parameter
+from .placement_tree import OpenedTree
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+REACHED, NOTHING = 1e-7, 1e-12  # of |dg/dp|: what closures cannot follow; and what is nothing but rounding
+APART = 1e-5  # of a slope: what differences of two widths differ by where there is none
+Make = Callable[[Mapping[str, float]], "Mechanism"]
+At = tuple[float, Array, Array, Array]  # (t, q, v, s)
+
+
+class ParameterSlopes(NamedTuple):
+    """Slopes with respect to k parameters at a point (t, q, v, s, v', lam), all but the parameters held.
+
+    Attributes:
+        P: d(f + G^T lam - M v', h, power)/dp, (nv + ns + 1, k).
+        Q: d(G v + g_t)/dp, (ng, k).
+        g: dg/dp, (ng, k).
+        gamma: d gamma/dp, (ng, k).
+    """
+
+    P: Array
+    Q: Array
+    g: Array
+    gamma: Array
+
+
+class Parameters:
+    """Derivatives with respect to some numbers of a mechanism, bound to a workspace.
+
+    Args:
+        make: makes a mechanism with these values, for instance `mbdae.mechanism.formats.template.Template.make`.
+        values: names and values of the parameters.
+        native: the compiled core, for slopes of places and frames.
+        own: the values are those that ``make`` gives of itself.
+        along: points where differences of laws and rows are to hold.
+        mode: of the mechanism there; without one, all rows count.
+
+    Attributes:
+        mech: the mechanism with these values.
+        all: the parameters, k of them.
+
+    Raises:
+        InputError: for a parameter that changes more than numbers.
+    """
+
+    def __init__(
+        self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, own: bool = False,
+        along: Sequence[At] = (), mode: Mode = (),
+    ) -> None:  # fmt: skip
+        self.mech = mech = make({} if own else values)
+        rest = {} if own else values
+        self.system = s = Index2System(mech)
+        self.all: list[Parameter] = []
+        for name, value in values.items():
+            near = partial(_moved, make, rest, name, value)
+            self.all.append(p := Parameter(name, mech, near, WIDTH * abs(value) or SMALL))
+            if p.side:
+                end = f"parameter {name!r} = {value:.9g} is at the end of its range"
+                warnings.warn(f"{end}: its derivative is taken from {p.side}", stacklevel=2)
+            if along and (p.forces or p.specs):
+                self._settle(p, along, mode)
+        self.laws = [ChangedLaws(p, s, p.near) for p in self.all]
+        self.rows = [ChangedRows(p, s, p.near) for p in self.all]
+        places = sorted({j for p in self.all for j in p.places})
+        frames = sorted({i for p in self.all for i in p.frames})
+        self.opened = OpenedTree(mech, places, frames, s, native) if places or frames else None
+        self.plain: Any = None  # what the compiled core takes, see `compiled_parameters`
+        self._found: dict[str, tuple[Any, Any]] = {}
+        self.motions = np.array([self.opened.motion(p) for p in self.all]).T if self.opened else np.empty((0, 0))
+
+    def __len__(self) -> int:
+        return len(self.all)
+
+    def _settle(self, p: Parameter, along: Sequence[At], mode: Mode) -> None:
+        """Let differences of laws and rows be so narrow that they hold along a run: a frequency acts with the time.
+
+        Raises:
+            InputError: where they hold with no width.
+        """
+        s, kept = self.system, np.ones(self.system.ng)
+        if mode:
+            kept[left_out(s.mechanism.switches, mode)] = 0.0
+
+        def sampled(h: float) -> dict[int, Array]:
+            near, found = p.beside(h), []
+            laws, rows = ChangedLaws(p, s, near), ChangedRows(p, s, near)
+            for t, q, v, inner in along:
+                pin.forwardKinematics(s.model, s.data, q, v, np.zeros(s.nv))
+                pin.computeJointJacobians(s.model, s.data, q)
+                own, pulls = kept[rows.at], rows.forces(t, kept)
+                moves = [{k: x * own for k, x in kind.items()} for kind in (rows.rates(t, v), rows.biases(t, v))]
+                kinds = [x for x in (laws.values(t, q, v, inner), pulls, *moves) if x]
+                found.append({k: np.concatenate([x[k].ravel() for x in kinds]) for k in near})
+            return {k: np.array([x[k] for x in found]).T for k in near}
+
+        held = settled(sampled, p.h)
+        if not held.apart <= APART:
+            raise InputError(f"parameter {p.name!r} has no derivative along this run: its differences do not settle")
+        p.use(held.h)
+
+    def enter(self, mode: Mode) -> None:
+        """Go on in another mode: rows that it leaves out are 0."""
+        if mode == self.system.mode:
+            return
+        self.system.enter(mode)
+        for p, laws in zip(self.all, self.laws, strict=True):
+            for near in laws.near.values():
+                for i, (other, _) in zip(p.forces, near.bound, strict=False):
+                    own = self.system.laws.bound[i][0]
+                    if isinstance(own, DryElement) and isinstance(other, DryElement):
+                        other.sign[:] = own.sign
+
+    def workspace(self, formulation: str, native: ModuleType | None) -> Any:
+        """A workspace that runs share; in the core, where that is given and has the mechanism."""
+
+        def find() -> Any:
+            with suppress(NotCompiled):
+                if native:
+                    return self.mech.system(formulation, native=native)
+            return self.mech.system(formulation)
+
+        return self.once("workspace", (formulation, native), find)
+
+    def once(self, name: str, key: Any, find: Callable[[], Any]) -> Any:
+        """What runs share, a workspace or slopes at their start: found last for the same key, or found now."""
+        if name not in self._found or self._found[name][0] != key:
+            self._found[name] = key, find()
+        return self._found[name][1]
+
+    def slopes(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> ParameterSlopes:
+        """Take the slopes at (t, q, v, s, v', lam), lam (ng,) for all rows."""
+        return ParameterSlopes(self.of_forces(t, q, v, s, vdot, lam), *self.of_rows(t, q, v), self.of_bias(t, q, v))
+
+    def of_forces(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> Array:
+        """Take P of `ParameterSlopes`, (nv + ns + 1, k)."""
+        system, nv = self.system, self.system.nv
+        out = np.zeros((nv + len(s) + 1, len(self)))
+        if not len(self):
+            return out
+        if self.opened:
+            K = self.opened.torques(t, q, v, vdot, lam) @ self.motions
+            out[:nv] += K[:nv]
+            out[-1] += K[-1]
+        pin.forwardKinematics(system.model, system.data, q, v, vdot)
+        J = pin.computeJointJacobians(system.model, system.data, q)
+        for i, p in enumerate(self.all):
+            out[:nv, i] -= self._inertial(p, J) + p.armature * vdot
+        if any(laws.near for laws in self.laws):
+            pin.forwardKinematics(system.model, system.data, q, v, np.zeros(nv))
+        for i, (laws, rows) in enumerate(zip(self.laws, self.rows, strict=True)):
+            laws.add(out[:, i], t, q, v, s)
+            rows.add_forces(out[:, i], t, lam)
+        return out
+
+    def of_friction(self, q: Array, v: Array, lam: Array, rows: Array) -> Array:
+        """Take the slopes of friction that depends on multipliers, and of its power, (nv + ns + 1, k).
+
+        By differences of that friction alone, in mechanisms with other numbers; lam (r,) of the rows in use.
+        """
+        out = np.zeros((self.system.nv + self.system.ns + 1, len(self)))
+        for i, (p, near) in enumerate(zip(self.all, self.near, strict=True)):
+            for s in near.values():
+                s.enter(self.system.mode)
+            found = p.quotient({k: friction(s, q, v, lam, rows) for k, s in near.items()})
+            out[: self.system.nv, i], out[-1, i] = found[:-1], found[-1]
+        return out
+
+    @cached_property
+    def near(self) -> list[dict[int, Index2System]]:
+        """Workspaces of the mechanisms with other numbers."""
+        return [{k: Index2System(m) for k, m in p.near.items()} for p in self.all]
+
+    @cached_property
+    def near_sliding(self) -> list[dict[int, Sliding]]:
+        """What slides with other numbers of forces and closures, in the own workspace."""
+        s, out = self.system, []
+        for p in self.all:
+            near = p.near.items() if s.sliding.places and (p.forces or p.specs) else ()
+            rows = {k: Constraints(s.model, s.data, m.constraints) for k, m in near}
+            out.append({k: Sliding(m.forces, m.closures, rows[k]) for k, m in near})
+        return out
+
+    def of_rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Take Q and g of `ParameterSlopes`, (ng, k) each."""
+        Q, g = np.zeros((2, self.system.ng, len(self)))
+        if self.opened:
+            B, G = self.opened.rows(t, q, v)
+            Q, g = B @ self.motions, G @ self.motions
+        if any(rows.near for rows in self.rows):
+            pin.computeJointJacobians(self.system.model, self.system.data, q)
+            for i, rows in enumerate(self.rows):
+                rows.add_rates(Q[:, i], g[:, i], t, v)
+        Q[self.system.constraints.off] = g[self.system.constraints.off] = 0.0
+        return Q, g
+
+    def of_bias(self, t: float, q: Array, v: Array) -> Array:
+        """Take gamma of `ParameterSlopes`, (ng, k)."""
+        out = np.zeros((self.system.ng, len(self)))
+        if self.opened:
+            out = self.opened.bias(q, v) @ self.motions
+        if any(rows.near for rows in self.rows):
+            pin.forwardKinematics(self.system.model, self.system.data, q, v, np.zeros(self.system.nv))
+            for i, rows in enumerate(self.rows):
+                rows.add_bias(out[:, i], t, v)
+        out[self.system.constraints.off] = 0.0
+        return out
+
+    def _inertial(self, p: Parameter, J: Array) -> Array:
+        """Slope of M v' + nle, (nv,), without armature; velocities and accelerations stand."""
+        model, data, out = self.system.model, self.system.data, np.zeros(self.system.nv)
+        for j in set(p.inertias) | (set(range(1, model.njoints)) if p.gravity.any() else set()):
+            place, wrench = data.oMi[j], np.zeros(6)
+            if j in p.inertias:
+                a = data.a[j] - place.actInv(model.gravity)
+                wrench += place.act(pin.Force(pin.bodyRegressor(data.v[j], a) @ p.inertias[j])).vector
+            wrench -= (place.act(model.inertias[j]) * pin.Motion(p.gravity, np.zeros(3))).vector
+            out += support(model, j) * (wrench @ J.reshape(6, -1))
+        return out
+
+    def refuse_lost(self, t: float, q: Array) -> None:
+        """Refuse a configuration where a force has no direction, in the mechanism or in one with other numbers.
+
+        Raises:
+            InputError: names the force.
+        """
+        self.system.inertia(t, q)
+        for laws in (self.system.laws, *(near for p in self.laws for near in p.near.values())):
+            laws.refuse_lost()
+
+    def refuse(self, t: float, q: Array) -> None:
+        """Refuse parameters that open closures in a way that no motion closes: rows that depend on others.
+
+        Raises:
+            InputError: names the parameter.
+        """
+        kept = self.system.constraints.positional
+        g, G = self.of_rows(t, q, np.zeros(self.system.nv))[1][kept], self.system.jacobian(q)[kept]
+        for p, column in zip(self.all, g.T, strict=True):
+            left = column + G @ np.linalg.lstsq(G, -column, rcond=1e-9)[0]
+            if np.abs(left).max(initial=0.0) > max(REACHED * np.abs(column).max(initial=0.0), NOTHING):
+                raise InputError(f"parameter {p.name!r} opens closures that depend on each other: no derivative exists")
+
+
+def _moved(make: Make, values: Mapping[str, float], name: str, value: float, by: float) -> "Mechanism":
+    """The mechanism with one parameter changed.
+
+    Raises:
+        InputError: where there is none: a parameter at the edge of what is possible.
+    """
+    try:
+        return make({**values, name: value + by})
+    except MbdaeError as e:
+        moved = f"parameter {name!r} = {value:.9g} cannot be moved by {by:+.3g} to find its derivative"
+        raise InputError(f"{moved}: {e}") from e

@@ -1,0 +1,106 @@
+"""A mechanism whose joints and frames can be moved in their places, by frozen free joints."""
+
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import NotCompiled
+from ...system import Array
+from ..forces.force import PairElement
+from ..formulations.equation_partials import Jacobians, hidden_slopes
+from ..formulations.index2 import Index2System
+from .parameter_direction import Parameter
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+
+class OpenedTree:
+    """The mechanism with frozen free joints before joints whose place changes, and below frames that are moved."""
+
+    def __init__(
+        self, mech: "Mechanism", places: list[int], frames: list[int], s: Index2System, native: ModuleType | None
+    ) -> None:
+        old, model, last = mech.model, pin.Model(), [0]
+        model.gravity = old.gravity
+        self.real: list[int] = []
+        self.frozen: dict[tuple[str, int], int] = {}
+        held: dict[int, int] = {}
+
+        def freeze(kind: str, i: int, parent: int, place: pin.SE3) -> int:
+            joint = model.addJoint(parent, pin.JointModelFreeFlyer(), place, f"{kind} {i} of {model.njoints}")
+            self.frozen[kind, i] = model.idx_vs[joint]
+            return int(joint)
+
+        def freeze_frames(j: int) -> None:
+            for i in frames:
+                if old.frames[i].parentJoint == j:
+                    held[i] = freeze("frame", i, last[j], old.frames[i].placement)
+
+        for j in range(1, old.njoints):
+            parent, place = last[old.parents[j]], old.jointPlacements[j]
+            if j in places:
+                parent, place = freeze("place", j, parent, place), pin.SE3.Identity()
+            last.append(model.addJoint(parent, old.joints[j], place, old.names[j]))
+            model.inertias[last[j]] = old.inertias[j]
+            self.real += range(model.idx_vs[last[j]], model.idx_vs[last[j]] + old.nvs[j])
+            freeze_frames(j)
+        freeze_frames(0)
+        for i, f in list(enumerate(old.frames))[1:]:
+            joint, place = (held[i], pin.SE3.Identity()) if i in held else (last[f.parentJoint], f.placement)
+            model.addFrame(pin.Frame(f.name, joint, place, f.type), False)
+        self.iq = [model.idx_qs[last[j]] + i for j in range(1, old.njoints) for i in range(old.nqs[j])]
+        forces = [f for f, (law, _) in zip(mech.forces, s.laws.bound, strict=False) if isinstance(law, PairElement)]
+        other = type(mech)(model, mech.closures, forces, drivers=mech.drivers)
+        self.model, self.ng = model, s.ng
+        names = [c.name for c in mech.closures] + [d.name for d in mech.drivers]  # stops and brakes stand nowhere
+        spans = [s.constraints.spans[name] for name in names]
+        self.kept = np.array([i for at in spans for i in range(at.start, at.stop)], int)
+        try:
+            self.system = other.system(native=None if other.switches else native)
+        except NotCompiled:
+            self.system = other.system()
+        self.system.constraints.off = np.empty(0, int)  # slopes are those of all rows, whatever the mode
+        self.system.hold(tuple(range(self.system.ng)))
+        self.at = [i for first in self.frozen.values() for i in range(first, first + 6)]
+
+    def whole(self, q: Array) -> Array:
+        """The configuration, frozen joints included."""
+        out = pin.neutral(self.model)
+        out[self.iq] = q
+        return out
+
+    def _slopes(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> Jacobians:
+        u, a = np.zeros(self.model.nv + 1), np.zeros(self.model.nv)
+        u[self.real], a[self.real] = v, vdot
+        return self.system.slopes(t, self.whole(q), u, a, lam[self.kept], np.arange(self.system.ng))
+
+    def _all(self, own: Array) -> Array:
+        """Slopes of all rows of the mechanism, (ng, 6 n)."""
+        out = np.zeros((self.ng, len(self.at)))
+        out[self.kept] = own[:, self.at]
+        return out
+
+    def torques(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> Array:
+        """Columns of K of the frozen joints, (nv + 1, 6 n); the rows are those of the real ones, and power."""
+        return self._slopes(t, q, v, vdot, lam).K[np.ix_([*self.real, -1], self.at)]
+
+    def rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Columns of B and G of the frozen joints, (ng, 6 n) each."""
+        found = self._slopes(t, q, v, np.zeros(len(v)), np.zeros(self.ng))
+        return self._all(found.B), self._all(found.G)
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """Columns of gamma_q of the frozen joints, (ng, 6 n)."""
+        if not v.any():  # it is quadratic in v
+            return np.zeros((self.ng, len(self.at)))
+        u = np.zeros(self.model.nv)
+        u[self.real] = v
+        return self._all(hidden_slopes(self.system, self.whole(q), u)[0])
+
+    def motion(self, p: Parameter) -> Array:
+        """What a parameter moves the frozen joints by, (6 n,)."""
+        known = {"place": p.places, "frame": p.frames}
+        return np.concatenate([known[kind].get(i, np.zeros(6)) for kind, i in self.frozen])

@@ -1,0 +1,97 @@
+"""What a mechanism is at a point: M, G, frames, forces of inertia and weight, energies."""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import InputError
+from ..system import Array
+from .characteristic_length import characteristic_length, coordinate_scales, q_scales, row_scales
+from .frames import place
+from .pinocchio_data import make_data
+
+
+class Quantities:
+    """The terms of M(q) v' + nle(q, v) = tau + G(q)^T lam at a configuration (nq,) and a velocity (nv,)."""
+
+    @cached_property
+    def characteristic_length(self: Any) -> float:
+        """The longest distance in m, l > 0, between joints and places where closures act; lengths compare with it."""
+        return characteristic_length(self)
+
+    @cached_property
+    def row_scales(self: Any) -> Array:
+        """What 1 of each row's g is in its unit, (ng,): the characteristic length, or 1 rad."""
+        return row_scales(self)
+
+    @cached_property
+    def q_scales(self: Any) -> Array:
+        """What 1 of each component of q is in its unit, (nq,): the characteristic length, or 1."""
+        return q_scales(self)
+
+    @cached_property
+    def coordinate_scales(self: Any) -> Array:
+        """What 1 of each velocity component's coordinate is in its unit, (nv,): the characteristic length, or 1 rad."""
+        return coordinate_scales(self)
+
+    @property
+    def gravity(self: Any) -> Array:
+        """Gravity in m/s^2, (3,)."""
+        return self.model.gravity.linear.copy()
+
+    def mass_matrix(self: Any, q: Array) -> Array:
+        """Return M(q), symmetric, armature included, (nv, nv), in kg, kg m and kg m^2.
+
+        Raises:
+            InputError: for a q of another length, or off the manifold.
+        """
+        data = make_data(self.model)
+        pin.crba(self.model, data, self._configuration(q), pin.Convention.WORLD)
+        return np.triu(data.M) + np.triu(data.M, 1).T
+
+    def bias(self: Any, q: Array, v: Array) -> Array:
+        """Return nle(q, v), what Coriolis and centrifugal forces and weight ask of the joints, (nv,), in N m and N.
+
+        Springs, dampers and other forces are not among them.
+
+        Raises:
+            InputError: for arrays of another length.
+        """
+        data = make_data(self.model)
+        return pin.nonLinearEffects(self.model, data, self._configuration(q), self.vector("v", v, self.nv)).copy()
+
+    def jacobian(self: Any, q: Array) -> Array:
+        """Return G(q) over the rows of all closures and drivers, in file order, (ng, nv).
+
+        Raises:
+            InputError: for a q of another length, or off the manifold.
+        """
+        return self.system().jacobian(self._configuration(q)).copy()
+
+    def frame(self: Any, q: Array, name: str) -> tuple[Array, Array]:
+        """Return position (3,) in m and rotation matrix (3, 3) of a frame in the world.
+
+        Raises:
+            UnknownNameError: for a frame that does not exist.
+            InputError: for a q of another length, or off the manifold.
+        """
+        data = make_data(self.model)
+        pin.forwardKinematics(self.model, data, self._configuration(q))
+        found = place(self.model, data, name)
+        return found.translation.copy(), found.rotation.copy()
+
+    def energy(self: Any, q: Array, v: Array) -> tuple[float, float]:
+        """Kinetic energy v^T M v / 2 (armature included) and potential energy of gravity and springs, in J."""
+        return self.system().energy(np.asarray(q, float), np.asarray(v, float))
+
+    def residual(self: Any, q: Array, v: Array, t: float = 0.0) -> tuple[Array, Array]:
+        """Return g(t, q) and G(q) v + g_t(t) over all rows, (ng,) each."""
+        return self.system().residual(t, np.asarray(q, float), np.asarray(v, float))
+
+    def _configuration(self: Any, q: Array) -> Array:
+        x = self.vector("q", q, self.nq)
+        if not pin.isNormalized(self.model, x, 1e-8):
+            raise InputError("q is not on the manifold: normalise its quaternions, or pass it through assemble(q, v)")
+        return x

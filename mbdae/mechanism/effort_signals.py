@@ -1,0 +1,115 @@
+"""What each force gives: torque or force, power, and how far it is deflected, by its name.
+
+A force that acts along one coordinate has ``torque.<name>`` in N m where that turns and ``force.<name>`` in N where it
+slides, along several ``torque.<name>.<joint>`` and so on; its sign is that of the coordinate. A spring, damper or
+thrust between two points has its tension ``force.<name>``, positive where it pulls them together; a bushing or a wrench
+has force and torque on its second frame, at its origin, the magnitude and ``.x .y .z`` along the world's axes.
+``power.<name>`` in W is what the force does on the mechanism. ``deflection.<name>`` is that of a spring from its rest
+length or angle, and ``deflection.<name>.x`` to ``.rz`` of a bushing in axes of the first frame. Where a joint, closure
+or driver has the same name, "(force)" stands behind that of the force. Dry friction that sticks, and friction by what a
+closure carries, do not follow from the state: their torques are those of rows, ``effort.<name>``.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from ..system import Array
+from .coordinate_units import coordinate_units
+from .forces.elements import ForceElements
+from .forces.force import ForceElement, PairElement
+from .frames import joint_names, skew, unit_gap
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+WORDS = {"N": "force", "N m": "torque"}
+
+
+def effort_units(mech: "Mechanism") -> dict[str, str]:
+    """Names and units of the columns of `efforts`."""
+    out: dict[str, str] = {}
+    along = _coordinates(mech)
+    for name, law in named_laws(mech, mech.system().laws).items():
+        if law.tension:
+            out[f"force.{name}"] = "N"
+        elif isinstance(law, PairElement):
+            out |= {f"{word}.{name}{end}": unit for unit, word in WORDS.items() for end in ("", ".x", ".y", ".z")}
+        else:
+            acts = law.acts(len(along))
+            for i in acts:
+                end, unit = along[i]
+                out[f"{WORDS[unit]}.{name}" + (f".{end}" if len(acts) > 1 else "")] = unit
+        out[f"power.{name}"] = "W"
+        for i, end in law.deflections:
+            coordinate, unit = along[i] if i >= 0 else ("", "N m" if end.startswith("r") else "N")
+            end = end or (coordinate if len(law.deflections) > 1 else "")
+            out[f"deflection.{name}" + (f".{end}" if end else "")] = "rad" if unit == "N m" else "m"
+    return out
+
+
+def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[str, Array]:
+    """Return what each force gives at the times of a motion, (n,) each, see above.
+
+    Args:
+        mech: the mechanism.
+        t: times, (n,).
+        q: configurations, (n, nq).
+        v: velocities, (n, nv).
+        s: states of forces, (n, ns).
+    """
+    names = list(effort_units(mech))
+    system = mech.system()
+    laws = list(named_laws(mech, system.laws).values())
+    alone = [ForceElements([law], mech.model) for law in laws]
+    at = dict((id(law), where) for law, where in system.laws.bound)
+    out = np.empty((len(t), len(names)))
+    for row, time, configuration, velocity, state in zip(out, t, q, v, s, strict=True):
+        pin.computeJointJacobians(mech.model, system.data, configuration)
+        values: list[float] = []
+        for law, law_alone in zip(laws, alone, strict=True):
+            tau, _ = law_alone.torque(time, configuration, velocity, state[at[id(law)]])
+            values += _given(law, float(time), velocity, tau)
+            values.append(float(tau @ velocity))
+            values += law.deflection(configuration).tolist()
+        row[:] = values
+    return dict(zip(names, out.T, strict=True))
+
+
+def drive_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
+    """Return ``power.<driver>``, effort times u'(t), in W, (n,) each."""
+    constraints = mech.system().constraints
+    rates = np.array([constraints.motion(float(x))[1] for x in t]).reshape(len(t), -1)
+    rows = {d.name: mech.rows_of(d.name)[0] for d in mech.drivers}
+    return {f"power.{name}": lam[:, i] * rates[:, i] for name, i in rows.items()}
+
+
+def _given(law: ForceElement, t: float, v: Array, tau: Array) -> list[float]:
+    """The forces and torques of a law, as they are named."""
+    if not isinstance(law, PairElement):
+        return [float(tau[i]) for i in law.acts(len(tau))]
+    law.pair.locate()
+    wrench = sum((part.F for part in law.turning(t, law.pair.relative(v))), np.zeros(6))
+    force = wrench[:3]
+    if law.tension:
+        return [-float(force @ unit_gap(law.pair)[1])]
+    torque = wrench[3:] - skew(law.pair.pb) @ force
+    return [x for part in (force, torque) for x in (float(np.linalg.norm(part)), *part.tolist())]
+
+
+def named_laws(mech: "Mechanism", laws: ForceElements) -> dict[str, ForceElement]:
+    """The forces by names of their own."""
+    taken = {*joint_names(mech.model), *(c.name for c in mech.constraints)}
+    out: dict[str, ForceElement] = {}
+    for law in (law for law, _ in laws.bound if law.by_state):
+        name = f"{law.name} (force)" if law.name in taken else law.name
+        again = sum(known.name == law.name for known in out.values())
+        out[f"{name} {again + 1}" if again else name] = law
+    return out
+
+
+def _coordinates(mech: "Mechanism") -> list[tuple[str, str]]:
+    """Name and unit of effort of each velocity component, (nv,)."""
+    speeds = [(name[2:], unit) for name, unit in coordinate_units(mech).items() if name.startswith("v.")]
+    return [(name, "N" if unit == "m/s" else "N m") for name, unit in speeds]

@@ -1,0 +1,78 @@
+"""What is wrong with a mechanism file, said with the file and the place in it; all names that do not exist at once."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from ...errors import MbdaeError, UnknownNameError, printable
+from ..frames import WORLD, frame_names, joint_names
+from ..imported_model import Part, follow
+from .schema import MechanismFile
+
+SAYS = {"parent": "frame", "frame": "frame", "frames": "frame", "joint": "joint", "joints": "joint"}
+SAYS |= {"closure": "closure"}  # keys whose values are names, and tables name = value
+TABLES = {"motor": "motor"} | dict.fromkeys(("lock", "joint_type", "q", "v", "guess", "guess_v"), "joint")
+
+
+@contextmanager
+def blamed(path: str, file: MechanismFile, parts: Sequence[Part]) -> Iterator[None]:
+    """Put the path of a file before what is raised, and say all names that do not exist; nothing without a path.
+
+    Args:
+        path: of the file.
+        file: what it says.
+        parts: its sources, read.
+    """
+    try:
+        yield
+    except MbdaeError as e:
+        if path:
+            said = _unknown(e, file, parts) if isinstance(e, UnknownNameError) else []
+            e.args = (printable(f"{path}: {'; '.join(said) or e}"),)
+        raise
+
+
+def _unknown(e: UnknownNameError, file: MechanismFile, parts: Sequence[Part]) -> list[str]:
+    """A name that was not found and all others that do not exist, by kinds, behind each of them those that do."""
+    known, out = _known(file, parts), list[str]()
+    uses = [use for use in _uses(file.model_dump()) if use[2] not in known[use[0]] or use[::2] == (e.kind, e.name)]
+    for kind in dict.fromkeys(kind for kind, *_ in uses):
+        valid = e.valid if kind == e.kind != "frame" else known[kind]  # frames are joined one after the other
+        faults = {place: UnknownNameError(kind, name, valid) for of, place, name in uses if of == kind}
+        out += [f"{place}: {fault.what}" for place, fault in faults.items()]
+        out.append(next(iter(faults.values())).choice)
+    return out
+
+
+def _known(file: MechanismFile, parts: Sequence[Part]) -> dict[str, list[str]]:
+    """The names of each kind that a file may say."""
+    sources = list(zip((s.prefix for s in file.source), parts, strict=True))
+    joints = [prefix + n for prefix, part in sources for n in joint_names(part.model)]
+    joints += [body.name for body in file.body if body.joint != "fixed"]
+    frames = [prefix + n for prefix, part in sources for n in frame_names(part.model)[1:]]
+    named = [part.prefixed(prefix) for prefix, part in sources]
+    closures = [c.name for part in named for c in (*part.closures, *follow(part.mimics, {}, joints)[0])]
+    return {
+        "joint": joints,
+        "frame": [WORLD, *frames, *(x.name for part in named for x in part.frames), *(x.name for x in file.body)]
+        + [x.name for x in file.frame],
+        "closure": [*closures, *(c.name for c in file.closure)],
+        "motor": [motor.name for part in named for motor in part.motors],
+    }
+
+
+def _uses(data: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
+    """Kind, place and name, wherever a file says one of something else."""
+    entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list | tuple) else ()
+    for key, value in entries:
+        label = value.get("name") or key if isinstance(value, dict) else key
+        here = f"{path}.{label}" if path else str(label)
+        kind = None if key == "joint" and "parent" in data else SAYS.get(str(key))  # a body's joint is a kind of joint
+        if kind and isinstance(value, str):
+            yield kind, here, value
+        elif kind and isinstance(value, tuple) and all(isinstance(name, str) for name in value):
+            yield from ((kind, f"{here}.{i}", name) for i, name in enumerate(value))
+        elif key in TABLES and isinstance(value, dict):
+            yield from ((TABLES[key], f"{here}.{name}", name) for name in value)
+        else:
+            yield from _uses(value, here)

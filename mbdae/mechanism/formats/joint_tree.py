@@ -1,0 +1,234 @@
+"""Copies of joint trees: numbered depth first, joints locked or of another kind, several trees in one."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError, UnknownNameError
+from ..closures.closure import Axis, Z
+from ..frames import find_joint, joint_names
+from ..joints import PER_COORDINATE, PER_VELOCITY, is_depth_first, joint_transform, subspace
+from ..model_settings import coordinates
+
+PLAIN: dict[str, Callable[[], pin.JointModel]] = {
+    "spherical": pin.JointModelSpherical,
+    "planar": pin.JointModelPlanar,
+    "translation": pin.JointModelTranslation,
+    "free": pin.JointModelFreeFlyer,
+}
+
+
+class Tree:
+    """A model and its visuals that grow together.
+
+    Attributes:
+        model: the joints, bodies and frames.
+        visuals: what is to be seen of them.
+    """
+
+    def __init__(self, name: str = "") -> None:
+        self.model, self.visuals = pin.Model(), pin.GeometryModel()
+        self.model.name = name
+
+    def graft(
+        self,
+        model: pin.Model,
+        visuals: pin.GeometryModel | None = None,
+        *,
+        parent: pin.Frame | None = None,
+        placement: pin.SE3 | None = None,
+        prefix: str = "",
+        kinds: Mapping[str, str] | None = None,
+        turns: Mapping[str, pin.SE3] | None = None,
+        locked: Mapping[str, np.ndarray] | None = None,
+    ) -> "Tree":
+        """Append a copy of a model, its joints in depth-first order, and return the tree.
+
+        Args:
+            model: stays as it is.
+            visuals: stay as they are.
+            parent: frame of this tree that carries the copy; the world when left out.
+            placement: of the copy's world in the parent frame.
+            prefix: before the name of every joint, frame and visual.
+            kinds: joints, by their old names, that become joints of another kind in the same place.
+            turns: placements of joints, by their old names, in what was their frame; bodies stay where they were.
+            locked: joints, by their old names, that are fixed at a configuration of theirs.
+
+        Raises:
+            UnknownNameError: for a joint that does not exist.
+            InputError: for a name that is taken.
+        """
+        kinds, turns, locked = kinds or {}, turns or {}, locked or {}
+        for name in (*kinds, *turns, *locked):
+            find_joint(model, name)
+        base = (parent.placement if parent else pin.SE3.Identity()) * (placement or pin.SE3.Identity())
+        number, where = {0: parent.parentJoint if parent else 0}, {0: base}  # old joint: new joint, its place there
+        self._append_inertia(number[0], model.inertias[0], base)
+        for j in _walk(model, 0):
+            old, name = model.joints[j], model.names[j]
+            at, place = number[model.parents[j]], where[model.parents[j]] * model.jointPlacements[j]
+            if name in locked:
+                number[j], where[j] = at, place * joint_transform(old, locked[name])
+            else:
+                new = override(old, name, kinds[name]) if name in kinds else old
+                turn = turns.get(name, pin.SE3.Identity())
+                number[j], where[j] = self._add_joint(at, new, place * turn, prefix + name), turn.inverse()
+                _copy_arrays(self.model, self.model.joints[number[j]], model, old)
+            self._append_inertia(number[j], model.inertias[j], where[j])
+        frames = self._copy_frames(model, number, where, prefix, set(locked), parent)
+        for g in visuals.geometryObjects if visuals is not None else ():
+            self._copy_visual(g, number, where, prefix, frames)
+        return self
+
+    def _add_joint(self, at: int, joint: pin.JointModel, place: pin.SE3, name: str) -> int:
+        if name in joint_names(self.model):
+            raise InputError(f"two joints are called {name!r}: give one source a prefix")
+        return int(self.model.addJoint(at, joint, place, name))
+
+    def _append_inertia(self, joint: int, inertia: pin.Inertia, where: pin.SE3) -> None:
+        if inertia.mass or inertia.inertia.any():
+            self.model.appendBodyToJoint(joint, inertia, where)
+
+    def _copy_frames(
+        self,
+        model: pin.Model,
+        number: dict[int, int],
+        where: dict[int, pin.SE3],
+        prefix: str,
+        locked: set[str],
+        parent: pin.Frame | None,
+    ) -> dict[int, int]:
+        """Copy frames; return the new number of each."""
+        frames = {0: self.model.getFrameId(parent.name, parent.type) if parent else 0}
+        taken = {(f.name, f.type) for f in self.model.frames}
+        for i, f in enumerate(list(model.frames)[1:], 1):
+            name, j = prefix + f.name, int(f.parentJoint)
+            kind = pin.FrameType.FIXED_JOINT if f.type == pin.FrameType.JOINT and f.name in locked else f.type
+            if (name, kind) in taken:
+                raise InputError(f"two frames are called {name!r}: give one source a prefix")
+            above, place = frames.get(int(f.parentFrame), 0), where[j] * f.placement
+            copy = pin.Frame(name, number[j], above, place, kind, f.inertia)
+            frames[i] = int(self.model.addFrame(copy, False))
+        return frames
+
+    def _copy_visual(
+        self,
+        geometry: pin.GeometryObject,
+        number: dict[int, int],
+        where: dict[int, pin.SE3],
+        prefix: str,
+        frames: dict[int, int],
+    ) -> None:
+        g, joint = geometry.copy(), int(geometry.parentJoint)
+        g.name, g.parentJoint = prefix + g.name, number[joint]
+        g.placement, g.parentFrame = where[joint] * g.placement, frames.get(int(g.parentFrame), 0)
+        self.visuals.addGeometryObject(g)
+
+
+def settled(
+    model: pin.Model,
+    visuals: pin.GeometryModel | None,
+    kinds: Mapping[str, str],
+    lock: Mapping[str, Any],
+    normals: Mapping[str, Axis] | None = None,
+) -> tuple[pin.Model, pin.GeometryModel | None]:
+    """Return the model with joints of other kinds, joints locked at values, and all of them numbered depth first.
+
+    Pinocchio's planar joint moves in its frame's xy plane: that of a joint with a normal, or in the place of one with
+    an axis, is turned.
+
+    Args:
+        model: stays as it is.
+        visuals: stay as they are.
+        kinds: joint = kind.
+        lock: joint = value.
+        normals: of the planes of planar joints, in their frames.
+
+    Raises:
+        UnknownNameError, InputError: for a joint that does not exist or a wrong number of values.
+    """
+    gravity, name = model.gravity, model.name
+    axes = {n: axis for n, axis in (normals or {}).items() if kinds.get(n, "planar") == "planar"}
+    axes |= {n: _axis(find_joint(model, n)) for n, kind in kinds.items() if kind == "planar" and n not in axes}
+    if kinds or axes:
+        turns = {n: turn_of_z(axis) for n, axis in axes.items()}
+        tree = Tree(name).graft(model, visuals, kinds=kinds, turns=turns)
+        model, visuals = tree.model, tree.visuals
+    if lock:
+        q = coordinates(model, lock)[0]
+        joints = {n: find_joint(model, n) for n in lock}
+        values = {n: q[j.idx_q : j.idx_q + j.nq] for n, j in joints.items()}
+        tree = Tree(name).graft(model, visuals, locked=values)
+        model, visuals = tree.model, tree.visuals
+    model, visuals = depth_first(model, visuals)
+    model.gravity = gravity
+    return model, visuals
+
+
+def depth_first(
+    model: pin.Model, visuals: pin.GeometryModel | None = None
+) -> tuple[pin.Model, pin.GeometryModel | None]:
+    """Return the model with its joints numbered depth first: the same model if they are already."""
+    if is_depth_first(model):
+        return model, visuals
+    tree = Tree(model.name).graft(model, visuals)
+    tree.model.gravity = model.gravity
+    return tree.model, None if visuals is None else tree.visuals
+
+
+def override(old: pin.JointModel, name: str, kind: str) -> pin.JointModel:
+    """Return a joint of another kind that takes the place of one.
+
+    A revolute one keeps the axis that it had; a universal joint turns about axes of the joint's own frame, x then y
+    unless its name says otherwise.
+
+    Raises:
+        InputError: for a revolute joint in the place of one without an axis of rotation.
+    """
+    if kind in PLAIN:
+        return PLAIN[kind]()
+    if kind.startswith("universal"):
+        first, second = (np.eye(3)["xyz".index(c)] for c in (kind.removeprefix("universal_") if "_" in kind else "xy"))
+        return pin.JointModelUniversal(first, second)
+    if kind != "revolute":
+        raise UnknownNameError("kind of joint", kind, [*PLAIN, "revolute", "universal"])
+    axis = subspace(old)[3:, 0] if old.nv == 1 else np.zeros(3)
+    if not axis.any():
+        raise InputError(f"joint {name!r} has no axis of rotation: it cannot become revolute")
+    return pin.JointModelRevoluteUnaligned(axis)
+
+
+def turn_of_z(axis: Axis) -> pin.SE3:
+    """The shortest turn that takes z to an axis."""
+    return pin.SE3(pin.Quaternion.FromTwoVectors(pin.ZAxis, np.array(axis) / np.linalg.norm(axis)), np.zeros(3))
+
+
+def _axis(joint: pin.JointModel) -> Axis:
+    """The axis of a joint with one coordinate, in its own frame; z for other joints."""
+    if joint.nv != 1:
+        return Z
+    x, y, z = np.sum(subspace(joint).reshape(2, 3), 0)  # one of both parts is zero
+    return float(x), float(y), float(z)
+
+
+def _copy_arrays(model: pin.Model, new: pin.JointModel, source: pin.Model, old: pin.JointModel) -> None:
+    """Copy what a model says about a joint; one number becomes that of every coordinate of another kind of joint."""
+    for name in PER_VELOCITY:
+        values = np.array(getattr(source, name))[old.idx_v : old.idx_v + old.nv]
+        if old.nv == new.nv or len(set(values.tolist())) == 1:
+            getattr(model, name)[new.idx_v : new.idx_v + new.nv] = values if old.nv == new.nv else values[0]
+    if (old.nq, old.nv) == (new.nq, new.nv):
+        for name in PER_COORDINATE:
+            values = np.array(getattr(source, name))[old.idx_q : old.idx_q + old.nq]
+            getattr(model, name)[new.idx_q : new.idx_q + new.nq] = values
+
+
+def _walk(model: pin.Model, j: int) -> list[int]:
+    out, waiting = [], list(model.children[j])[::-1]
+    while waiting:
+        k = int(waiting.pop())
+        out.append(k)
+        waiting += list(model.children[k])[::-1]
+    return out

@@ -1,0 +1,121 @@
+"""What an MJCF file makes MuJoCo read and make: other files, which must stand in its places, and numbers of things.
+
+MuJoCo follows file names and counts without a question, so both are looked at before it is asked. The text is searched
+and not parsed: whatever MuJoCo takes for an attribute is found, and perhaps more, in comments for instance.
+"""
+
+import os
+import re
+from html import unescape
+from math import prod
+from pathlib import Path
+from typing import NamedTuple
+
+from ....errors import InputError
+from ...allowed_paths import Places, refused
+
+ATTRIBUTE = re.compile(rb"""([A-Za-z_]\w*)\s*=\s*("[^"]*"|'[^']*')""")
+FOLDERS = ("meshdir", "texturedir", "assetdir")
+LARGEST = {
+    **dict.fromkeys(("count", "nkey", "nrow", "ncol"), 10_000),
+    **dict.fromkeys(("width", "height"), 8_192),
+    "gridsize": 144,
+}
+USER = 10_000  # of ``nuser_body`` and the like
+MANY = 32  # folders
+REPLICATE = re.compile(rb"<replicate\b[^>]*>|</replicate\s*>")
+
+
+class XmlFiles(NamedTuple):
+    """The XML files of a model.
+
+    Attributes:
+        main: the model's own.
+        texts: of this one and of those that it names.
+        named: the file that each name means.
+    """
+
+    main: Path
+    texts: dict[Path, bytes]
+    named: dict[str, Path]
+
+
+def check_files(path: Path, places: Places) -> XmlFiles:
+    """Check what an MJCF file names, and the files that it includes, and return those.
+
+    Raises:
+        InputError: names a file outside of the places, or a number that is too large.
+    """
+    folders, names, counts = {""}, set[tuple[Path, str]](), dict[Path, int]()
+    waiting, files = [path.resolve()], XmlFiles(path.resolve(), {}, {})
+    while waiting:
+        for file in waiting:
+            found = file.read_bytes()
+            files.texts[file], counts[file] = found, _replicated(found, path.name)
+            for key, value in _attributes(found):
+                _refuse_many(key, value, path.name)
+                if key.startswith("file"):
+                    names.add((file.parent, value))
+                elif key in FOLDERS:
+                    folders.add(value)
+        if len(folders) > MANY:
+            raise InputError(f"{path.name} names more than {MANY} folders of meshes and textures")
+        meant = {(base, n): _found(n, {base, files.main.parent}, folders, places) for base, n in names}
+        files.named.update({n: found[0] for (_, n), found in meant.items() if found})
+        waiting = [f for f in sorted({f for found in meant.values() for f in found} - counts.keys()) if _is_text(f)]
+    if prod(counts.values()) > LARGEST["count"]:
+        raise InputError(f"{path.name} replicates bodies {prod(counts.values())} times, beyond {LARGEST['count']}")
+    return files
+
+
+def _attributes(text: bytes) -> list[tuple[str, str]]:
+    """Names and values, as they stand and without their escapes."""
+    pairs = [(key.decode(), os.fsdecode(value[1:-1])) for key, value in ATTRIBUTE.findall(text)]
+    return [*pairs, *((key, unescape(value)) for key, value in pairs if "&" in value)]
+
+
+def _found(name: str, bases: set[Path], folders: set[str], places: Places) -> list[Path]:
+    """The files that a name may mean to MuJoCo, which may drop its folders."""
+    plain = name.rpartition("://")[2]
+    out = []
+    for place in (base / folder / n for base in bases for folder in folders for n in {plain, Path(plain).name}):
+        try:
+            file = place.resolve()
+            if file.is_dir() or not file.exists():
+                continue
+        except (OSError, ValueError, RuntimeError):  # not a path
+            continue
+        if not places.holds(file):
+            raise refused(name, file, places.root)
+        if not file.is_file():
+            raise InputError(f"{name!r} is not a plain file: {file}")
+        out.append(file)
+    return out
+
+
+def _is_text(file: Path) -> bool:
+    """Whether a file is XML."""
+    with file.open("rb") as stream:
+        return stream.read(200).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
+
+
+def _refuse_many(key: str, value: str, name: str) -> None:
+    largest = USER if key.startswith("nuser") else LARGEST.get(key)
+    if largest is None:
+        return
+    numbers = [float(x) for x in re.findall(r"\d+(?:\.\d*)?(?:[eE]\+?\d+)?", value)]
+    if prod(x for x in numbers if x > 1) > largest:
+        raise InputError(f"{name}: {key} = {value[:40]!r} is beyond {largest}")
+
+
+def _replicated(text: bytes, name: str) -> int:
+    """How often the innermost of nested replications is made."""
+    most, nested = 1, [1]
+    for tag in REPLICATE.findall(text):
+        if tag.startswith(b"</"):
+            nested = nested[:-1] or [1]
+        elif not tag.endswith(b"/>"):
+            count = dict(_attributes(tag)).get("count", "1").strip()
+            nested.append(nested[-1] * (int(count) if count.isdigit() else 1))
+            most = max(most, nested[-1])
+    return most

@@ -1,0 +1,236 @@
+"""Friction by the forces that closures carry: T_k = -mu_k r_k |F_k(lam)| d_k along e_k, k over the places that slide.
+
+e_k (nv,) is the generalised direction of a slip of speed e_k . v, and d_k its direction, between -1 and 1. A stage, or
+a point of the hidden constraint, solves
+
+    M v' = f + G^T lam + sum_k e_k T_k,   Ghat v' = rhs,   T_k = -mu_k r_k |F_k(lam)| d_k
+
+v' and lam are affine in T, which the factors of one solve give; so this is a small system for T, solved by Newton's
+method. It has one solution where det(1 - dT/dT) > 0 all the way; otherwise friction wedges (Painleve).
+
+Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996), chapter 5; E. Hairer, C. Lubich,
+M. Roche, LNM 1409 (1989), section 7, for y' = f(y, z) with a general f.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import InputError, StepError, UnknownNameError
+from ...system import Array
+from ..closures.closure import Closure
+from ..closures.constraints import Constraints
+from ..closures.independent_rows import minimum_norm
+from ..forces.coulomb_friction import CoulombFriction
+from .friction_interface import NOTHING, SLIDES, STILL, TOUCHES, TURNS, SlidingPlace, directed
+
+if TYPE_CHECKING:
+    from .index2 import Index2System
+
+CARRIED = {"revolute": 3, "point": 3, "prismatic": 2, "cylindrical": 2, "in_line": 2}  # first rows that carry F; else 1
+ITERATIONS = 50
+CONVERGED = 1e-15  # of the largest T
+STALLED = 1e-12  # of the largest T: nor is a change this small made better that does not halve
+
+
+class Sliding:
+    """All places of a workspace where friction depends on multipliers.
+
+    Args:
+        forces: of the mechanism.
+        closures: of the mechanism.
+        constraints: its rows in the workspace.
+
+    Raises:
+        UnknownNameError: for a closure that does not exist.
+        InputError: for one that neither turns nor slides, or a radius that does not fit.
+    """
+
+    def __init__(self, forces: tuple, closures: tuple[Closure, ...], constraints: Constraints) -> None:
+        named, self.constraints = {c.name: c for c in closures}, constraints
+        self.places: list[SlidingPlace] = []
+        for force in forces:
+            if isinstance(force, CoulombFriction):
+                if force.closure not in named:
+                    raise UnknownNameError("closure", force.closure, named)
+                closure = named[force.closure]
+                _refuse(force, closure)
+                pair, start = constraints.frame_parts[closure.name].pair, constraints.spans[closure.name].start
+                rows = slice(start, start + CARRIED.get(closure.kind, 1))
+                self.places.append(SlidingPlace(force, closure, pair, rows, slice(start + 1, start + closure.m)))
+        self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
+        self.acts = np.array([not p.force.sticks for p in self.places], np.uint8)  # what grips does not slide
+        self.headings = np.tile([1.0, 0.0], (len(self.places), 1))
+        self.heading = [x[: p.grip.stop - p.grip.start] for x, p in zip(self.headings, self.places, strict=True)]
+
+    def __bool__(self) -> bool:
+        return bool(self.acts.any())
+
+    @property
+    def grips(self) -> bool:
+        """Say whether what grips else slides."""
+        return any(acts and place.force.sticks for acts, place in zip(self.acts, self.places, strict=True))
+
+    def plain(self) -> list[dict[str, Any]]:
+        """Return what the core takes of the places; `acts` and `headings` it shares."""
+        return [place.plain() for place in self.places]
+
+    def slips(self, v: Array) -> tuple[Array, Array, Array]:
+        """Return e (k, nv), e . v (k,) and the factors -mu r d (k,) where kinematics and G stand."""
+        W, k = self.constraints.W, len(self.places)
+        e, speed, d = np.zeros((k, len(v))), np.zeros(k), np.zeros(k)
+        for i, p in enumerate(self.places):
+            if p.force.sticks and self.acts[i]:
+                (e[i], speed[i]), d[i] = p.along_grip(v, W, self.heading[i]), 1.0
+            elif self.acts[i]:
+                e[i], speed[i] = p.slip(v, W[:, p.rows])
+                d[i] = np.tanh(speed[i] / p.force.width)
+        return e, speed, -self.coefficient * d
+
+    def whole(self, rows: Array) -> Array:
+        """Return the matrix (ng, r) of multipliers of all rows by those in use, where kinematics and G stand."""
+        ng, r = self.constraints.ng, len(rows)
+        if r == ng:
+            return np.eye(ng)[:, rows]
+        G = self.constraints.jacobian()
+        return np.array([minimum_norm(G, r, g) for g in G[rows]]).T
+
+    def rubs(self, name: str) -> list[int]:
+        """Return the numbers of the places of a closure with regularised friction, which no multiplier stands for."""
+        return [k for k, p in enumerate(self.places) if p.closure.name == name and not p.force.sticks]
+
+    def wrench(self, name: str, v: Array, lam: Array) -> Array:
+        """Return the regularised friction of a closure on its second frame, at the world's origin, (6,); W stands.
+
+        Args:
+            name: of the closure.
+            v: velocity, (nv,).
+            lam: multipliers of all rows, (ng,).
+        """
+        out = np.zeros(6)
+        for k in self.rubs(name):
+            place = self.places[k]
+            A = place.ways(self.constraints.W[:, place.rows])
+            slip, F = A @ place.pair.relative(v), lam[place.rows]
+            load = self.coefficient[k] * np.sqrt(F @ F) * np.tanh(np.sqrt(slip @ slip) / place.force.width)
+            out -= load * (A.T @ directed(slip))
+        return out
+
+    def head(self, v: Array) -> bool:
+        """Head as grips slide, where W stands; False where one of them is at rest."""
+        moving = True
+        for k in np.flatnonzero(self.acts):
+            if (place := self.places[k]).force.sticks:
+                slip = self.constraints.W[:, place.grip].T @ place.pair.relative(v)
+                size = float(np.sqrt(slip @ slip))
+                moving &= size > STILL
+                self.heading[k][:] = slip / size if size > STILL else self.heading[k]
+        return moving
+
+    def filled(self, v: Array, lam: Array) -> Array:
+        """Return multipliers with -mu |F| d for grips that slide, (ng,), whose rows a mode leaves out; W stands."""
+        out = lam.copy()
+        for k in np.flatnonzero(self.acts):
+            if (place := self.places[k]).force.sticks:
+                along, F = place.along(v, self.constraints.W, self.heading[k]), lam[place.rows]
+                out[place.grip] = -self.coefficient[k] * np.sqrt(F @ F) * along
+        return out
+
+    def refuse(self, what: str) -> None:
+        """Refuse what does not know of forces that depend on multipliers.
+
+        Raises:
+            InputError: naming the first friction.
+        """
+        if self.places:
+            raise InputError(f"{what} does not know coulomb_friction, of closure {self.places[0].closure.name!r}")
+
+    def carried(self, lam: Array) -> tuple[Array, Array]:
+        """Return |F| (k,) and its slopes (k, ng) for multipliers of all rows, (ng,)."""
+        size, slope = np.zeros(len(self.places)), np.zeros((len(self.places), len(lam)))
+        for k, place in enumerate(self.places):
+            F = lam[place.rows]
+            size[k] = np.sqrt(F @ F)
+            slope[k, place.rows] = F / (size[k] + NOTHING)
+        return size, slope
+
+    def solve(self, t: float, factor: Array, lam: Array, responses: Array) -> Array:
+        """Return T (k,).
+
+        Args:
+            t: time, for messages.
+            factor: -mu r d, (k,).
+            lam: multipliers of all rows without friction, (ng,).
+            responses: and their changes by a unit of each T, (k, ng).
+
+        Raises:
+            StepError: where friction wedges.
+        """
+        T, last = np.zeros(len(factor)), np.inf
+        for _ in range(ITERATIONS):
+            size, slope = self.carried(lam + T @ responses)
+            slopes = np.eye(len(T)) - factor[:, None] * (slope @ responses.T)
+            if not np.linalg.det(slopes) > 0 or not (slopes.diagonal() > 0).all():
+                self._wedges(t, slopes)
+            move = np.linalg.solve(slopes, factor * size - T)
+            T, change = T + move, float(np.abs(move).max())
+            if change <= CONVERGED * np.abs(T).max() or (change >= 0.5 * last and change <= STALLED * np.abs(T).max()):
+                return T
+            last = change
+        names = ", ".join(repr(p.closure.name) for p, acts in zip(self.places, self.acts, strict=True) if acts)
+        raise StepError("friction", f"closures {names}: no friction was found that fits its own load at t = {t:.17g}")
+
+    def _wedges(self, t: float, slopes: Array) -> None:
+        name = self.places[int(slopes.diagonal().argmin())].closure.name
+        text = f"friction wedges closure {name!r} at t = {t:.17g}: with so much of it there is no motion, or several"
+        raise StepError("friction", text)
+
+
+def with_friction(
+    s: "Index2System",
+    t: float,
+    U: Array,
+    G: Array,
+    rows: Array,
+    Ghat: Array,
+    f: Array,
+    rhs: Array,
+    slips: tuple[Array, Array, Array],
+) -> tuple[Array, Array, float]:
+    """Solve a stage, see the module: v' (nv,), lam (r,) of the rows in use, and the power of friction in W.
+
+    Args:
+        s: the system.
+        t: time.
+        U: Cholesky factor of M at the stage.
+        G: all rows there, (ng, nv).
+        rows: those in use, (r,).
+        Ghat: rows in use where the stage meets the constraint, (r, nv).
+        f: other forces, (nv,).
+        rhs: Ghat v', (r,).
+        slips: what `Sliding.slips` gave at the stage.
+    """
+    e, speed, factor = slips
+    vdot, lam = s.saddle(t, U, G[rows], Ghat, np.vstack([f, e]), rhs)
+    whole: Callable[[Array], Array] = lambda x: s.all_multipliers(U, G, rows, x)  # noqa: E731
+    T = s.sliding.solve(t, factor, whole(lam[0]), np.array([whole(x) for x in lam[1:]]))
+    return vdot[0] + T @ vdot[1:], lam[0] + T @ lam[1:], float(T @ speed)
+
+
+def _refuse(force: CoulombFriction, closure: Closure) -> None:
+    known = (*TURNS, *SLIDES, *TOUCHES)
+    if closure.kind not in known or (closure.kind == "rolling" and closure.contact is False):
+        raise InputError(f"coulomb_friction is for closures of kind {', '.join(known)}; {closure.name!r} is another")
+    grips = closure.kind == "rolling" and bool(closure.tangents)
+    if grips and not force.sticks:
+        how = "exact = true, or grip = 'none'"
+        raise InputError(f"coulomb_friction {force.name!r}: the grip of {closure.name!r} needs {how}")
+    if grips and closure.unilateral and (len(closure.tangents) > 1 or force.static is not None):
+        how = "exact = true without static, and grip along one line: 'longitudinal', 'lateral' or an angle"
+        raise InputError(f"coulomb_friction {force.name!r}: {closure.name!r}, which lets go, needs {how}")
+    if force.sticks and not grips:
+        raise InputError(f"coulomb_friction {force.name!r}: static and exact are for rolling closures with a grip")
+    if (force.radius is None) == (closure.kind in TURNS):
+        belongs = "needs the radius of its bearing" if closure.kind in TURNS else "slides: radius does not belong to it"
+        raise InputError(f"coulomb_friction {force.name!r}: closure {closure.name!r} {belongs}")

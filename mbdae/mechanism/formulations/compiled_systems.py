@@ -1,0 +1,249 @@
+"""The formulations of a mechanism in the compiled core: the same functions as their systems in Python, and whole steps.
+
+The Python system is the specification. What the core cannot do at a point (a singular system, a value that is
+not finite, a force law that raises an error) it leaves to Python, which finds the words for it.
+"""
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import NotCompiled
+from ...system import Array, Counts, State, Step
+from ..closures.independent_rows import probe
+from ..forces.joint_friction import DryElement
+from ..hybrid.switches import Mode
+from ..manifold import GROUPS
+from .core_description import constraints_of, laws_of, limits_of, samplers_of
+from .equation_partials import Jacobians
+from .ggl import GGLSystem
+from .index1 import Index1System
+from .index2 import Index2System
+
+if TYPE_CHECKING:
+    from ..._native import Core, Run
+    from ..mechanism import Mechanism
+
+COUNTS = tuple(Counts().to_dict())
+
+
+class Compiled(Index2System):
+    """`mbdae.system.System` of a mechanism whose points and steps the core computes.
+
+    Args:
+        mechanism: the mechanism.
+        native: the core, see `mbdae.backend`.
+
+    Raises:
+        NotCompiled: names what the core does not have.
+    """
+
+    native: ModuleType
+
+    def __init__(self, mechanism: "Mechanism", native: ModuleType) -> None:
+        super().__init__(mechanism)
+        m = self.manifold
+        pairs, rows, drivers = constraints_of(self.constraints)
+        law_pairs, laws = laws_of(self.laws)
+        blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.places, strict=True)]
+        turning = m.turning.astype(int).tolist()
+        self.native = native
+        lists = self.place.tolist(), probe(self.nv).tolist()
+        tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, m.angles, *lists
+        form = self.formulation, *self.baumgarte
+        try:
+            self.core: Core = native.Core(mechanism.model, limits_of(native, mechanism), m.flat, *tables, *form)
+        except native.UnknownKind as e:
+            raise NotCompiled(str(e)) from None
+        self.core.sample(samplers_of(self.laws))
+        self.core.slide(self.sliding.plain(), self.sliding.acts, self.sliding.headings)
+        self._leave_out()
+        self._seen = [0] * len(COUNTS)
+        self._begun = False
+        self._method: tuple[Any, Any] = (None, None)
+        self._expanded = False
+
+    def method(self, method: Any) -> Any:
+        """Return a method as the core takes it; an implicit one takes the expanded tree, too."""
+        if self._method[0] is not method:
+            self._method = method, method.compiled(self.native)
+            if isinstance(self._method[1], self.native.Radau):
+                self.expand()
+        return self._method[1]
+
+    def expand(self) -> None:
+        """Hand over the expanded tree, by which the core takes slopes."""
+        if not self._expanded:
+            self.core.expand(self.inertial.model)
+            self._expanded = True
+
+    def derivative(self, t: float, y: Array, near: Array | None = None) -> tuple[Array, Array]:
+        """See `Index2System.derivative`; the first one, which finds the rank, is computed in Python."""
+        found = self.core.derivative(t, y) if self._begun else None
+        self.after()
+        if found is not None:
+            return found
+        self.before_python()
+        found = super().derivative(t, y, near)
+        self.after_python()
+        return found
+
+    def whole_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
+        """See `mbdae.system.System`; None where the core cannot take the step."""
+        if not self._begun:
+            self.derivative(t, state.y)
+        a, carry = self.method(method), self.carried(state)
+        implicit = (controlled,) if isinstance(a, self.native.Radau) else ()
+        found = self.core.step(a, t, h, state.y, carry, state.compensation, *implicit)
+        self.after()
+        if found is None:
+            self.before_python()
+            return None
+        y, carry, low, z, errors = found
+        return Step(State(y, carry, low), z, errors)
+
+    def carried(self, state: State) -> Any:
+        """Return what the core has carried from step to step; None for the stages of a step in Python."""
+        return state.carry if isinstance(state.carry, np.ndarray | self.native.StageMemory) else None
+
+    def advance(self, method: Any, run: "Run") -> None:
+        """Take many steps, see `mbdae.integrate.steppers.native`; the run has them even if this is interrupted."""
+        try:
+            self.core.advance(self.method(method), run)
+        finally:
+            self.after()
+            if run.changes:
+                self.rows = np.array(self.core.rows, int)
+
+    def derivatives(self, t: Array, y: Array, near: Array) -> tuple[Array, Array]:
+        """See `mbdae.system.System`."""
+        if len(t) and not self._begun:
+            self.derivative(float(t[0]), y[0])
+        F, lam = self.core.derivatives(np.ascontiguousarray(t), np.ascontiguousarray(y))
+        left = np.isnan(F).any(axis=1) | np.isnan(lam).any(axis=1)
+        F[left], lam[left] = super().derivatives(t[left], y[left], near[left])
+        return F, lam
+
+    def residuals(self, t: Array, y: Array) -> tuple[Array, Array, Array]:
+        """See `Index2System.residuals`."""
+        g, rates, energies = self.core.residuals(np.ascontiguousarray(t), np.ascontiguousarray(y))
+        left = np.isnan(energies).any(axis=1) & np.isfinite(y).all(axis=1)
+        if left.any():
+            g[left], rates[left], energies[left] = super().residuals(t[left], y[left])
+        return g, rates, energies
+
+    def slopes(self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> Jacobians:
+        """See `Index2System.slopes`."""
+        self.expand()
+        if self.sliding or not np.array_equal(rows, self.core.rows):
+            return super().slopes(t, q, u, vdot, lam, rows)
+        whole = np.zeros(self.ng)
+        whole[rows] = lam
+        found = self.core.slopes(t, q, u, vdot, whole)
+        if found is None:
+            return super().slopes(t, q, u, vdot, lam, rows)
+        M, K, D, G, B, g_t = found
+        E, nv = np.eye(len(u)), self.nv
+        E[:nv, :nv] = M
+        L = np.vstack([G.T, np.zeros((len(u) - nv - 1, len(G))), -g_t])
+        return Jacobians(E, K, D, L, G, B)
+
+    def rate_slopes(self, t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
+        """See `Index2System.rate_slopes`."""
+        u = np.concatenate([v, np.zeros(self.ns + 1)])
+        found = self.slopes(t, q, u, np.zeros(self.nv), np.zeros(len(rows)), rows)
+        return found.G, found.B
+
+    def pivot_ratio(self, t: float, y: Array) -> float:
+        """See `Index2System.pivot_ratio`."""
+        found = self.core.ratio(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
+        return super().pivot_ratio(t, y) if found is None else found
+
+    def after(self) -> None:
+        """Take over what the core counted."""
+        counts = self.core.counts
+        now = [getattr(counts, name) for name in COUNTS]
+        for name, new, old in zip(COUNTS, now, self._seen, strict=True):
+            if new != old:
+                setattr(self.counts, name, getattr(self.counts, name) + new - old)
+        self._seen = now
+        self.least_pivot_ratio = min(self.least_pivot_ratio, self.core.least_pivot_ratio)
+        self.core.least_pivot_ratio = 1.0
+        self.largest_g = max(self.largest_g, self.core.largest_g)
+        self.largest_rate = max(self.largest_rate, self.core.largest_rate)
+
+    def before_python(self) -> None:
+        """Let Python go on with the rows that the core uses."""
+        if self._begun and not self.held:
+            self.rows = np.array(self.core.rows, int)
+        self._last_q = np.full(self.nq, np.nan)
+
+    def after_python(self) -> None:
+        """Let the core go on with the rows that Python uses."""
+        rows = [] if self.rows is None else self.rows.tolist()
+        self.core.use(rows, len(rows), self.floor, self.held)
+        self._begun = True
+
+    def restore(self, t: float, y: Array, tight: bool = False) -> Array:
+        """See `Index2System.restore`."""
+        found = self.core.restore(t, y) if self._begun and not tight else None
+        self.after()
+        return super().restore(t, y, tight) if found is None else found
+
+    def every_row(self, t: float, y: Array) -> tuple[Array, Array] | None:
+        """See `Index2System.every_row`."""
+        return self.core.every(t, y)
+
+    def enter(self, mode: Mode) -> None:
+        """See `Index2System.enter`."""
+        if mode != self.mode:
+            super().enter(mode)
+            self._leave_out()
+            for k, (law, _) in enumerate(self.laws.acting):
+                if isinstance(law, DryElement):
+                    self.core.change_law(k, law.plain()["a"])
+            self._begun = False
+
+    def _leave_out(self) -> None:
+        off = self.constraints.off
+        if len(self.mechanism.switches):
+            self.core.leave_out([k in off for k in range(self.ng)], self.sticks)
+
+    def hold(self, rows: tuple[int, ...]) -> None:
+        """See `mbdae.system.System`."""
+        super().hold(rows)
+        self.after_python()
+
+    def settle(self, t: float, state: State) -> State:
+        """See `mbdae.system.System`."""
+        if self._begun and self.held and (state.carry is None or self.carried(state) is not None):
+            found = self.core.settle(t, state.y, state.carry)
+            self.after()
+            if found is not None:
+                changed, y, carry = found
+                if changed:
+                    self.rows = np.array(self.core.rows, int)
+                    return State(y, carry, state.compensation)
+                return state
+        self.before_python()
+        state = super().settle(t, state)
+        self.after_python()
+        return state
+
+
+class CompiledGGL(GGLSystem, Compiled):
+    """`GGLSystem` in the compiled core."""
+
+
+class CompiledIndex1(Index1System, Compiled):
+    """`Index1System` in the compiled core."""
+
+    def rate(self, t: float, y: Array) -> tuple[Array, Array]:
+        """See `Index1System.rate`; what it counts is taken over by `settle`, behind the step."""
+        found = self.core.rate(t, y) if self._begun else None
+        return super().rate(t, y) if found is None else found
+
+
+COMPILED: dict[str, Callable[..., Compiled]] = {c.formulation: c for c in (Compiled, CompiledGGL, CompiledIndex1)}

@@ -1,0 +1,110 @@
+"""Closures, drivers, forces and thresholds as the plain numbers that the compiled core takes."""
+
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from ...errors import NotCompiled
+from .. import manifold
+from ..closures import independent_rows
+from ..closures.constraints import Constraints
+from ..forces.elements import ForceElements
+from ..forces.sampled import SampledElement
+from ..frames import Anchor, Pair
+from . import closure_friction, friction_interface, ggl, projection
+
+if TYPE_CHECKING:
+    from ..._native import Limits
+    from ..mechanism import Mechanism
+
+Plain = dict[str, Any]
+
+
+def limits_of(native: ModuleType, mechanism: "Mechanism") -> "Limits":
+    """Return all thresholds of points and steps; those of step-size control come with a run."""
+    limits: Limits = native.Limits(
+        largest_turn=manifold.LARGEST_TURN,
+        series=manifold.SERIES,
+        series_end=manifold.SERIES_END,
+        same_point=manifold.SAME_POINT,
+        smallest_pivot=independent_rows.SMALLEST_PIVOT,
+        independent=independent_rows.RANK_TOLERANCE,
+        worst_conditioning=independent_rows.WORST_CONDITIONING,
+        grown=independent_rows.GROWN,
+        many=independent_rows.MANY,
+        reason=independent_rows.REASON,
+        probed=independent_rows.PROBED,
+        converged=independent_rows.CONVERGED,
+        spare=independent_rows.SPARE,
+        truncation=projection.TRUNCATION,
+        rounding=projection.ROUNDING,
+        falling=projection.FALLING,
+        open=projection.OPEN,
+        stalled=projection.STALLED,
+        iterations=projection.ITERATIONS,
+        unmoved=projection.UNMOVED,
+        row_scales=mechanism.row_scales.tolist(),
+        q_scales=mechanism.q_scales.tolist(),
+        coordinate_scales=mechanism.coordinate_scales.tolist(),
+        meeting=ggl.ITERATIONS,
+        met=ggl.ROUNDING,
+        halted=ggl.STALLED,
+        gaping=ggl.OPEN,
+        still=friction_interface.STILL,
+        turned=friction_interface.TURNED,
+        loading=closure_friction.ITERATIONS,
+        loaded=closure_friction.CONVERGED,
+        settled=closure_friction.STALLED,
+        nothing=friction_interface.NOTHING,
+    )
+    return limits
+
+
+def constraints_of(constraints: Constraints) -> tuple[list[Any], list[Plain], list[Plain]]:
+    """Return pairs of frames, rows and drivers.
+
+    Raises:
+        NotCompiled: for rows that the core does not have.
+    """
+    pairs: list[Any] = []
+    rows: list[Plain] = [{}] * constraints.ng
+    for pair, kinds in constraints.frame_parts.values():
+        for s, r, _ in kinds:
+            rows[s] = found = [{"pair": len(pairs), **numbers} for numbers in r.plain()]
+            if len(found) != r.m:
+                raise NotCompiled(f"rows of kind {type(r).__name__}")
+        pairs.append((_frame(pair.a), _frame(pair.b)))
+    for part in constraints.joint_parts:
+        rows[part.at] = part.plain()
+    drivers = [
+        {"row": at, "length": bool(d.frames and d.motion), "speed": bool(d.speed), "motion": d.path.plain()}
+        for at, d in constraints.driven
+    ]
+    return pairs, rows, drivers
+
+
+def _frame(a: Anchor) -> tuple[int, list[float], list[float]]:
+    return a.joint, a.R.ravel().tolist(), a.p.tolist()
+
+
+def samplers_of(laws: ForceElements) -> list[Plain]:
+    """Return the controllers that are sampled."""
+    sampled = [(law, at) for law, at in laws.bound if isinstance(law, SampledElement)]
+    return [{**law.sampler(), "state": at.start, "states": at.stop - at.start} for law, at in sampled]
+
+
+def laws_of(laws: ForceElements) -> tuple[list[Any], list[Plain]]:
+    """Return pairs of frames and force laws.
+
+    Raises:
+        NotCompiled: for a law that the core does not have.
+    """
+    pairs: list[Any] = []
+    out: list[Plain] = []
+    for law, part in laws.acting:
+        numbers = law.plain()
+        pair: Pair | None = numbers.pop("frames", None)
+        if pair is not None:
+            numbers["pair"] = len(pairs)
+            pairs.append((_frame(pair.a), _frame(pair.b)))
+        out.append({**numbers, "state": part.start, "states": part.stop - part.start})
+    return pairs, out

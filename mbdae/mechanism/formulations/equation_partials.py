@@ -1,0 +1,84 @@
+"""The exact first derivatives of a mechanism's equations with respect to q (in the tangent), v, s and t.
+
+The inertial part M v' + nle comes from Pinocchio on the expanded tree, rows and laws know their own: see
+`mbdae.mechanism.expanded_tree`, `mbdae.mechanism.wrench_partials`, the files of closures and those of forces. Python
+functions of the user are differentiated by central differences of that function alone, where they bring no slopes of their own.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...system import Array
+
+if TYPE_CHECKING:
+    from .index2 import Index2System
+
+
+class Jacobians(NamedTuple):
+    """Slopes of (f + G^T lam - M v', h, power) and of G v + g_t at a point; n = nv + ns + 1 and u = (v, s, w).
+
+    Attributes:
+        E: diag(M, 1), (n, n).
+        K: d(f + G^T lam - M v', h, power)/dq, (n, nv).
+        D: d(f, h, power)/du, (n, n).
+        L: d(G^T lam, 0, -g_t lam)/dlam, (n, r).
+        G: the rows in use, (r, nv).
+        B: d(G v)/dq, (r, nv).
+    """
+
+    E: Array
+    K: Array
+    D: Array
+    L: Array
+    G: Array
+    B: Array
+
+
+def jacobians(s: "Index2System", t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> Jacobians:
+    """Take the slopes of a mechanism at (t, q, u, v', lam), u = (v, s, w), lam (r,) for the rows in use (r,)."""
+    nv, n, v = s.nv, len(u), u[: s.nv]
+    s.counts.M += 1
+    s.counts.f += 1
+    M, by_q, by_v = s.inertial.slopes(q, v, vdot)
+    pin.computeJointJacobians(s.model, s.data, q)
+    laws, G = s.laws.slopes(t, q, v, u[nv:-1]), s.jacobian()[rows]
+    whole = np.zeros(s.ng)
+    whole[rows] = lam
+    by_turning, B = s.constraints.slopes(v, whole)
+    E, K, D = np.eye(n), laws[:, :nv], np.zeros((n, n))
+    E[:nv, :nv], D[:, :-1] = M, laws[:, nv:]
+    K[:nv] += by_turning - by_q
+    D[:nv, :nv] -= by_v
+    if s.sliding:  # its slopes by q and v are left out: Newton's iterations find what they miss
+        e, speed, factor = s.sliding.slips(v)
+        all_rows = s.sliding.whole(rows)
+        by_lam = factor[:, None] * (s.sliding.carried(all_rows @ lam)[1] @ all_rows)
+        L = np.vstack([G.T + e.T @ by_lam, np.zeros((n - nv - 1, len(G))), speed @ by_lam - s.g_t(t)[rows]])
+        return Jacobians(E, K, D, L, G, B[rows])
+    L = np.vstack([G.T, np.zeros((n - nv - 1, len(G))), -s.g_t(t)[rows]])
+    return Jacobians(E, K, D, L, G, B[rows])
+
+
+def rate_slopes(s: "Index2System", t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
+    """Return G and d(G v)/dq of the rows in use, (r, nv) each."""
+    G = s.jacobian(q)
+    return G[rows], s.constraints.slopes(v, np.zeros(s.ng))[1][rows]
+
+
+def hidden_slopes(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
+    """Return the slopes of gamma with respect to q and v, over all rows, (ng, nv) each."""
+    s.jacobian(q)
+    return s.constraints.bias_slopes(v)
+
+
+def time_slopes(s: "Index2System", t: float, q: Array, v: Array, states: Array, lam: Array) -> tuple[Array, ...]:
+    """Return the slopes of (f, h, power), (nv + ns + 1,), of G v + g_t and of gamma, (ng,) each, in time."""
+    pin.computeJointJacobians(s.model, s.data, q)
+    out, (_, _, bend) = s.laws.by_time(t, q, v, states), s.constraints.motion(t)
+    out[-1] += lam @ bend
+    third = np.zeros(s.ng)
+    for at, driver in s.constraints.driven:
+        third[at] = driver.third(t)
+    return out, -bend, -third

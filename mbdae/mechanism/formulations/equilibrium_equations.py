@@ -1,0 +1,225 @@
+"""The balance of forces of a mechanism that rests, or moves steadily, and its exact slopes.
+
+    0 = f(t, q, v, s) + G^T lam,   0 = h(t, q, v, s),   0 = g(t, q),   v constant
+
+In coordinates y of the free motions, q (+) Z y, with the multipliers of least norm,
+
+    rho = Z^T f,   H = -Z^T K Z,   K = d(f + G^T lam)/dq - S h_s^+ h_q
+
+States that h determines (currents) follow the configuration. An integrator, for which h_s is singular, asks for a
+configuration, 0 = h; it is a row as a closure is one, and its state the multiplier.
+"""
+
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import InputError, UnknownNameError
+from ...system import Array
+from ..forces.elements import ForceElements
+from ..forces.sampled import SampledElement
+from .equation_partials import jacobians
+from .null_space import Freedom, close, freedom
+from .spectrum import EPS, null_space
+from .term_sizes import TermSizes
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+GRAVITY = "gravity"
+SETTLE = 20  # iterations for states
+ROUNDED = 1e-15  # of a state: a change that is none
+
+
+class Balance(NamedTuple):
+    """The balance at a configuration.
+
+    Attributes:
+        q: configuration, (nq,).
+        s: states, (ns,).
+        f: forces, (nv,).
+        load: the part of them that is scaled, (nv,).
+        rho: Z^T f, (k,).
+        H: -d rho/dy, (k, k).
+        lam: multipliers of closures and drivers, (ng,).
+        holding: what holds the coordinates that are held, N m or N, (m,).
+        free: the free motions.
+        size: |M^-1/2 f| with the reactions left out: what rho is compared with.
+        terms: sizes of the terms that were summed for K, (nv, nv), see `mbdae.mechanism.formulations.term_sizes`.
+    """
+
+    q: Array
+    s: Array
+    f: Array
+    load: Array
+    rho: Array
+    H: Array
+    lam: Array
+    holding: Array
+    free: Freedom
+    size: float
+    terms: Array
+
+    @property
+    def noise(self) -> Array:
+        """How closely each entry of H is known, (k, k)."""
+        Z = np.abs(self.free.Z)
+        return EPS * (Z.T @ self.terms @ Z)
+
+
+class Statics:
+    """The balance of a mechanism in a workspace, with some coordinates held and some forces scaled.
+
+    Args:
+        mech: the mechanism.
+        t: time in s.
+        v: constant speeds, (nv,), in coordinates that are held.
+        held: indices of the velocities whose coordinates are held.
+        loads: names of forces, or ``"gravity"``, that are scaled.
+
+    Raises:
+        UnknownNameError: for a force that does not exist.
+        InputError: for a sampled controller, which has no balance.
+    """
+
+    def __init__(self, mech: "Mechanism", t: float, v: Array, held: Array, loads: Sequence[str] = ()) -> None:
+        self.mech, self.t, self.v, self.held = mech, t, v, held
+        self.system = s = mech.system()
+        if mech.switches:
+            names = ", ".join(dict.fromkeys(switch.name for switch in mech.switches))
+            warnings.warn(f"statics and modes leave out what opens, sticks or slips: {names}", stacklevel=3)
+        for law, _ in s.laws.bound:
+            if isinstance(law, SampledElement):
+                raise InputError(f"{law.name!r} is a sampled controller: statics and modes need a continuous one")
+        for name in loads:
+            if name not in (*s.laws.names, GRAVITY):
+                raise UnknownNameError("force", name, (*s.laws.names, GRAVITY))
+        self.weighs = GRAVITY in loads
+        self.loads = ForceElements([law for law, _ in s.laws.bound if law.name in loads], s.model)
+        if self.loads.ns:
+            raise InputError(f"a load has no states of its own, got {', '.join(self.loads.states())}")
+        self.rows = np.eye(s.nv)[held]
+        self.sizes, self.units = TermSizes(s, v), np.append(mech.row_scales, mech.coordinate_scales[held])
+        self.factor = 1.0
+
+    def point(self, q: Array, s: Array) -> Balance:
+        """Return the balance at a configuration that is closed, states near s."""
+        system, v = self.system, self.v
+        s = self.states(q, s)
+        U = system.inertia(self.t, q)
+        G = system.jacobian()
+        f, load = system.force(self.t, q, v, s)[0], self.load(q)
+        f = f + (self.factor - 1.0) * load
+        free, R = self.free(U, q, s)
+        lam = free.multipliers(f)
+        K, S, hq, hs = self.slopes(q, s, lam[: system.ng])
+        terms = self.terms(q, s, U, np.abs(f) + np.abs(lam) @ np.abs(np.vstack([G, self.rows, R])), np.abs(K))
+        if len(s):
+            follow = partial_inverse(hs, EPS * self.sizes.states(hs))
+            K, terms = K - S @ follow @ hq, terms + np.abs(S) @ np.abs(follow) @ np.abs(hq)
+        size = float(np.linalg.norm(np.linalg.solve(U.T, f)))
+        if len(R):
+            mu = lam[len(lam) - len(R) :]
+            along = null_space(hs, EPS * self.sizes.states(hs)).vectors
+            s = s + along @ np.linalg.lstsq(S @ along, R.T @ mu)[0]
+        m = system.ng + len(self.held)
+        rho, H = free.Z.T @ f, -free.Z.T @ K @ free.Z
+        return Balance(q, s, f, load, rho, H, lam[: system.ng], lam[system.ng : m], free, size, terms)
+
+    def free(self, U: Array, q: Array, s: Array) -> tuple[Freedom, Array]:
+        """Return the free motions at q, where J stands, and the rows of integrators among what keeps the others."""
+        G, R = self.system.jacobian(), self.asked(q, s)[1]
+        asked = (np.abs(R) * self.sizes.l).max(1, initial=0.0)
+        units = np.append(self.units, np.where(asked > 0, asked, 1.0))
+        return freedom(U, np.vstack([G, self.rows, R]), units, self.sizes.l), R
+
+    def terms(self, q: Array, s: Array, U: Array, forces: Array, K: Array) -> Array:
+        """Return the sizes of the terms of K, (nv, nv), from those of the sums of forces and slopes."""
+        forces = forces + self.sizes.forces(self.t, q, s) + abs(self.factor - 1.0) * np.abs(self.load(q))
+        mu = np.linalg.norm(U, axis=0)
+        return self.sizes.stiffness(mu, forces, K + self.sizes.slopes(self.t, q, s)[0])
+
+    def met(self, here: Balance) -> Array:
+        """Return the sizes of the terms of rho, and of what 1 rad or characteristic length would change of it, (k,)."""
+        return np.abs(here.free.Z.T) @ (here.terms @ self.sizes.l)
+
+    def residual(self, here: Balance) -> float:
+        """Return the largest share that rho is of its terms, see `met`."""
+        rho = np.abs(here.rho)
+        return float(np.divide(rho, self.met(here), out=np.zeros_like(rho), where=rho > 0).max(initial=0.0))
+
+    def close(self, q: Array, s: Array) -> Array:
+        """Return the configuration near q that closes all loops and meets integrators.
+
+        Raises:
+            StepError: if loops stay open.
+        """
+        more = (lambda x: self.asked(x, s)) if self.system.ns else None
+        return close(self.system, self.t, q, more)
+
+    def load(self, q: Array) -> Array:
+        """Return the forces that are scaled, (nv,); the kinematics stand at q, and velocities."""
+        s = self.system
+        out = self.loads.torque(self.t, q, self.v, np.empty(0))[0]
+        if self.weighs:
+            out = out - pin.rnea(s.model, s.data, q, np.zeros(s.nv), np.zeros(s.nv))
+        return out
+
+    def force(self, q: Array, s: Array) -> Array:
+        """Return f at a configuration, (nv,)."""
+        self.system.jacobian(q)
+        pin.forwardKinematics(self.system.model, self.system.data, q, self.v)
+        pin.computeJointJacobians(self.system.model, self.system.data, q)
+        return self.system.force(self.t, q, self.v, s)[0] + (self.factor - 1.0) * self.load(q)
+
+    def slopes(self, q: Array, s: Array, lam: Array) -> tuple[Array, Array, Array, Array]:
+        """Return K = d(f + G^T lam)/dq (nv, nv), S = df/ds (nv, ns), h_q (ns, nv), h_s (ns, ns)."""
+        system, nv = self.system, self.system.nv
+        u, rows = np.concatenate([self.v, s, [0.0]]), np.arange(system.ng)
+        found = jacobians(system, self.t, q, u, np.zeros(nv), lam, rows)
+        K = found.K[:nv].copy()
+        if self.factor != 1.0:
+            more = self.loads.slopes(self.t, q, self.v, np.empty(0))[:nv, :nv]
+            if self.weighs:
+                more = more - system.inertial.slopes(q, np.zeros(nv), np.zeros(nv))[1]
+            K += (self.factor - 1.0) * more
+        return K, found.D[:nv, nv:-1], found.K[nv:-1], found.D[nv:-1, nv:-1]
+
+    def states(self, q: Array, s: Array) -> Array:
+        """Return the states (ns,) with h = 0 as far as h determines them."""
+        if not len(s):
+            return s
+        for _ in range(SETTLE):
+            rates, _, hs = self.rates(q, s)
+            change = partial_inverse(hs, EPS * self.sizes.states(hs)) @ rates
+            s = s - change
+            if (np.abs(change) <= ROUNDED * np.abs(s)).all():
+                break
+        return s
+
+    def asked(self, q: Array, s: Array) -> tuple[Array, Array]:
+        """Return what integrators want to vanish, (m,), and its slopes, (m, nv)."""
+        if not len(s):
+            return np.empty(0), np.empty((0, self.system.nv))
+        rates, hq, hs = self.rates(q, s)
+        left = null_space(hs.T, EPS * self.sizes.states(hs).T).vectors.T
+        return left @ rates, left @ hq
+
+    def rates(self, q: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Return h (ns,), h_q (ns, nv) and h_s (ns, ns)."""
+        system, nv = self.system, self.system.nv
+        pin.forwardKinematics(system.model, system.data, q, self.v)
+        pin.computeJointJacobians(system.model, system.data, q)
+        laws = system.laws.slopes(self.t, q, self.v, s)
+        return system.laws.torque(self.t, q, self.v, s)[1][:-1], laws[nv:-1, :nv], laws[nv:-1, 2 * nv :]
+
+
+def partial_inverse(A: Array, e: Array) -> Array:
+    """Return X (n, n) with A X A = A (n, n), known to e (n, n): A^-1 on rows and columns of pivots, 0 elsewhere."""
+    null, out = null_space(A, e), np.zeros_like(A)
+    rows, columns = null.rows[: len(null.others)], null.others
+    out[np.ix_(columns, rows)] = np.linalg.inv(A[np.ix_(rows, columns)])
+    return out

@@ -1,0 +1,170 @@
+"""What implicit methods need of a mechanism: residuals of a stage, and the systems of a simplified Newton iteration.
+
+In coordinates (x, v, s, w) of a step, q = q_n (+) x, a stage of an implicit method makes vanish
+
+    J(x) v - x',   f(t, q, v, s) + G^T lam - M v',   h(t, q, v, s) - s',   power - w',   G v + g_t
+
+with r independent rows of G.
+
+Linearized, with mu = h times an eigenvalue of the method's matrix, x' can be eliminated, and a system of size
+nv + ns + 1 + r remains. With u = (v, s, w), E = diag(M, 1) and G padded with zeros it is, for vector spaces,
+
+    [ E - mu D - mu^2 K   -L ] [du' ]       K = d(f + G^T lam - M v', h, power)/dq,  D = d(f, h, power)/du,
+    [ G + mu B             0 ] [dlam]       L = d(G^T lam, 0, -g_t lam)/dlam,        B = d(G v)/dq
+
+On manifolds x' = J(x) v and a change of x is J times one in the tangent: K S J stands for K and B S J for B,
+S = J^-1 (I - mu d(J v)/dx)^-1.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg.lapack import dpotrs
+
+from ...linear_solve import factorized
+from ...system import Array, Counts, Solver, StageEquations
+from ..manifold import Manifold
+from .equation_partials import Jacobians, jacobians
+from .implicit_stage_partials import implicit_stage
+
+if TYPE_CHECKING:
+    from ..discrete_sensitivity.parameter_partials import Parameters
+    from .index2 import Index2System
+
+
+class ImplicitStages:
+    """The part of a mechanism's chart that serves implicit methods."""
+
+    system: "Index2System"
+    t: float
+    y: Array
+    q: Array
+    v: Array
+    s: Array
+    rows: Array
+
+    @property
+    def unknowns(self) -> tuple[int, ...]:
+        """The rows whose multipliers are unknown."""
+        return tuple(self.rows.tolist())
+
+    def start(self) -> tuple[Array, Array]:
+        """Return (v, v', w') and the multipliers of the rows in use, (r,)."""
+        F, z = self.system.derivative(self.t, self.y)
+        lam = z[: self.system.ng]
+        if len(self.rows) < len(lam):
+            G = self.system.closures(self.q)[1]
+            lam = np.linalg.lstsq(G[self.rows].T, G.T @ lam)[0]
+        return F, lam
+
+    def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
+        """Return the first four lines of the module's first equation, (2 nv + ns + 1,), and -G v - g_t, (r,)."""
+        s, nv = self.system, self.system.nv
+        q, v = s.manifold.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
+        pin.computeJointJacobians(s.model, s.data, q)
+        G = s.closures()[1][self.rows]
+        tau, rates = s.torque(t, q, v, self.s + x[2 * nv : -1])
+        if s.sliding:
+            e, speed, factor = s.sliding.slips(v)
+            T = factor * s.sliding.carried(s.sliding.whole(self.rows) @ z)[0]
+            tau, rates[-1] = tau + T @ e, rates[-1] + T @ speed
+        inertial = pin.rnea(s.model, s.data, q, v, dx[nv : 2 * nv])
+        rate = s.manifold.tangent(x[:nv], v)
+        g_t = s.g_t(t)[self.rows]
+        rates[-1] -= z @ g_t
+        r = np.concatenate([rate, tau + z @ G - inertial, rates])
+        r[:nv] -= dx[:nv]
+        r[2 * nv :] -= dx[2 * nv :]
+        return r, -(G @ v + g_t)
+
+    def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StageEquations:
+        """Take the slopes of the stage's equations, by parameters, too."""
+        return implicit_stage(self, t, x, dx, z, parameters)
+
+    def linearize(self, x: Array, dx: Array, z: Array) -> "Linearized":
+        """Take the slopes at (x, x', z)."""
+        s, nv = self.system, self.system.nv
+        q, u = s.manifold.integrate(self.q, x[:nv]), self.y[s.nq :] + x[nv:]
+        local = jacobians(s, self.t, q, u, dx[nv : 2 * nv], z, self.rows)
+        return Linearized(local, _turning(s.manifold, x[:nv], u[:nv]), s.counts, self.t)
+
+    def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
+        """Return y and the multipliers of all rows, (ng,); mass matrix and G serve the next step's start.
+
+        The iteration leaves z with |G - G_0| times its last change, far behind x and x'. One linear solve ends it:
+        M^-1/2 (f + G^T z - M v') is made least. Where bodies turn far within a step, some directions that only rounding
+        excites converge slowly: the velocities in x are brought onto 0 = G v + g_t.
+        """
+        s, nv, y = self.system, self.system.nv, self.system.add(self.y, x)
+        q, _ = s.split(y)
+        U, G = s.inertia(t, q), s.closures()[1]
+        s._last_q, s._last = q, (U, G)
+        left, miss = ImplicitStages.residual(self, t, x, dx, z)
+        used = G[self.rows]
+        X = dpotrs(U, np.column_stack([used.T, left[nv : 2 * nv]]))[0]
+        found = np.linalg.solve(used @ X[:, :-1], np.column_stack([used @ X[:, -1], miss]))
+        x[nv : 2 * nv] += X[:, :-1] @ found[:, 1]
+        y = s.add(self.y, x)
+        return y, s.all_multipliers(U, G, self.rows, z - found[:, 0])
+
+
+def _turning(manifold: Manifold, x: Array, v: Array) -> tuple[Array, Array]:
+    """Return J(x) and d(J(x) v)/dx, (nv, nv) each."""
+    unit = np.eye(len(v))
+    return manifold.tangent(x, unit), np.array([manifold.tangent_rate(x, e, v) for e in unit]).T
+
+
+class Linearized(NamedTuple):
+    """Slopes of a mechanism at a point: `mbdae.system.Linearization`.
+
+    Attributes:
+        slopes: see there.
+        turning: J(x) and d(J(x) v)/dx, (nv, nv) each.
+        counts: those of the system.
+        t: time, for messages.
+    """
+
+    slopes: Jacobians
+    turning: tuple[Array, Array]
+    counts: Counts
+    t: float
+
+    def weigh(self, e: Array) -> Array:
+        """Return (e_x, E e_u)."""
+        nv = len(self.turning[0])
+        return np.concatenate([e[:nv], self.slopes.E @ e[nv:]])
+
+    def back(self, blocks: list[list[Array]]) -> Callable[[Array], Array]:
+        """Count and return the factorization b -> matrix^-1 b of a matrix of blocks."""
+        self.counts.factorizations += 1
+        return factorized(np.block(blocks), f"the linear system of an implicit step at t = {self.t:.17g}")
+
+    def parts(self, mu: complex) -> tuple[Array, Array, Array, Array]:
+        """Return S, mu K S, B S and the upper left block of the module's matrix."""
+        J, turn = self.turning
+        S = np.linalg.inv((np.eye(len(J)) - mu * turn) @ J)
+        KS = mu * (self.slopes.K @ S)
+        upper = self.slopes.E - mu * self.slopes.D
+        upper[:, : len(J)] -= mu * (KS @ J)
+        return S, KS, self.slopes.B @ S, upper
+
+    def factorize(self, mu: complex) -> Solver:
+        """Factorize the module's matrix, real or complex."""
+        S, KS, BS, upper = self.parts(mu)
+        G, L, (J, _) = self.slopes.G, self.slopes.L, self.turning
+        n, nv = len(upper), len(J)
+        back = self.back([[upper, -L], [padded(G + mu * (BS @ J), n), np.zeros((len(G), len(G)))]])
+
+        def solve(r: Array, c: Array) -> tuple[Array, Array]:
+            self.counts.solves += 1
+            u = back(np.concatenate([r[nv:] + KS @ r[:nv], c / mu - BS @ r[:nv]]))
+            return np.concatenate([J @ (S @ (r[:nv] + mu * (J @ u[:nv]))), u[:n]]), u[n:]
+
+        return solve
+
+
+def padded(G: Array, n: int) -> Array:
+    """Return G (r, nv) with columns of zeros behind, (r, n)."""
+    return np.hstack([G, np.zeros((len(G), n - G.shape[1]))])

@@ -1,0 +1,71 @@
+"""A step of a mechanism in index-2 form: its stages, each a linear saddle-point system."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import dgesv
+
+from ...system import Array
+from .implicit_stage import ImplicitStages
+
+if TYPE_CHECKING:
+    from .index2 import Index2System
+
+
+class Index2Chart(ImplicitStages):
+    """A step of a mechanism in coordinates (x, v, s, w), q = q_n (+) x, x' = J(x) v; one set of rows within it."""
+
+    def __init__(self, system: "Index2System", t: float, y: Array, rows: Array) -> None:
+        self.system, self.t, self.y, self.rows = system, t, y, rows
+        self.q, self.v = system.split(y)
+        self.s = system.inner(y)
+
+    def first(self, carry: Array) -> tuple[Array, Array]:  # noqa: D102
+        return np.concatenate([self.v, carry]), np.empty(0)
+
+    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+        """One saddle-point solve; two configurations meet in it (Hairer, Wanner II, (VII.6.8))."""
+        s, m, nv = self.system, self.system.manifold, self.system.nv
+        q, v = m.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
+        U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
+        G = s.jacobian()
+        slips = s.sliding.slips(v) if s.sliding else None
+        dx, Ghat = self.meet(that, x[:nv], v, xhat[:nv], factor, U, G)
+        rate = Ghat.dot(self.v + xhat[nv : 2 * nv])
+        if s.driven:
+            rate += s.g_t(that)[self.rows]
+        vdot, lam = s.solve(t, U, G, self.rows, Ghat, f, rate / -factor, rates, slips)
+        if s.driven:
+            rates[-1] -= lam @ s.g_t(t)[self.rows]
+        s._last_q, s._last = q, (U, G)
+        return np.concatenate((dx, vdot, rates)), lam
+
+    def meet(
+        self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
+    ) -> tuple[Array, Array]:
+        """Return x' = J(x) v (nv,) and G (r, nv) where the stage meets the constraint: q_n (+) (xhat + factor x').
+
+        U and G over all rows are those of the stage itself.
+        """
+        m = self.system.manifold
+        dx = m.tangent(x, v)
+        return dx, self.system.jacobian(m.integrate(self.q, xhat + factor * dx)).take(self.rows, 0)
+
+    def all_multipliers(self, z: Array) -> Array:
+        """Multipliers of all rows at the last stage's configuration."""
+        s = self.system
+        s.reason.probe(*s._last, self.rows)
+        return s.all_multipliers(*s._last, self.rows, z)
+
+    def point(self, x: Array) -> Array:  # noqa: D102
+        self.system.manifold.within(x[: self.system.nv])
+        return self.system.add(self.y, x)
+
+    def project(self, e: Array) -> Array:
+        """Project the velocity part in the mass metric on G v = 0 at the last stage's configuration."""
+        s, nv = self.system, self.system.nv
+        if len(self.rows):
+            e = e.copy()
+            s.counts.projections += 1
+            e[nv : 2 * nv] -= s._MinvGT.dot(dgesv(s._G.dot(s._MinvGT), s._G.dot(e[nv : 2 * nv]))[2])
+        return e

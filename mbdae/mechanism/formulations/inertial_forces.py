@@ -1,0 +1,87 @@
+"""M v' + nle and its exact derivatives, on the expanded tree."""
+
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from ...system import Array
+from ..expanded_tree import expand
+from ..frames import motion_cross, wrench_matrix
+from ..pinocchio_data import make_data
+
+LARGEST = 100
+"""Degrees of freedom for which Pinocchio's derivatives are taken: their workspace holds nv^3 numbers, 40 MB then."""
+
+
+class Inertial:
+    """M v' + nle of a model, in a workspace of its own that is made when slopes are first asked for."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.compact = model
+
+    @cached_property
+    def model(self) -> pin.Model:
+        """The expanded tree."""
+        return expand(self.compact)
+
+    @cached_property
+    def data(self) -> pin.Data:
+        """Its workspace."""
+        return self.model.createData() if self.model.nv <= LARGEST else make_data(self.model)
+
+    def slopes(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
+        """Return M and the derivatives of M v' + nle with respect to q and v, (nv, nv) each; live views."""
+        if self.model.nv > LARGEST:
+            return self._by_composites(q, v, vdot)
+        pin.computeRNEADerivatives(self.model, self.data, q, v, vdot)
+        return self.data.M, self.data.dtau_dq, self.data.dtau_dv
+
+    def _by_composites(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
+        """The same with nv^2 numbers, from composite bodies: the formulas behind Pinocchio's.
+
+        Source: Carpentier, Mansard, Robotics: Science and Systems (2018).
+        """
+        model, data = self.model, self.data
+        pin.forwardKinematics(model, data, q, v, vdot)
+        J, gravity = pin.computeJointJacobians(model, data, q), model.gravity
+        Y, B = np.zeros((2, model.njoints, 6, 6))  # composite inertias, and their rates with momenta
+        F, V, A = np.zeros((3, model.njoints, 6))
+        A[0] = -gravity.vector
+        for j in range(1, model.njoints):
+            place, inertia = data.oMi[j], data.oMi[j].act(model.inertias[j])
+            velocity, acceleration = place.act(data.v[j]), place.act(data.a[j]) - gravity
+            momentum = inertia * velocity
+            Y[j], V[j], A[j] = inertia.matrix(), velocity.vector, acceleration.vector
+            B[j] = inertia.variation(velocity) + wrench_matrix(momentum.vector)
+            F[j] = (inertia * acceleration + velocity.cross(momentum)).vector
+        for j in range(model.njoints - 1, 0, -1):
+            for sums in (Y, B, F):
+                sums[model.parents[j]] += sums[j]
+        joint = np.repeat(np.arange(model.njoints), model.nvs)
+        parent = np.array(model.parents)[joint]
+        own, before = V[joint].T, V[parent].T
+        dV = motion_cross(before, J)
+        dA = motion_cross(A[parent].T, J) + motion_cross(before, dV)
+        dA_v = motion_cross(own, J) + dV
+
+        def times(X: Array, columns: Array) -> Array:
+            return np.matmul(X[joint], columns.T[:, :, None])[:, :, 0].T
+
+        YJ, BTJ = times(Y, J), times(B.transpose(0, 2, 1), J)
+        turned = times(np.array([wrench_matrix(wrench) for wrench in F]), J)
+        above, below = self.order, self.order & ~self.order.T  # m <= k, m < k
+        dq = above * J.T.dot(times(B, dV) + times(Y, dA)) + below * J.T.dot(turned)
+        dq += (below * (dA.T.dot(YJ) + dV.T.dot(BTJ))).T
+        dv = above * J.T.dot(times(B, J) + times(Y, dA_v)) + (below * (dA_v.T.dot(YJ) + J.T.dot(BTJ))).T
+        half = J.T.dot(YJ)
+        return above * half + (below * half).T + np.diag(model.armature), dq, dv
+
+    @cached_property
+    def order(self) -> Array:
+        """Where the joint of a row m is that of the column k or before it on the way to the root, (nv, nv)."""
+        joint = np.repeat(np.arange(self.model.njoints), self.model.nvs)
+        out = np.zeros((self.model.njoints, self.model.njoints), bool)
+        for j in range(1, self.model.njoints):
+            out[list(self.model.supports[j]), j] = True
+        return out[np.ix_(joint, joint)]

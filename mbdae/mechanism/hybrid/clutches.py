@@ -1,0 +1,177 @@
+"""One-way clutches, which lock where they would turn back, and ratchets, which do so at their teeth."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..closures.clutch import Clutch
+from ..frames import find_joint
+from .switch import Candidate, Guard, Margins, OneSidedRow, Strike, Switch, Value
+
+if TYPE_CHECKING:
+    from ...system import Array
+    from ..mechanism import Mechanism
+    from .mode_point import ModePoint
+
+FREE, LOCKED, BACK = 0, 1, 2
+AT_TOOTH = 1e-9  # of a pitch: nearer, the pawl is in the tooth
+
+
+class OneWay(OneSidedRow):
+    """sign (G v) >= 0, sign lam >= 0, and one of them 0.
+
+    Args:
+        spec: the clutch.
+        row: number of its row.
+    """
+
+    states: tuple[str, ...] = ("runs free", "locks")
+
+    def __init__(self, spec: Clutch, row: int) -> None:
+        super().__init__(spec.name, row, float(spec.direction))
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        alone, _ = _one_way(mechanism)
+        return [cls(c, mechanism.rows_of(c.name)[0]) for c in alone]
+
+    def margins(self, motion: Margins) -> "tuple[Array, Array | None]":  # noqa: D102
+        speed = self.sign * motion.rate[:, self.row]
+        ahead = np.append(0.0, np.cumsum(np.diff(motion.x) * (speed[1:] + speed[:-1]) / 2))
+        return ahead - np.maximum.accumulate(ahead), None
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        if state == LOCKED:
+            return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
+        return (Guard("rest", self.name, self.at, self.speed, self.acceleration),)
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        return (Strike(self.row, self.sign),)
+
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+        return (Candidate.pressing(self.row, self.sign),)
+
+
+class Opposed(Switch):
+    """One of two one-way clutches that are opposed to each other: together they lock both ways, whatever the load.
+
+    Each has a multiplier of its own, half of the torque.
+
+    Args:
+        spec: the clutch.
+        row: number of its row.
+    """
+
+    states = ("idle", "locks both ways")
+
+    def __init__(self, spec: Clutch, row: int) -> None:
+        super().__init__(spec.name)
+        self.row = row
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        _, opposed = _one_way(mechanism)
+        return [cls(c, mechanism.rows_of(c.name)[0]) for c in opposed]
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        return ()
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        return (Strike(self.row, 0.0),)
+
+    def settled(  # noqa: D102
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+    ) -> int:
+        return LOCKED
+
+
+class Ratchet(OneWay):
+    """A clutch with teeth: it runs free ahead, and back to the last tooth.
+
+    Args:
+        spec: the clutch.
+        row: number of its row.
+        columns: of both coordinates in q, of which the second one is left out against the ground.
+    """
+
+    states = ("runs free", "locks", "runs back")
+
+    def __init__(self, spec: Clutch, row: int, columns: Sequence[int]) -> None:
+        super().__init__(spec, row)
+        self.pitch, self.tooth, self.columns = float(spec.pitch or 1.0), spec.tooth, list(columns)
+        self.shares = np.array([1.0, -1.0 if spec.ratio is None else -spec.ratio])[: len(columns)]
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        return [
+            cls(c, mechanism.rows_of(c.name)[0], [find_joint(mechanism.model, n).idx_q for n in c.between])
+            for c in mechanism.constraints
+            if isinstance(c, Clutch) and c.pitch is not None
+        ]
+
+    def place(self, point: "ModePoint") -> float:
+        """Return how far it stands ahead, in pitches."""
+        return self.sign * (float(self.shares @ point.q[self.columns]) - self.tooth) / self.pitch
+
+    def margins(self, motion: Margins) -> "tuple[Array, Array | None]":  # noqa: D102
+        place = self.sign * (motion.q[:, self.columns] @ self.shares - self.tooth) / self.pitch
+        return (place - np.floor(np.maximum.accumulate(place) + AT_TOOTH)) * self.pitch, None
+
+    def gap(self) -> Value:
+        """Return the way back to the last tooth, of the place where it is asked first."""
+        last: list[float] = []
+
+        def value(point: "ModePoint") -> float:
+            place = self.place(point)
+            if not last:
+                last.append(np.floor(place + AT_TOOTH))
+            return (place - last[0]) * self.pitch
+
+        return value
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        if state != BACK:
+            return super().guards(state)
+        turns = Guard("rest", self.name, self.at, lambda x: -self.speed(x), lambda x: -self.acceleration(x))
+        return (Guard("touch", self.name, self.at, self.gap(), self.speed), turns)
+
+    def _in_tooth(self, point: "ModePoint") -> bool:
+        place = self.place(point)
+        return abs(place - round(place)) < AT_TOOTH
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        return (Strike(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()
+
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+        return super().candidate(point, state, near) if state == LOCKED or self._in_tooth(point) else ()
+
+    def settled(  # noqa: D102
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+    ) -> int:
+        if held:
+            return LOCKED
+        speed = self.speed(point)
+        if abs(speed) > point.standstill:  # slower, its acceleration says where it goes
+            return FREE if speed > 0 else BACK
+        if len(rates) or point.system.mode[self.at] == LOCKED:
+            return FREE
+        return FREE if self.acceleration(point) >= 0 else BACK
+
+
+def _one_way(mechanism: "Mechanism") -> tuple[list[Clutch], list[Clutch]]:
+    """Return the one-way clutches that have none opposed to them between the same joints, and those that have one."""
+    clutches = [c for c in mechanism.clutches if c.pitch is None and c.engaged is None]
+    found = [_freedom(c) for c in clutches]
+    opposed = [any(k == key and way * other < 0 for k, other in found) for key, way in found]
+    pairs = list(zip(clutches, opposed, strict=True))
+    return [c for c, yes in pairs if not yes], [c for c, yes in pairs if yes]
+
+
+def _freedom(c: Clutch) -> tuple[tuple[str, str, float], float]:
+    """Return what a clutch lets run, v_i - ratio v_j with joints in alphabetical order, and in which direction."""
+    i, j = c.joints or (c.joint or "", "")
+    ratio = 1.0 if c.ratio is None else c.ratio
+    if not j or i < j or not ratio:
+        return (i, j, float(f"{ratio:.12g}")), float(c.direction)
+    return (j, i, float(f"{1 / ratio:.12g}")), -c.direction * np.sign(ratio)

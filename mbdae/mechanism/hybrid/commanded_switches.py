@@ -1,0 +1,85 @@
+"""What is switched at known times: clutches on command, and drives whose speed steps.
+
+Both are impacts that keep all other loops shut, at the end of a step; see `mbdae.mechanism.hybrid.impact_law`.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..closures.clutch import Clutch
+from ..closures.driver import Driver
+from ..time_functions import Steps
+from .switch import Guard, Strike, Switch
+
+if TYPE_CHECKING:
+    from ...system import Array
+    from ..mechanism import Mechanism
+    from .mode_point import ModePoint
+
+OPEN, ENGAGED = 0, 1
+
+
+class Commanded(Switch):
+    """A clutch that locks both ways while its signal is above 0.
+
+    Args:
+        spec: the clutch.
+        row: number of its row.
+    """
+
+    states = ("open", "engaged")
+
+    def __init__(self, spec: Clutch, row: int) -> None:
+        super().__init__(spec.name)
+        self.spec, self.row = spec, row
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        found = [c for c in mechanism.constraints if isinstance(c, Clutch) and c.engaged]
+        return [cls(c, mechanism.rows_of(c.name)[0]) for c in found]
+
+    def prescribed(self, t: float, q: "Array", v: "Array") -> int:
+        """Return the state that the signal commands, whatever the motion."""
+        return ENGAGED if self.spec.engaged and self.spec.engaged.at(t) > 0 else OPEN
+
+    def wanted(self, point: "ModePoint") -> int:
+        """Return the state that the signal commands at a point."""
+        return self.prescribed(point.t, point.q, point.v)
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        return (Guard("command", self.name, self.at, lambda x: 1.0 if self.wanted(x) == state else -1.0),)
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        return (Strike(self.row, 0.0),) if self.wanted(point) == ENGAGED else ()
+
+    def settled(  # noqa: D102
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+    ) -> int:
+        return self.wanted(point)
+
+
+class SteppingDrive(Switch):
+    """A driver of speed that steps: its row is always there, and is struck where the speed steps.
+
+    Args:
+        spec: the driver.
+        row: number of its row.
+    """
+
+    states = ("driven",)
+
+    def __init__(self, spec: Driver, row: int) -> None:
+        super().__init__(spec.name)
+        self.row = row
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        found = [d for d in mechanism.drivers if isinstance(d.speed, Steps)]
+        return [cls(d, mechanism.rows_of(d.name)[0]) for d in found]
+
+    @property
+    def rows(self) -> tuple[int, ...]:  # noqa: D102
+        return ()  # its row is there in all modes
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        return (Guard("step", self.name, self.at, lambda x: x.standstill - abs(float(x.rate[self.row]))),)

@@ -1,0 +1,115 @@
+"""Multipliers with dry friction: tangential ones are limited by the normal one of the same contact.
+
+    minimise  |C x|^2/2 + c x,   lower <= x <= upper,   |x_t| <= mu |x_n|,   or x_t = d |x_n| of what slides already
+
+A convex problem in x while the limits mu |x_n| stand still; these are found by repeating it with the normal multipliers
+that it gave, or with less than that where this goes round in circles. It contracts where mu |W_tn| < W_nn for all
+contacts together; where it does not, there may be several solutions or none (Painleve): where none is found, that is
+said and not survived.
+
+Source: J. Haslinger, I. Hlavacek, J. Necas, Handbook of Numerical Analysis IV (1996), for the iteration; V. Acary,
+B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), section 13.7.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...errors import StepError
+from ...system import Array
+from .box_lcp import choose
+
+SHARES = (1.0, 0.5, 0.2, 0.05)  # of a move of the limits that is made, one after the other
+MOST = 60  # rounds with each; one leaves about mu |W_tn|/W_nn of the error
+SAME = 1e-15  # of the largest limit: it has not moved
+NEWTON = 8  # iterations; within one piece of the problem, which is linear there, one is enough
+WIDTH = 1e-3  # of a limit: by which it is moved for its slope
+SETTLED = 1e-12  # the same, where rounding keeps it from coming nearer
+
+
+class Limit(NamedTuple):
+    """What limits a multiplier.
+
+    Attributes:
+        by: the number of the normal one.
+        share: |x_t| <= share |x_n|; or
+        drag: x_t = drag |x_n|, of what slides; nan where it may stick.
+    """
+
+    by: int
+    share: float
+    drag: float = np.nan
+
+
+def choose_with_friction(C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, Limit]) -> Array:
+    """Return multipliers (k,), see the module and `mbdae.mechanism.hybrid.box_lcp.choose`.
+
+    Args:
+        C: M^1/2 A S^T, (nv, k).
+        c: accelerations, or velocities behind an impact, of the rows with no load, (k,).
+        lower: least multipliers, (k,); those of ``limits`` are not read.
+        upper: largest multipliers, (k,).
+        limits: of those that friction limits, by their numbers.
+
+    Raises:
+        StepError: where limits find no end.
+    """
+    if not limits:
+        return choose(C, c, lower, upper)
+    problem = _Limited(C, c, lower, upper, limits)
+    bound, last = np.where(problem.slides, 0.0, np.inf), np.inf
+    for k, way in enumerate(np.repeat(SHARES, MOST)):
+        x = problem.loads(bound)
+        new = problem.limits(x)
+        change, size = float(np.abs(new - bound).max()), float(new.max())
+        if change <= SAME * size or (change <= SETTLED * size and change >= last / 2):
+            return x
+        if k == MOST - 1 and (found := problem.newton(new)) is not None:
+            return found
+        bound, last = bound + way * (new - bound) if np.isfinite(bound).all() else new, change
+    raise StepError("friction", "friction of contacts leaves no motion, or several")
+
+
+class _Limited:
+    """Multipliers for limits that stand still, and the limits that follow from these."""
+
+    def __init__(self, C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, Limit]) -> None:
+        self.C, self.c, self.lower, self.upper = C, c, lower, upper
+        self.at, self.by = np.array(list(limits)), np.array([x.by for x in limits.values()])
+        self.share, self.drag = (np.array([getattr(x, k) for x in limits.values()]) for k in ("share", "drag"))
+        self.slides = ~np.isnan(self.drag)
+
+    def loads(self, bound: Array) -> Array:
+        """Return the multipliers (k,) for limits on normal ones, (m,)."""
+        x, at, slides = np.zeros(len(self.c)), self.at, self.slides
+        x[at[slides]] = self.drag[slides] * bound[slides]
+        none = at[~slides & (bound == 0)]
+        free = np.setdiff1d(np.arange(len(x)), [*at[slides], *none])
+        low, high = self.lower.copy(), self.upper.copy()
+        low[at], high[at] = -bound, bound
+        if len(free):
+            C = self.C[:, free]
+            x[free] = choose(C, self.c[free] + C.T @ (self.C @ x), low[free], high[free])
+        return x
+
+    def limits(self, x: Array) -> Array:
+        """Return what multipliers limit others to, (m,)."""
+        return np.where(self.slides, 1.0, self.share) * np.abs(x[self.by])
+
+    def newton(self, bound: Array) -> Array | None:
+        """Return multipliers whose limits are their own, by Newton's method, where repetition contracts slowly.
+
+        None where none are found, and where the limits grow faster than the loads that they limit.
+        """
+        for _ in range(NEWTON):
+            x = self.loads(bound)
+            new = self.limits(x)
+            size = float(new.max())
+            if float(np.abs(new - bound).max()) <= SETTLED * size:
+                return x
+            moves = np.diag(WIDTH * np.maximum(bound, size))
+            S = np.eye(len(bound)) - np.array([(self.limits(self.loads(bound + m)) - new) / m.sum() for m in moves]).T
+            if not np.linalg.det(S) > 0 or not (S.diagonal() > 0).all():
+                return None
+            bound = np.maximum(bound + np.linalg.solve(S, new - bound), 0.0)
+        return None

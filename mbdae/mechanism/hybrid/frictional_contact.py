@@ -1,0 +1,94 @@
+"""Contacts that press on one side and rub: they are open, grip or slide."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..closures.closure import Closure
+from ..forces.coulomb_friction import CoulombFriction
+from .rolling_stiction import Gripping
+from .switch import AT_LIMIT, Candidate, Guard, Strike, Switch
+from .unilateral import Unilateral
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
+    from ..mechanism import Mechanism
+    from .mode_point import ModePoint
+
+OPEN, GRIPS, SLIDES = 0, 1, 2
+LESS = 1e-6  # of the limit where a load has reached it: at the limit itself nothing would move
+
+
+class Rubbing(Unilateral):
+    """A height that presses only, N >= 0, and one row of grip with |lam_t| <= mu N; mu N against the slip else.
+
+    Args:
+        spec: the closure.
+        force: the friction.
+        rows: of the height and of the grip.
+        which: number of the friction among those of closures.
+    """
+
+    states = ("open", "grips", "slides")
+
+    def __init__(self, spec: Closure, force: CoulombFriction, rows: Sequence[int], which: int) -> None:
+        super().__init__(spec, spec.name, rows[0], 1.0)
+        self.grip, self.limit, self.friction = rows[1], force.coefficient, Gripping(force, rows, which)
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
+        closures = {c.name: c for c in mechanism.closures}
+        return [
+            cls(closures[f.closure], f, mechanism.rows_of(f.closure), k)
+            for k, f in enumerate(found)
+            if f.sticks and closures[f.closure].unilateral
+        ]
+
+    @property
+    def rows(self) -> tuple[int, ...]:  # noqa: D102
+        return (self.row, self.grip)
+
+    def active(self, state: int) -> tuple[int, ...]:  # noqa: D102
+        return self.rows if state == GRIPS else (self.row,) if state == SLIDES else ()
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        rubs = tuple(g._replace(name=self.name, at=self.at) for g in self.friction.guards(state))
+        return (*super().guards(min(state, 1)), *rubs)
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        found = super().strike(point, min(state, 1), near)
+        return (*found, Strike(self.grip, 0.0, share=self.limit)) if found else ()
+
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+        found = super().candidate(point, min(state, 1), near)
+        if not found:
+            return ()
+        share, drag = self.limit, np.nan
+        if self.slips(point):
+            drag = -self.limit * float(self.friction.direction(point)[0])
+        elif state == GRIPS and self.friction.margin(point) < AT_LIMIT:
+            share *= 1 - LESS
+        return (*found, Candidate(self.grip, share=share, drag=drag))
+
+    def slips(self, point: "ModePoint") -> bool:
+        """Say whether it slips."""
+        return self.friction.slips(point)
+
+    def settled(  # noqa: D102
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+    ) -> int:
+        if not held:
+            return OPEN
+        heading = point.system.sliding.heading[self.friction.which]
+        if self.slips(point):
+            heading[:] = self.friction.direction(point)
+            return SLIDES
+        if abs(lam[1]) < (1 - 2 * LESS) * self.limit * abs(lam[0]):
+            return GRIPS
+        heading[:] = -np.sign(lam[1])
+        return SLIDES
+
+    def enter(self, system: "Index2System", state: int) -> None:  # noqa: D102
+        self.friction.enter(system, state)

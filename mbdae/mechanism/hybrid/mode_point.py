@@ -1,0 +1,125 @@
+"""A point of a run as guards and transitions see it: all rows, those too that the mode leaves out."""
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from ...system import Array
+from ..closures.constraints import Constraints
+from ..closures.independent_rows import RANK_TOLERANCE
+from ..pinocchio_data import make_data
+from .impact_law import standstill
+
+if TYPE_CHECKING:
+    from ..formulations.index2 import Index2System
+
+ROUNDING = 1e-12  # of the largest force
+
+
+class AllRows:
+    """All rows of a mechanism, evaluated whatever the mode is, in a workspace of its own."""
+
+    def __init__(self, system: "Index2System") -> None:
+        self.model, self.data = system.model, make_data(system.model)
+        self.rows = Constraints(self.model, self.data, system.mechanism.constraints)
+
+    def __call__(self, t: float, q: Array) -> tuple[Array, Array, Array]:
+        """Return g (ng,), G (ng, nv) and g_t (ng,)."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        return *self.rows.value(t), -self.rows.motion(t)[1]
+
+    def bias(self, t: float, q: Array, v: Array) -> Array:
+        """Return gamma = Gdot v + g_tt, (ng,)."""
+        pin.forwardKinematics(self.model, self.data, q, v, np.zeros(len(v)))
+        pin.computeJointJacobians(self.model, self.data, q)
+        return self.rows.bias(v) - self.rows.motion(t)[2]
+
+
+class ModePoint:
+    """A point; what is asked of it is computed once.
+
+    Args:
+        system: a workspace, in the mode of the point.
+        all_rows: of the same mechanism.
+        t: time.
+        y: the point, (n,).
+    """
+
+    def __init__(self, system: "Index2System", all_rows: AllRows, t: float, y: Array) -> None:
+        self.system, self.all_rows, self.t, self.y = system, all_rows, t, y
+        self.q, self.v = system.split(y)
+
+    @cached_property
+    def values(self) -> tuple[Array, Array, Array]:
+        """Return g (ng,), G (ng, nv) and g_t (ng,) of all rows."""
+        return self.all_rows(self.t, self.q)
+
+    @cached_property
+    def _rows(self) -> tuple[Array, Array]:
+        found = self.system.every_row(self.t, self.y)
+        if found is not None:
+            return found
+        g, G, g_t = self.values
+        return g, G @ self.v + g_t
+
+    @property
+    def g(self) -> Array:
+        """Return g of all rows, (ng,)."""
+        return self._rows[0]
+
+    @property
+    def G(self) -> Array:
+        """Return G of all rows, (ng, nv)."""
+        return self.values[1]
+
+    @property
+    def rate(self) -> Array:
+        """Return G v + g_t of all rows, (ng,)."""
+        return self._rows[1]
+
+    @cached_property
+    def gamma(self) -> Array:
+        """Return gamma of all rows, (ng,)."""
+        return self.all_rows.bias(self.t, self.q, self.v)
+
+    @cached_property
+    def derivative(self) -> tuple[Array, Array]:
+        """Return y' (ny,) and lam (ng,) in the mode of the workspace."""
+        return self.system.derivative(self.t, self.y)
+
+    @cached_property
+    def null(self) -> Array:
+        """Return a basis of the multipliers that do nothing in the mode, (ng, k), G^T null = 0."""
+        there = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.off)
+        left, sizes, _ = np.linalg.svd(self.G[there])
+        r = int(np.count_nonzero(sizes > RANK_TOLERANCE * sizes[:1]))
+        out = np.zeros((self.system.ng, len(there) - r))
+        out[there] = left[:, r:]
+        return out
+
+    @property
+    def lam(self) -> Array:
+        """Return lam, (ng,)."""
+        return self.derivative[1]
+
+    @property
+    def vdot(self) -> Array:
+        """Return v' in the mode of the workspace, (nv,)."""
+        return self.derivative[0][len(self.v) : 2 * len(self.v)]
+
+    @cached_property
+    def rounding(self) -> float:
+        """What multipliers may be off by: where nothing else loads a row they are no more than that."""
+        U = np.triu(self.system.inertia(self.t, self.q))
+        return ROUNDING * float(np.abs(U.T @ (U @ self.vdot)).max() + np.abs(self.G.T @ self.lam).max(initial=0.0))
+
+    def acceleration(self, row: int) -> float:
+        """Return G v' + gamma of a row."""
+        return float(self.G[row] @ self.vdot + self.gamma[row])
+
+    @cached_property
+    def standstill(self) -> float:
+        """The speed below which a row does not move."""
+        return standstill(self.v)

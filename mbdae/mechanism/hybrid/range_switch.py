@@ -1,0 +1,80 @@
+"""Closures that are there while a joint is within a window of its way."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ...errors import InputError
+from ..closures.active_range import Within
+from ..closures.closure import Closure
+from ..frames import find_joint
+from .switch import Guard, Strike, Switch
+
+if TYPE_CHECKING:
+    from ...system import Array
+    from ..mechanism import Mechanism
+    from .mode_point import ModePoint
+
+OFF, ON = 0, 1
+SLOW = 1e-9  # rad/s or m/s: who is slower passes no window
+AHEAD = 1e-7  # rad or m: how far ahead a joint is looked at that stands where a window begins or ends
+
+
+class Window(Switch):
+    """The rows of a closure are there while a joint is within a window.
+
+    Args:
+        name: of the closure.
+        spec: the windows.
+        rows: numbers of the rows.
+        columns: of the joint's coordinate in q, and of its velocity.
+    """
+
+    struck = False
+    states = ("out of its window", "at work")
+
+    def __init__(self, name: str, spec: Within, rows: Sequence[int], columns: tuple[int, int]) -> None:
+        super().__init__(name)
+        self.spec, self.all_rows, self.row = spec, tuple(rows), rows[0]
+        self.q, self.v = columns
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        out = []
+        for c in mechanism.constraints:
+            if isinstance(c, Closure) and c.within:
+                joint = find_joint(mechanism.model, c.within.joint)
+                if (joint.nq, joint.nv) != (1, 1):
+                    raise InputError(f"{c.name!r}: joint {c.within.joint!r} of within needs one bounded coordinate")
+                out.append(cls(c.name, c.within, mechanism.rows_of(c.name), (joint.idx_q, joint.idx_v)))
+        return out
+
+    @property
+    def rows(self) -> tuple[int, ...]:  # noqa: D102
+        return self.all_rows
+
+    def prescribed(self, t: float, q: "Array", v: "Array") -> int:
+        """Return whether the joint is within a window, whatever the motion."""
+        return ON if self.spec.depth(float(q[self.q])) > 0 else OFF
+
+    def depth(self, point: "ModePoint") -> float:
+        """Return how far inside a window the joint is."""
+        return self.spec.depth(float(point.q[self.q]))
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        sign = 1.0 if state == ON else -1.0
+        return (Guard("pass", self.name, self.at, lambda x: sign * self.depth(x), loads=True, longest=self.longest),)
+
+    def longest(self, point: "ModePoint") -> float:
+        """Return the time in which the joint goes through the shortest window at most."""
+        return self.spec.shortest / max(abs(float(point.v[self.v])), SLOW)
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        there = self.settled(point, (), (), False) == ON
+        return tuple(Strike(row, 0.0) for row in self.all_rows) if there else ()
+
+    def settled(  # noqa: D102
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+    ) -> int:
+        v = float(point.v[self.v])
+        step = AHEAD if v > 0 else -AHEAD if v < 0 else 0.0
+        return ON if self.spec.depth(float(point.q[self.q]) + step) > 0 else OFF

@@ -1,0 +1,115 @@
+"""Wheels and balls that grip, by dry friction of a coefficient, or slide."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..forces.coulomb_friction import CoulombFriction
+from .switch import AT_LIMIT, Candidate, Guard, Switch, Value
+
+if TYPE_CHECKING:
+    from ...system import Array
+    from ..formulations.index2 import Index2System
+    from ..mechanism import Mechanism
+    from .mode_point import ModePoint
+
+IDLE, GRIPS, SLIDES = 0, 1, 2
+
+
+class Gripping(Switch):
+    """Rows of no slip with |lam_t| <= mu_s N while they grip, and a force mu N against the slip while they slide.
+
+    Args:
+        force: the friction.
+        rows: the row of the height, and those of the grip.
+        which: its number among the frictions of closures.
+    """
+
+    struck = False
+    states = ("idle", "grips", "slides")
+
+    def __init__(self, force: CoulombFriction, rows: Sequence[int], which: int) -> None:
+        super().__init__(f"{force.closure} grip")
+        self.limit = force.coefficient if force.static is None else force.static
+        self.height, self.grip, self.which = rows[0], list(rows[1:]), which
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        found = [f for f in mechanism.forces if isinstance(f, CoulombFriction)]
+        pressing = {c.name for c in mechanism.closures if c.unilateral}
+        return [
+            cls(f, mechanism.rows_of(f.closure), k)
+            for k, f in enumerate(found)
+            if f.sticks and f.closure not in pressing
+        ]
+
+    @property
+    def rows(self) -> tuple[int, ...]:  # noqa: D102
+        return tuple(self.grip)
+
+    def share(self, lam: "Array") -> "Array":
+        """Return the friction as a share of its limit, along the rows of the grip."""
+        return lam[self.grip] / max(self.limit * abs(float(lam[self.height])), np.finfo(float).tiny)
+
+    def margin(self, point: "ModePoint") -> float:
+        """Return what is left to the limit, as a share of it."""
+        return 1.0 - float(np.linalg.norm(self.share(point.lam)))
+
+    def slip(self) -> Value:
+        """Return the slip along the direction that it has where it is asked first."""
+        first: list[Array] = []
+
+        def value(point: "ModePoint") -> float:
+            slip = point.rate[self.grip]
+            if not first:
+                first.append(self.direction(point))
+            return float(slip @ first[0])
+
+        return value
+
+    def slips(self, point: "ModePoint") -> bool:
+        """Say whether it slips."""
+        return bool(np.linalg.norm(point.rate[self.grip]) > point.standstill)
+
+    def direction(self, point: "ModePoint") -> "Array":
+        """Return the direction of the slip, or where it will go."""
+        if self.slips(point):
+            slip = point.rate[self.grip]
+            return slip / np.linalg.norm(slip)
+        return point.system.sliding.heading[self.which]
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        if state == GRIPS:
+            return (Guard("slip", self.name, self.at, self.margin, loads=True, load=lambda x: self.share(x.lam)),)
+        return (Guard("rest", self.name, self.at, self.slip()),) if state == SLIDES else ()
+
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+        if self.slips(point) or (state == GRIPS and self.margin(point) < AT_LIMIT):
+            return ()
+        system, before = point.system, point.system.mode
+        system.enter(tuple(GRIPS if i == self.at else k for i, k in enumerate(before)))
+        lam = system.derivative(point.t, point.y)[1]
+        system.enter(before)
+        if np.linalg.norm(self.share(lam)) > 1.0:
+            self._head(point, lam)
+            return ()
+        return tuple(Candidate(row) for row in self.grip)
+
+    def _head(self, point: "ModePoint", lam: "Array") -> None:
+        size = float(np.linalg.norm(lam[self.grip]))
+        if size:
+            point.system.sliding.heading[self.which][:] = -lam[self.grip] / size
+
+    def settled(  # noqa: D102
+        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
+    ) -> int:
+        if held:
+            return GRIPS
+        if point.system.mode[self.at] == GRIPS:
+            self._head(point, point.lam)
+        point.system.sliding.heading[self.which][:] = self.direction(point)
+        return SLIDES
+
+    def enter(self, system: "Index2System", state: int) -> None:  # noqa: D102
+        system.sliding.acts[self.which] = state == SLIDES

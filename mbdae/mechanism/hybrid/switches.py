@@ -1,0 +1,42 @@
+"""The switches of a mechanism, and which rows a mode leaves out."""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...discovery import members
+from ...system import Array
+from .switch import Switch
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+Mode = tuple[int, ...]
+
+
+def switches_of(mechanism: "Mechanism") -> tuple[Switch, ...]:
+    """Return what switches in a mechanism, numbered."""
+    found = [s for kind in _kinds() for s in kind.of(mechanism)]
+    for at, switch in enumerate(found):
+        switch.at = at
+    return tuple(found)
+
+
+@cache
+def _kinds() -> tuple[type[Switch], ...]:
+    return tuple(dict.fromkeys(x for x in members(__package__, type) if issubclass(x, Switch) and x is not Switch))
+
+
+def left_out(switches: Sequence[Switch], mode: Mode) -> Array:
+    """Return the numbers of the rows that a mode leaves out."""
+    all_rows = {row for s in switches for row in s.rows}
+    kept = {row for s, state in zip(switches, mode, strict=True) for row in s.active(state)}
+    return np.array(sorted(all_rows - kept), int)
+
+
+def words(switches: Sequence[Switch], mode: Mode) -> str:
+    """Say a mode in words: what is not idle."""
+    said = [f"{s.name}: {s.states[state]}" for s, state in zip(switches, mode, strict=True) if state]
+    return ", ".join(said) or "all open"

@@ -1,0 +1,75 @@
+"""Rows that press on one side: stops, planes, ropes, wheels that lift."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ...system import Array
+from ..closures.closure import Closure
+from ..closures.unilateral_constraint import REST, OneSided, Stop
+from ..forces.coulomb_friction import CoulombFriction
+from .switch import Candidate, Guard, Margins, OneSidedRow, Strike, Switch
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+    from .mode_point import ModePoint
+
+SIDES = {"distance": -1.0}  # kind: on which side of g = 0 a body moves freely, where it is not the positive one
+OPEN, CLOSED = 0, 1
+
+
+class Unilateral(OneSidedRow):
+    """A row with a gap: sign g >= 0, sign lam >= 0, and one of them 0; others of its closure come and go with it.
+
+    Args:
+        spec: the stop or closure.
+        name: of the switch.
+        row: its number.
+        sign: 1 where g > 0 is free, -1 where g < 0 is.
+        others: rows that are kept while it is closed (grip of a wheel).
+    """
+
+    def __init__(self, spec: OneSided, name: str, row: int, sign: float, others: tuple[int, ...] = ()) -> None:
+        super().__init__(name, row, sign)
+        self.others, self.restitution, self.rest = others, spec.restitution or 0.0, spec.rest or REST
+
+    @classmethod
+    def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
+        out: list[Switch] = []
+        rubs = {f.closure for f in mechanism.forces if isinstance(f, CoulombFriction) and f.sticks}  # see `rubbing`
+        for spec in mechanism.constraints:
+            rows = mechanism.rows_of(spec.name)
+            if isinstance(spec, Stop):
+                words = {1.0: "lower", -1.0: "upper"}
+                out += [
+                    cls(spec, f"{spec.name} {words[side]}" if len(rows) > 1 else spec.name, row, side)
+                    for row, (_, side) in zip(rows, spec.ends, strict=True)
+                ]
+            elif isinstance(spec, Closure) and spec.unilateral and spec.name not in rubs:
+                out.append(cls(spec, spec.name, rows[0], SIDES.get(spec.kind, 1.0), tuple(rows[1:])))
+        return out
+
+    @property
+    def rows(self) -> tuple[int, ...]:  # noqa: D102
+        return (self.row, *self.others)
+
+    def gap(self, point: "ModePoint") -> float:
+        """Return the gap, positive where it is open."""
+        return self.sign * float(point.g[self.row])
+
+    def margins(self, motion: Margins) -> tuple[Array, Array]:  # noqa: D102
+        return self.sign * motion.g[:, self.row], self.sign * motion.rate[:, self.row]
+
+    def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
+        if state == OPEN:
+            return (Guard("touch", self.name, self.at, self.gap, self.speed, self.acceleration),)
+        return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
+
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+        if state != CLOSED and self.gap(point) > near:
+            return ()
+        return (Strike(self.row, self.sign, self.restitution), *(Strike(row, 0.0) for row in self.others))
+
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+        if state != CLOSED and self.gap(point) > near:
+            return ()
+        return (Candidate.pressing(self.row, self.sign), *(Candidate(row) for row in self.others))

@@ -1,0 +1,143 @@
+"""What one source file brings to a mechanism: a tree, and what the file says beyond it."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+import pinocchio as pin
+from pydantic import BaseModel
+
+from ..errors import InputError
+from .closures.closure import Axis, Closure
+from .closures.driver import Driver
+from .frames import WORLD
+from .model_settings import Motor, Start
+
+NAMED = 4  # names before "and n more"
+LIMITS, FRICTION = "limits of joints", "friction of joints"  # how `Part.left_out` calls them
+EFFORTS, LOST = "limits of effort and velocity of joints", "mimicry of joints that do not move by"
+T = TypeVar("T", bound=BaseModel)
+
+
+class Mimic(NamedTuple):
+    """A joint that follows another: q_joint = multiplier * q_other + offset."""
+
+    joint: str
+    other: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Part:
+    """One source, read.
+
+    Attributes:
+        model: its tree.
+        visuals: what is to be seen of it.
+        record: makes JSON data from which the tree and its visuals can be made again.
+        gravity: in m/s^2, where the file says so.
+        closures: its closures.
+        drivers: its drivers.
+        mimics: joints that follow others.
+        forces: descriptions of its forces.
+        frames: tables of frames that its closures need.
+        weightless: frames at the centres of masses in kg that have no weight, whatever gravity is.
+        start: its start state.
+        motors: its named inputs.
+        controls: values of inputs that the file gives.
+        normals: of the planes of planar joints, in their frames.
+        left_out: what the file says and the part does not have.
+    """
+
+    model: pin.Model
+    visuals: pin.GeometryModel | None
+    record: Callable[[], dict[str, Any]]
+    gravity: tuple[float, ...] | None = None
+    closures: tuple[Closure, ...] = ()
+    drivers: tuple[Driver, ...] = ()
+    mimics: tuple[Mimic, ...] = ()
+    forces: tuple[Any, ...] = ()
+    weightless: Mapping[str, float] = field(default_factory=dict)
+    frames: tuple[Any, ...] = ()
+    start: Start = field(default_factory=Start)
+    motors: tuple[Motor, ...] = ()
+    controls: Mapping[str, float] = field(default_factory=dict)
+    normals: Mapping[str, Axis] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+
+    def prefixed(self, prefix: str) -> "Part":
+        """Put a prefix before every name outside the tree, as `Tree.graft` does inside it."""
+        if not prefix:
+            return self
+        names = {key: {prefix + n: x for n, x in table.items()} for key, table in self.start.tables.items()}
+        return replace(
+            self,
+            closures=tuple(prefixed(c, prefix) for c in self.closures),
+            drivers=tuple(prefixed(d, prefix) for d in self.drivers),
+            forces=tuple(prefixed(f, prefix) for f in self.forces),
+            frames=tuple(prefixed(f, prefix) for f in self.frames),
+            weightless={prefix + n: mass for n, mass in self.weightless.items()},
+            mimics=tuple(Mimic(prefix + m.joint, prefix + m.other, *m[2:]) for m in self.mimics),
+            start=self.start.model_copy(update=names),
+            motors=tuple(Motor(prefix + m.name, prefix + m.joint, *m[2:]) for m in self.motors),
+            controls={prefix + n: u for n, u in self.controls.items()},
+            left_out=tuple(f"{prefix}: {text}" for text in self.left_out),
+        )
+
+
+def prefixed(table: T, prefix: str) -> T:
+    """Put a prefix before the names in a closure, driver or force: its own, and those of joints and frames."""
+
+    def renamed(value: Any) -> Any:
+        if isinstance(value, str):
+            return value if value in ("", WORLD) else prefix + value
+        return tuple(renamed(v) for v in value) if isinstance(value, tuple) else value
+
+    keys = ("name", "joint", "joints", "frame", "frames", "parent")
+    return table.model_copy(update={k: renamed(getattr(table, k)) for k in keys if getattr(table, k, None)})
+
+
+def follow(
+    mimics: tuple[Mimic, ...], locked: dict[str, Any], joints: list[str]
+) -> tuple[list[Closure], dict[str, Any]]:
+    """Return couplings for mimic joints, and the locked joints: what follows a locked joint is locked too.
+
+    Args:
+        mimics: the joints that follow others.
+        locked: joint = value.
+        joints: names of the joints that move.
+
+    Raises:
+        InputError: where a joint is locked and the one that it follows is not.
+    """
+    locked, waiting = dict(locked), [m for m in mimics if m.joint in joints]
+    while led := [m for m in waiting if m.other in locked]:
+        for m in led:
+            if m.joint not in locked:
+                locked[m.joint] = m.multiplier * float(np.squeeze(locked[m.other])) + m.offset
+        waiting = [m for m in waiting if m not in led]
+    for m in waiting:
+        if m.joint in locked:
+            raise InputError(f"joint {m.joint!r} follows {m.other!r} and cannot be locked alone: lock {m.other!r}")
+    return [
+        Closure.coupling(m.joint, m.other, (m.offset, m.multiplier), f"{m.joint} follows {m.other}") for m in waiting
+    ], locked
+
+
+def listed(what: str, names: Iterable[str]) -> str:
+    """One phrase: what, and all names."""
+    return f"{what} {', '.join(names)}".strip()
+
+
+def shortened(phrase: str) -> str:
+    """A phrase of `listed` with its first names only: ``mbdae info`` has them all."""
+    names = phrase.split(", ")
+    more = len(names) - NAMED
+    return f"{', '.join(names[:NAMED])} and {more} more (see mbdae info)" if more > 0 else phrase
+
+
+def not_carried_over(name: str, phrases: Iterable[str]) -> str:
+    """The warning that names what files say and a mechanism does not have."""
+    return f"{name}: not carried over: {'; '.join(map(shortened, phrases))}"

@@ -1,0 +1,47 @@
+"""Stops of a mechanism: those that its files tell by the limits of joints, and those that can be ends of a way."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import InputError
+from .closures.unilateral_constraint import Stop
+from .frames import find_joint, joint_names
+
+
+def ends(model: pin.Model, stops: Sequence[Stop]) -> tuple[Stop, ...]:
+    """Return the stops with the limits that the model has.
+
+    Raises:
+        UnknownNameError: for a joint that does not exist.
+        InputError: for a joint that has no limits, or that turns without end.
+    """
+    out = tuple(found for stop in stops for found in (_limits(model, stop) if stop.limits else (stop,)))
+    for stop in out:
+        for name in stop.between:
+            joint = find_joint(model, name)
+            if (joint.nq, joint.nv) != (1, 1):
+                what = "turns without end" if joint.nv == 1 else f"has {joint.nv} coordinates"
+                raise InputError(f"stop {stop.name!r}: joint {name!r} {what}; a stop needs one bounded coordinate")
+    return out
+
+
+def _limits(model: pin.Model, stop: Stop) -> Iterator[Stop]:
+    names = stop.between or joint_names(model)
+    found = False
+    for name in names:
+        joint = find_joint(model, name)
+        if (joint.nq, joint.nv) != (1, 1):
+            continue
+        lower, upper = (float(x[joint.idx_q]) for x in (model.lowerPositionLimit, model.upperPositionLimit))
+        given = {key: x for key, x in (("lower", lower), ("upper", upper)) if np.abs(x) < np.finfo(float).max}
+        if not given or not lower < upper:
+            continue
+        found = True
+        title = f"{stop.name} {name}" if stop.name and not stop.joint else stop.name or f"{name} stop"
+        rest = {"restitution": stop.restitution, "rest": stop.rest}
+        yield Stop(joint=name, name=title, **given, **rest)
+    if not found:
+        whose = f"joint {stop.joint!r} has" if stop.joint else "the joints have"
+        raise InputError(f"stop with limits = true: {whose} none in the source; give lower and upper")

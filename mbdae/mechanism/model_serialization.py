@@ -1,0 +1,218 @@
+"""A Pinocchio model as plain numbers, for saved runs: checked when read, and made again by Pinocchio's calls.
+
+The numbers are those that the model holds, so the model made again is the same bit for bit. Pinocchio's own archives
+are not used: reading a damaged one may end the process.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pinocchio as pin
+from pydantic import AllowInfNan, Field, ValidationError
+
+from ..errors import InputError
+from .checked_table import Table, one_line
+from .joints import PER_COORDINATE, PER_VELOCITY, subspace
+from .scene.shapes import Place
+
+WORD = "JointModel"
+COMPOSITE, SKEWED = "Composite", "RevoluteUnboundedUnaligned"
+NUMBERS: dict[str, tuple[str, ...]] = {  # kinds of joints, and the attributes that their constructors take
+    **dict.fromkeys(("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ"), ()),
+    **dict.fromkeys(("Spherical", "SphericalZYX", "Planar", "Translation", "FreeFlyer"), ()),
+    **dict.fromkeys(("HX", "HY", "HZ"), ("pitch",)),
+    "RevoluteUnaligned": ("axis",),
+    "PrismaticUnaligned": ("axis",),
+    "HelicalUnaligned": ("axis", "pitch"),
+    "Universal": ("axis1", "axis2"),
+    "Ellipsoid": ("radius_x", "radius_y", "radius_z"),
+}
+KINDS = (*NUMBERS, SKEWED, COMPOSITE)
+SCALES = 64  # of a skewed axis, until one of them gives the axis itself
+ROBOT = """<robot name="one"><link name="a"/><link name="b"/><joint name="j" type="continuous">
+<parent link="a"/><child link="b"/><axis xyz="{!r} {!r} {!r}"/></joint></robot>"""
+
+Limit = Annotated[float, AllowInfNan(True)]
+Vector = tuple[float, float, float]
+Symmetric = tuple[float, float, float, float, float, float]
+
+
+class _Inertia(Table):
+    """mass in kg, com in m, moments (ixx, ixy, iyy, ixz, iyz, izz) about it in kg m^2."""
+
+    mass: float
+    com: Vector
+    moments: Symmetric
+
+
+class _Joint(Table):
+    """A joint by its kind and the numbers that make it; a composite one by its parts and their placements."""
+
+    kind: str
+    numbers: tuple[float, ...] = ()
+    parts: tuple["_Joint", ...] = ()
+    places: tuple[Place, ...] = ()
+
+
+class _Link(Table):
+    """A joint in the tree, and the inertia that it carries; place: rows of the rotation, each with its translation."""
+
+    name: str
+    parent: int = Field(ge=0)
+    place: Place
+    joint: _Joint
+    inertia: _Inertia
+
+
+class _Frame(Table):
+    """A frame on a joint."""
+
+    name: str
+    type: Literal["OP_FRAME", "JOINT", "FIXED_JOINT", "BODY", "SENSOR"]
+    joint: int = Field(ge=0)
+    frame: int = Field(ge=0)
+    place: Place
+    inertia: _Inertia
+
+
+class _Model(Table):
+    """A model; ``arrays`` holds what is said of each velocity or coordinate."""
+
+    name: str
+    gravity: Symmetric
+    ground: _Inertia
+    joints: tuple[_Link, ...]
+    frames: tuple[_Frame, ...]
+    arrays: dict[str, tuple[Limit, ...]]
+
+
+def written(model: pin.Model) -> dict[str, Any]:
+    """Write a model down as JSON data.
+
+    Raises:
+        InputError: for a joint of a kind that is not known here.
+    """
+    joints = zip(model.names, model.parents, model.jointPlacements, model.joints, model.inertias, strict=True)
+    return {
+        "name": model.name,
+        "gravity": model.gravity.vector.tolist(),
+        "ground": _inertia(model.inertias[0]),
+        "joints": [
+            {"name": n, "parent": int(p), "place": _place(at), "joint": _joint(j), "inertia": _inertia(y)}
+            for n, p, at, j, y in list(joints)[1:]
+        ],
+        "frames": [
+            {
+                "name": f.name,
+                "type": f.type.name,
+                "joint": int(f.parentJoint),
+                "frame": int(f.parentFrame),
+                "place": _place(f.placement),
+                "inertia": _inertia(f.inertia),
+            }
+            for f in list(model.frames)[1:]
+        ],
+        "arrays": {name: np.array(getattr(model, name)).tolist() for name in (*PER_VELOCITY, *PER_COORDINATE)},
+    }
+
+
+def made(data: Mapping[str, Any]) -> pin.Model:
+    """Make the model again that `written` wrote.
+
+    Raises:
+        InputError: names what is wrong.
+    """
+    try:
+        plain = _Model.model_validate(data)
+    except ValidationError as e:
+        raise InputError(f"model: {one_line(e, lambda path: [])}") from None
+    model = pin.Model()
+    model.name, model.gravity = plain.name, pin.Motion(np.array(plain.gravity))
+    model.inertias[0] = _made_inertia(plain.ground)
+    for number, x in enumerate(plain.joints, 1):
+        if x.parent >= number:
+            raise InputError(f"model: joint {x.name!r} hangs on joint {x.parent}, which comes behind it")
+        if model.existJointName(x.name):
+            raise InputError(f"model: two joints are called {x.name!r}")
+        model.addJoint(x.parent, _made_joint(x.joint), _made_place(x.place), x.name)
+        model.inertias[number] = _made_inertia(x.inertia)
+    for f in plain.frames:
+        if f.joint >= model.njoints or f.frame >= len(model.frames):
+            raise InputError(f"model: frame {f.name!r} is on joint {f.joint} and frame {f.frame}, which do not exist")
+        kind = pin.FrameType.names[f.type]
+        if model.existFrame(f.name, kind):
+            raise InputError(f"model: two frames are called {f.name!r}")
+        model.addFrame(pin.Frame(f.name, f.joint, f.frame, _made_place(f.place), kind, _made_inertia(f.inertia)), False)
+    for names, size in ((PER_VELOCITY, model.nv), (PER_COORDINATE, model.nq)):
+        for name in names:
+            values = np.array(plain.arrays.get(name, ()))
+            wild = ~np.isfinite(values) if not name.endswith("Limit") else np.isnan(values)
+            if len(values) != size or wild.any():
+                raise InputError(f"model: {name} needs {size} numbers")
+            getattr(model, name)[:] = values
+    return model
+
+
+def _place(x: pin.SE3) -> list[float]:
+    return x.homogeneous[:3].ravel().tolist()
+
+
+def _made_place(x: Place) -> pin.SE3:
+    rows = np.array(x).reshape(3, 4)
+    return pin.SE3(rows[:, :3], rows[:, 3])
+
+
+def _inertia(x: pin.Inertia) -> dict[str, Any]:
+    tensor = x.inertia
+    moments = [float(tensor[i, j]) for i in range(3) for j in range(i + 1)]
+    return {"mass": float(x.mass), "com": x.lever.tolist(), "moments": moments}
+
+
+def _made_inertia(x: _Inertia) -> pin.Inertia:
+    ixx, ixy, iyy, ixz, iyz, izz = x.moments
+    return pin.Inertia(x.mass, np.array(x.com), np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))
+
+
+def _joint(joint: pin.JointModel) -> dict[str, Any]:
+    kind, own = joint.shortname().removeprefix(WORD), joint.extract()
+    if kind == COMPOSITE:
+        places = [_place(p) for p in own.jointPlacements]
+        return {"kind": kind, "parts": [_joint(j) for j in own.joints], "places": places}
+    if kind == SKEWED:
+        return {"kind": kind, "numbers": subspace(own)[3:, 0].tolist()}
+    if kind not in NUMBERS:
+        raise InputError(f"a joint of kind {kind!r} cannot be written down; known: {', '.join(KINDS)}")
+    return {"kind": kind, "numbers": [float(x) for name in NUMBERS[kind] for x in np.atleast_1d(getattr(own, name))]}
+
+
+def _made_joint(x: _Joint) -> pin.JointModel:
+    if x.kind == COMPOSITE:
+        if not x.parts or len(x.parts) != len(x.places):
+            raise InputError(f"model: a composite joint has {len(x.parts)} parts and {len(x.places)} placements")
+        joint = pin.JointModelComposite(len(x.parts))
+        for part, place in zip(x.parts, x.places, strict=True):
+            joint.addJoint(_made_joint(part), _made_place(place))
+        return joint
+    if x.kind not in KINDS:
+        raise InputError(f"model: unknown kind of joint {x.kind!r}; known: {', '.join(KINDS)}")
+    sizes = [3 if name.startswith("axis") else 1 for name in NUMBERS.get(x.kind, ("axis",))]
+    if len(x.numbers) != sum(sizes):
+        raise InputError(f"model: a joint of kind {x.kind!r} takes {sum(sizes)} numbers, got {len(x.numbers)}")
+    parts = np.split(np.array(x.numbers), np.cumsum(sizes)[:-1]) if sizes else []
+    if x.kind == SKEWED:
+        return _skewed(parts[0])
+    return getattr(pin, WORD + x.kind)(*(part if len(part) == 3 else float(part[0]) for part in parts))
+
+
+def _skewed(axis: np.ndarray) -> pin.JointModel:
+    """An unbounded revolute joint about any axis, which only Pinocchio's URDF reader makes, and normalises once more.
+
+    Raises:
+        InputError: for an axis that is not of unit length.
+    """
+    for k in range(SCALES):
+        joint = pin.buildModelFromXML(ROBOT.format(*(axis * (1 + k / SCALES)).tolist())).joints[1]
+        if joint.shortname() == WORD + SKEWED and np.array_equal(subspace(joint)[3:, 0], axis):
+            return joint.extract()
+    raise InputError(f"model: a joint of kind {SKEWED!r} has no axis of unit length: {axis.tolist()}")

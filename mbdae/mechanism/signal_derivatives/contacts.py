@@ -1,0 +1,45 @@
+"""How rolling bodies touch, and how they are pressed, varies."""
+
+from copy import copy
+from typing import Any
+
+import numpy as np
+
+from ...system import Array
+from ..contacts import force_shares, rolling, shape
+from .motion_tangent import VariedMotion
+
+
+def path_slopes(motion: VariedMotion) -> Array:
+    """Return the variations of where bodies touch, as of `mbdae.mechanism.contacts.path`, (n, 3, m)."""
+    mech, parameters = motion.mechanism, motion.parameters
+    names, out = [c.name for c in mech.constraints], np.empty((len(rolling(mech)), 3, len(motion.d.t)))
+    for i, closure in enumerate(rolling(mech)):
+        pair, body = motion.system.constraints.frame_parts[closure.name].pair, shape(mech, closure.name)
+        pair.locate()
+        at: Any = copy(pair)
+        for column, *carried in zip(range(len(motion.d.t)), *(X.T for X in motion.pair(pair)), strict=True):
+            at.Va, at.Vb = carried
+            out[i, :, column] = body.touch(at).dp[:, 0]
+        at.Va = at.Vb = np.zeros(6)
+        for p, dp in zip(parameters.all, motion.d.p, strict=True):
+            if names.index(closure.name) in p.specs:
+                bodies = {k: shape(other, closure.name) for k, other in p.near.items()}
+                out[i] += np.outer(p.quotient({k: b.touch(at).p[:, 0] for k, b in bodies.items()}), dp)
+    return out
+
+
+def contact_slopes(motion: VariedMotion) -> Array:
+    """Return the variations of normal, longitudinal, lateral force and friction of rolling bodies, (n, 4, m)."""
+    mech = motion.mechanism
+    out = np.empty((len(rolling(mech)), 4, len(motion.d.t)))
+    for i, closure in enumerate(rolling(mech)):
+        share, own = force_shares(motion.system, closure.name), motion.system.constraints.spans[closure.name]
+        (normal, *along), forces = share @ motion.lam[own], share @ motion.d.lam[own]
+        normal = normal if share[0].any() and normal > 0 else np.nan  # friction stands where the body is pressed
+        size = np.hypot(*along)
+        friction = (np.array(along) @ forces[1:] / (size or 1.0) - size / normal * forces[0]) / normal
+        out[i] = *forces, friction
+        if not share[0].any():
+            out[i, 0] = np.nan
+    return out

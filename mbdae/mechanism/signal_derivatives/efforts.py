@@ -1,0 +1,92 @@
+"""How what each force gives varies: torques and forces, powers, deflections."""
+
+import numpy as np
+
+from ...system import Array
+from ..effort_signals import named_laws
+from ..forces.bushing import BushingElement
+from ..forces.elements import ForceElements
+from ..forces.force import ForceElement, PairElement
+from ..frames import unit_gap
+from ..manifold import inverse_jacobian, skew
+from .motion_tangent import VariedMotion, of_point
+from .wrenches import law_wrench
+
+
+def effort_slopes(motion: VariedMotion) -> Array:
+    """Return the variations of the columns of `mbdae.mechanism.effort_signals.efforts`, (n, m)."""
+    bound = [law for law, _ in motion.system.laws.bound]
+    out: list[Array] = []
+    for law in named_laws(motion.mechanism, motion.system.laws).values():
+        number = next(i for i, known in enumerate(bound) if known is law)
+        out += _between(motion, law, number) if isinstance(law, PairElement) else _along(motion, law, number)
+        out += _deflected(motion, law, number)
+    return np.array(out).reshape(-1, len(motion.d.t))
+
+
+def drive_power_slopes(motion: VariedMotion) -> Array:
+    """Return the variations of the columns of `mbdae.mechanism.effort_signals.drive_powers`, (n, m)."""
+    mech, constraints, parameters = motion.mechanism, motion.system.constraints, motion.parameters
+    _, rates, bends = constraints.motion(motion.t)
+    names, out = [c.name for c in mech.constraints], []
+    for driver in mech.drivers:
+        i = mech.rows_of(driver.name).start
+        lam, row = motion.lam[i], rates[i] * motion.d.lam[i] + motion.lam[i] * bends[i] * motion.d.t
+        for p, changed, dp in zip(parameters.all, parameters.rows, motion.d.p, strict=True):
+            if names.index(driver.name) in p.specs:
+                near = {k: c.motion(motion.t)[1][c.spans[driver.name]] for k, c in changed.near.items()}
+                row = row + lam * p.quotient(near)[0] * dp
+        out.append(row)
+    return np.array(out).reshape(-1, len(motion.d.t))
+
+
+def _along(motion: VariedMotion, law: ForceElement, number: int) -> list[Array]:
+    """A force along coordinates, and its power."""
+    t, q, v, d, nv = motion.t, motion.q, motion.v, motion.d, len(motion.v)
+    at = motion.system.laws.bound[number][1]
+    alone, s = ForceElements([law], motion.model), motion.s[at]
+    tau, _ = alone.torque(t, q, v, s)
+    by_state = alone.slopes(t, q, v, s)[:nv]
+    dtau = by_state @ np.concatenate([d.q, d.v, d.s[at]]) + np.outer(alone.by_time(t, q, v, s)[:nv], d.t)
+    for i, near in motion.near_laws(number):
+        found = {k: ForceElements([other], motion.model).torque(t, q, v, s)[0] for k, other in near.items()}
+        dtau += np.outer(motion.parameters.all[i].quotient(found), d.p[i])
+    return [*dtau[law.acts(nv)], v @ dtau + tau @ d.v]
+
+
+def _between(motion: VariedMotion, law: PairElement, number: int) -> list[Array]:
+    """A force between two frames, and its power."""
+    F, dF = law_wrench(motion, law, number)
+    V, dV = motion.relative(law.pair)
+    power = V @ dF + F @ dV
+    if law.tension:
+        return [-unit_gap(law.pair)[1] @ dF[:3], power]
+    p, dp = law.pair.pb, of_point(motion.pair(law.pair)[1], law.pair.pb)
+    lever = np.cross(dp.T, F[:3]) + np.cross(p, dF[:3].T)
+    out = []
+    for value, change in ((F[:3], dF[:3]), (F[3:] - np.cross(p, F[:3]), dF[3:] - lever.T)):
+        out += [value @ change / (np.linalg.norm(value) or 1.0), *change]
+    return [*out, power]
+
+
+def _deflected(motion: VariedMotion, law: ForceElement, number: int) -> list[Array]:
+    """How far its springs are deflected."""
+    if not law.deflections:
+        return []
+    if isinstance(law, PairElement):
+        law.pair.locate()
+        Xa, Xb = motion.pair(law.pair)
+        Ra, pa, pb = law.pair.Ra, law.pair.pa, law.pair.pb
+        if isinstance(law, BushingElement):
+            theta = law.gap()[1]
+            turn = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T  # J_l(theta)^-1
+            gap = of_point(Xb, pb) - of_point(Xa, pa) - np.cross(Xa[3:].T, pb - pa).T
+            out = np.concatenate([Ra.T @ gap, turn @ (Ra.T @ (Xb - Xa)[3:])])
+        else:
+            out = (unit_gap(law.pair)[1] @ (of_point(Xb, pb) - of_point(Xa, pa)))[None]
+    else:
+        out = motion.d.q[[i for i, _ in law.deflections]]
+    for i, near in motion.near_laws(number):
+        found = {k: other.deflection(motion.q) for k, other in near.items()}
+        out = out + np.outer(motion.parameters.all[i].quotient(found), motion.d.p[i])
+    return list(out)

@@ -1,0 +1,26 @@
+"""How positions, velocities and accelerations of frames vary."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...system import Array
+from .motion_tangent import VariedMotion, of_point
+
+
+def motion_slopes(motion: VariedMotion, names: Sequence[str]) -> tuple[Array, Array]:
+    """Return p, p' and p'' of the origins of n frames in the world, (3, n, 3), and their variations, (3, n, 3, m).
+
+    Raises:
+        UnknownNameError: for a frame that does not exist.
+    """
+    values, slopes = np.empty((3, len(names), 3)), np.empty((3, len(names), 3, len(motion.d.t)))
+    for i, name in enumerate(names):
+        j, place, X = motion.frame(name)
+        p, (V, A, dV, dA) = place.translation, (x[j] for x in (motion.V, motion.A, motion.dV, motion.dA))
+        dp, speed = of_point(X, p), V[:3] + np.cross(V[3:], p)
+        dspeed = of_point(dV, p) + np.cross(V[3:], dp.T).T
+        values[:, i] = p, speed, A[:3] + np.cross(A[3:], p) + np.cross(V[3:], speed)
+        turned = np.cross(A[3:], dp.T) + np.cross(dV[3:].T, speed) + np.cross(V[3:], dspeed.T)
+        slopes[:, i] = dp, dspeed, of_point(dA, p) + turned.T
+    return values, slopes

@@ -1,0 +1,83 @@
+"""How the friction of closures that depends on their multipliers varies, see `mbdae.mechanism.formulations.closure_friction`.
+
+With the wrenches A (m, 6) of the ways that a place may slide, its slip s = A V and c = -mu r,
+
+    F = c |lam| phi(|s|) A^T s,   dF = (d|lam|/|lam| + psi s . ds/phi) F + c |lam| phi (dA^T s + A^T ds)
+
+with ds = dA V + A dV, phi(x) = tanh(x/w)/x and psi = phi'/x.
+"""
+
+from copy import copy
+from typing import Any
+
+import numpy as np
+
+from ...system import Array
+from ..closures.contact import Height
+from ..closures.rows import unit_axis
+from ..discrete_sensitivity.friction_partials import shape
+from ..formulations.friction_interface import NOTHING, TOUCHES, TURNS, SlidingPlace
+from .motion_tangent import VariedMotion, of_point
+
+
+def friction_wrench(motion: VariedMotion, name: str) -> tuple[Array, Array]:
+    """Return the regularised friction of a closure on its second frame, at the world's origin, (6,), and (6, m)."""
+    sliding, parameters = motion.system.sliding, motion.parameters
+    F, dF = np.zeros(6), np.zeros((6, len(motion.d.t)))
+    for k in sliding.rubs(name):
+        place = sliding.places[k]
+        (V, dV), A, dA = motion.relative(place.pair), *_ways(motion, place)
+        lam, dlam, c = motion.lam[place.rows], motion.d.lam[place.rows], -float(sliding.coefficient[k])
+        slip, ds = A @ V, np.einsum("ijm,j->im", dA, V) + A @ dV
+        size = np.sqrt(lam @ lam)
+        phi, psi = shape(float(np.sqrt(slip @ slip)), place.force.width)
+        along = A.T @ slip
+        F += c * size * phi * along
+        dF += c * phi * np.outer(along, lam @ dlam / (size + NOTHING)) + c * size * psi * np.outer(along, slip @ ds)
+        dF += c * size * phi * (np.einsum("ijm,i->jm", dA, slip) + A.T @ ds)
+    for near, p, dp in zip(parameters.near_sliding, parameters.all, motion.d.p, strict=True):
+        found = {}
+        for i, other in near.items():
+            other.constraints.jacobian()
+            found[i] = other.wrench(name, motion.v, motion.lam)
+        if found:
+            dF += np.outer(p.quotient(found), dp)
+    return F, dF
+
+
+def _ways(motion: VariedMotion, place: SlidingPlace) -> tuple[Array, Array]:
+    """The wrenches A (m, 6) of `SlidingPlace.ways`, and how they vary where bodies do, (m, 6, k)."""
+    pair, kind = place.pair, place.closure.kind
+    A, (Xa, Xb) = place.ways(motion.system.constraints.W[:, place.rows]), motion.pair(pair)
+    dA = np.zeros((*A.shape, Xa.shape[1]))
+    p, dp = pair.pb, of_point(Xb, pair.pb)
+    if kind == "point":
+        return A, dA
+    if kind in TOUCHES:
+        constraints = motion.system.constraints
+        (_, row, _), n = constraints.frame_parts[place.closure.name].rows[0], constraints.W[:3, place.rows.start]
+        dn = np.add(*(D[0] @ X for D, X in zip(row.slopes(pair), (Xa, Xb), strict=True)))[:3]
+        de = -(np.einsum("im,j->ijm", dn, n) + np.einsum("i,jm->ijm", n, dn))
+        p, dp = place.point(), _touches(place, Xa, Xb, dp)
+    else:
+        axis = pair.Ra @ unit_axis(place.closure.axis or (0.0, 0.0, 1.0))
+        de = np.cross(Xa[3:].T, axis).T[None]
+    if kind in TURNS:
+        dA[:, 3:] = de
+        return A, dA
+    dA[:, :3] = de
+    for i, e in enumerate(A[:, :3]):
+        dA[i, 3:] = np.cross(dp.T, e).T + np.cross(p, de[i].T).T
+    return A, dA
+
+
+def _touches(place: SlidingPlace, Xa: Array, Xb: Array, dp: Array) -> Array:
+    """How the point where bodies touch moves, (3, m)."""
+    first = place.closure.primitives()[0]
+    if not isinstance(first, Height):
+        return dp
+    at: Any = copy(place.pair)
+    moved = []
+    for at.Va, at.Vb in zip(Xa.T, Xb.T, strict=True):
+        moved.append(first.lines(at).dp[:, 0])
+    return np.array(moved).T

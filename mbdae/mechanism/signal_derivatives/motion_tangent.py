@@ -1,0 +1,136 @@
+"""A point of a motion that varies in m directions at once: its bodies, and what stands on them.
+
+A direction moves (q, v, v'), the mechanism's numbers and time. It carries body i by the motion X_i, at the world's
+origin, and what is fixed to the body along with it. With the columns J_i of its joint, w_i = J_i v_i, the body p before
+it, and what parameters do to the joint's place, P_i dp,
+
+    X_i = X_p + P_i dp + J_i dq_i
+    V_i = V_p + w_i                    dV_i = dV_p + d_i,   d_i = X_i x w_i + J_i dv_i
+    A_i = A_p + J_i v'_i + V_i x w_i   dA_i = dA_p + X_i x (J_i v'_i) + J_i dv'_i + dV_i x w_i + V_i x d_i
+
+on the expanded tree (`mbdae.mechanism.expanded_tree`), where a joint's axes stand still in its frame.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from ...system import Array
+from ..expanded_tree import parts
+from ..frames import Anchor, Pair, find_frame, motion_cross
+from ..pinocchio_data import make_data
+
+if TYPE_CHECKING:
+    from ..discrete_sensitivity.parameter_partials import Parameters
+    from ..forces.force import ForceElement
+
+
+class Directions(NamedTuple):
+    """Variations in m directions of what a signal is a function of.
+
+    Attributes:
+        q, v: in the tangent, and of v, (nv, m) each.
+        s: of the states of forces, (ns, m).
+        vdot: of v', (nv, m).
+        lam: of the multipliers of all rows, (ng, m).
+        p: of the parameters, (k, m).
+        t: of time, (m,).
+    """
+
+    q: Array
+    v: Array
+    s: Array
+    vdot: Array
+    lam: Array
+    p: Array
+    t: Array
+
+
+class VariedMotion:
+    """The bodies of a mechanism at points of a motion, and how they vary.
+
+    Args:
+        parameters: numbers that vary, with a workspace.
+
+    Attributes:
+        X, V, A, dV, dA: by joint, motions in the world: V and A are (6,), the others (6, m).
+    """
+
+    def __init__(self, parameters: "Parameters") -> None:
+        self.parameters, self.system = parameters, parameters.system
+        self.mechanism, self.model = self.system.mechanism, self.system.model
+        self.expanded = self.system.inertial.model
+        self.data = make_data(self.expanded)
+        counts = [len(parts(joint)) for joint in list(self.model.joints)[1:]]
+        self.ends = [0, *np.cumsum(counts, dtype=int).tolist()]  # of each joint in the expanded tree
+
+    def stand(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array, d: Directions) -> None:
+        """Stand at a point, and vary it; `system` stands there, too, with accelerations for v' = 0."""
+        self.t, self.q, self.v, self.s, self.vdot, self.lam, self.d = t, q, v, s, vdot, lam, d
+        model, data, n = self.expanded, self.data, self.expanded.njoints
+        pin.forwardKinematics(model, data, q)
+        J = pin.computeJointJacobians(model, data, q).reshape(6, -1)
+        m = len(d.t)
+        X, dV, dA = np.zeros((3, n, 6, m))
+        V, A = np.zeros((2, n, 6))
+        firsts = {end + 1: j for j, end in enumerate(self.ends[:-1], 1)}
+        for i in range(1, n):
+            p, at = model.parents[i], slice(model.idx_vs[i], model.idx_vs[i] + model.nvs[i])
+            own = J[:, at]
+            w, a = own.dot(v[at])[:, None], own.dot(vdot[at])[:, None]
+            X[i] = X[p] + own.dot(d.q[at])
+            if i in firsts:
+                before = data.oMi[p] * model.jointPlacements[i]
+                X[i] += self.shifted(before, [x.places.get(firsts[i]) for x in self.parameters.all])
+            V[i] = V[p] + w[:, 0]
+            moved = motion_cross(X[i], w) + own.dot(d.v[at])
+            dV[i] = dV[p] + moved
+            A[i] = A[p] + a[:, 0] + motion_cross(V[i][:, None], w)[:, 0]
+            dA[i] = dA[p] + motion_cross(X[i], a) + own.dot(d.vdot[at])
+            dA[i] += motion_cross(dV[i], w) + motion_cross(V[i][:, None], moved)
+        self.X, self.V, self.A, self.dV, self.dA = (x[self.ends] for x in (X, V, A, dV, dA))
+        self.places = [data.oMi[i] for i in self.ends]
+        pin.forwardKinematics(self.model, self.system.data, q, v, np.zeros(len(v)))
+        pin.computeJointJacobians(self.model, self.system.data, q)
+
+    def shifted(self, place: pin.SE3, motions: list[Array | None]) -> Array:
+        """Motions (6, m) in the world of what parameters move by motions (6,) in the axes of a place."""
+        out = np.zeros((6, len(self.d.t)))
+        for motion, dp in zip(motions, self.d.p, strict=True):
+            if motion is not None:
+                out += np.outer(place.act(pin.Motion(motion)).vector, dp)
+        return out
+
+    def frame(self, name: str) -> tuple[int, pin.SE3, Array]:
+        """The joint that carries a frame, where it is in the world, and the motions (6, m) that carry it."""
+        found = find_frame(self.model, name)
+        i, joint = self.model.getFrameId(found.name, found.type), found.parentJoint
+        place = self.places[joint] * found.placement
+        return joint, place, self.X[joint] + self.shifted(place, [x.frames.get(i) for x in self.parameters.all])
+
+    def pair(self, pair: Pair) -> tuple[Array, Array]:
+        """The motions (6, m) that carry both frames of a pair."""
+        return self._carried(pair.a), self._carried(pair.b)
+
+    def _carried(self, a: Anchor) -> Array:
+        return self.frame(a.name)[2]
+
+    def relative(self, pair: Pair) -> tuple[Array, Array]:
+        """The velocity V_b - V_a of a pair, (6,), and its variations (6, m)."""
+        a, b = pair.a.joint, pair.b.joint
+        return self.V[b] - self.V[a], self.dV[b] - self.dV[a]
+
+    def near_laws(self, law: int) -> "list[tuple[int, dict[int, ForceElement]]]":
+        """Parameters that change a force, by their numbers, and the force with their other values."""
+        out = []
+        for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
+            if law in p.forces:
+                which = p.forces.index(law)
+                out.append((i, {k: near.bound[which][0] for k, near in laws.near.items()}))
+        return out
+
+
+def of_point(motions: Array, p: Array) -> Array:
+    """Velocities (3, m) of a point (3,) that motions (6, m) at the world's origin carry."""
+    return motions[:3] + np.cross(motions[3:].T, p).T

@@ -1,0 +1,80 @@
+"""How forces and torques in joints and closures vary: Newton's and Euler's equations, body by body.
+
+With the inertia Y of a body, A' = A - gravity and h = Y V, what is fixed to the body is carried by X, and
+dV~ = dV - X x V, dA~ = dA' - X x A' are what its velocity and acceleration change besides,
+
+    F = Y A' + V x* h - outer,   dF = X x* (F + outer) + Y dA~ + dV~ x* h + V x* Y dV~ + dY - d outer
+
+and a joint's wrench is the sum over the bodies behind it, see `mbdae.mechanism.joint_wrenches`.
+"""
+
+import numpy as np
+import pinocchio as pin
+
+from ...system import Array
+from ..forces.force import PairElement
+from ..frames import joint_names, motion_cross
+from ..joint_wrenches import loaded
+from .motion_tangent import VariedMotion, of_point
+from .wrenches import closure_wrench, law_wrench, wrench_cross
+
+
+def load_slopes(motion: VariedMotion) -> tuple[Array, Array]:
+    """Return what `mbdae.mechanism.joint_wrenches.point_loads` does, (2, n, 2, 3), and its variations (2, n, 2, 3, m).
+
+    The first half is along the world's axes, the other along their own; force and torque stand in turn.
+    """
+    names, joints, m = loaded(motion.mechanism), joint_names(motion.model), len(motion.d.t)
+    closures = {name: closure_wrench(motion, name) for name in motion.system.constraints.frame_parts}
+    F, dF = _joints(motion, closures)
+    values, slopes = np.empty((2, len(names), 6)), np.empty((2, len(names), 6, m))
+    for i, name in enumerate(names):
+        if name in closures:
+            pair = motion.system.constraints.frame_parts[name].pair
+            (w, dw), (X_axes, X), p, R = closures[name], motion.pair(pair), pair.pb, pair.Ra
+        else:
+            j = joints.index(name) + 1
+            w, dw, X, X_axes = F[j], dF[j], motion.X[j], motion.X[j]
+            p, R = motion.places[j].translation, motion.places[j].rotation
+        world = np.concatenate([w[:3], w[3:] - np.cross(p, w[:3])])
+        lever = np.cross(of_point(X, p).T, w[:3]) + np.cross(p, dw[:3].T)
+        moved = np.concatenate([dw[:3], dw[3:] - lever.T])
+        values[0, i], slopes[0, i] = world, moved
+        for part in (slice(0, 3), slice(3, 6)):
+            values[1, i, part] = R.T.dot(world[part])
+            slopes[1, i, part] = R.T.dot(moved[part] - np.cross(X_axes[3:].T, world[part]).T)
+    return values.reshape(2, -1, 2, 3), slopes.reshape(2, -1, 2, 3, m)
+
+
+def _joints(motion: VariedMotion, closures: dict[str, tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Wrenches in all joints at the world's origin, (njoints, 6), and their variations, (njoints, 6, m)."""
+    model, parameters, d = motion.model, motion.parameters, motion.d
+    F, dF = np.zeros((model.njoints, 6)), np.zeros((model.njoints, 6, len(d.t)))
+    outer = [(motion.system.constraints.frame_parts[name].pair, *found) for name, found in closures.items()]
+    for number, (law, _) in enumerate(motion.system.laws.bound):
+        if isinstance(law, PairElement):
+            outer.append((law.pair, *law_wrench(motion, law, number)))
+    for pair, w, dw in outer:
+        for joint, sign in ((pair.b.joint, -1.0), (pair.a.joint, 1.0)):
+            F[joint] += sign * w
+            dF[joint] += sign * dw
+    for j in range(1, model.njoints):
+        place, Y, X, V = motion.places[j], model.inertias[j], motion.X[j], motion.V[j]
+        A = pin.Motion(motion.A[j]) - model.gravity
+        inertia, h = place.act(Y), (place.act(Y) * pin.Motion(V)).vector
+        own = (inertia * A).vector + wrench_cross(V[:, None], h[:, None])[:, 0]
+        dV = motion.dV[j] - motion_cross(X, V[:, None])
+        dA = motion.dA[j] - motion_cross(X, A.vector[:, None])
+        for p, dp in zip(parameters.all, d.p, strict=True):
+            dA[:3] -= np.outer(p.gravity, dp)
+            if j in p.inertias:
+                at = place.actInv(pin.Motion(V)), place.actInv(A)
+                dF[j] += np.outer(place.act(pin.Force(pin.bodyRegressor(*at) @ p.inertias[j])).vector, dp)
+        F[j] += own
+        Y_dV = inertia.matrix().dot(dV)
+        dF[j] += wrench_cross(X, own[:, None]) + inertia.matrix().dot(dA)
+        dF[j] += wrench_cross(dV, h[:, None]) + wrench_cross(V[:, None], Y_dV)
+    for j in range(model.njoints - 1, 0, -1):
+        F[model.parents[j]] += F[j]
+        dF[model.parents[j]] += dF[j]
+    return F, dF

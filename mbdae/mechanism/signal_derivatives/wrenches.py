@@ -1,0 +1,69 @@
+"""How the wrenches of closures and of forces between frames vary."""
+
+import numpy as np
+
+from ...system import Array
+from ..forces.force import PairElement, Turning
+from .friction import friction_wrench
+from .motion_tangent import VariedMotion
+
+
+def wrench_cross(a: Array, F: Array) -> Array:
+    """The products a x* F of motions and wrenches, column by column, (6, m)."""
+    (v, w), (f, n) = (a[:3].T, a[3:].T), (F[:3].T, F[3:].T)
+    return np.concatenate([np.cross(w, f).T, (np.cross(w, n) + np.cross(v, f)).T])
+
+
+def closure_wrench(motion: VariedMotion, name: str) -> tuple[Array, Array]:
+    """Return the wrench of a closure on its second frame, at the world's origin, (6,), and its variations (6, m)."""
+    constraints, parameters = motion.system.constraints, motion.parameters
+    pair, rows = constraints.frame_parts[name]
+    pair.locate()
+    Xa, Xb = motion.pair(pair)
+    F, dF = np.zeros(6), np.zeros_like(Xa)
+    for at, row, w in rows:
+        row.wrenches(pair, w)
+        lam = motion.lam[at]
+        Da, Db = (np.tensordot(lam, D, 1) for D in row.slopes(pair))
+        F += w.dot(lam)
+        dF += Da.dot(Xa) + Db.dot(Xb) + w.dot(motion.d.lam[at])
+    own, which = constraints.spans[name], [c.name for c in motion.mechanism.constraints].index(name)
+    for p, changed, dp in zip(parameters.all, parameters.rows, motion.d.p, strict=True):
+        if which not in p.specs:
+            continue
+        found = {}
+        for k, near in changed.near.items():
+            near.jacobian()
+            found[k] = near.W[:, near.spans[name]].dot(motion.lam[own])
+        dF += np.outer(p.quotient(found), dp)
+    if motion.system.sliding.rubs(name):
+        rubbing, change = friction_wrench(motion, name)
+        F, dF = F + rubbing, dF + change
+    return F, dF
+
+
+def law_wrench(motion: VariedMotion, law: PairElement, number: int) -> tuple[Array, Array]:
+    """Return the wrench of a force on its second frame, at the world's origin, (6,), and its variations (6, m).
+
+    Args:
+        motion: where it acts.
+        law: between two frames.
+        number: of the law.
+    """
+    law.pair.locate()
+    Xa, Xb = motion.pair(law.pair)
+    V, dV = motion.relative(law.pair)
+    dF = np.outer(law.rising(motion.t) + np.zeros(6), motion.d.t)
+    for part in (parts := law.turning(motion.t, V)):
+        dF += part.Da.dot(Xa) + part.Db.dot(Xb) + part.C.dot(dV)
+    for i, near in motion.near_laws(number):
+        found = {}
+        for k, other in near.items():
+            other.pair.locate()  # type: ignore[attr-defined]
+            found[k] = _sum(other.turning(motion.t, V))  # type: ignore[attr-defined]
+        dF += np.outer(motion.parameters.all[i].quotient(found), motion.d.p[i])
+    return _sum(parts), dF
+
+
+def _sum(parts: tuple[Turning, ...]) -> Array:
+    return np.sum([part.F for part in parts], axis=0)

@@ -1,0 +1,300 @@
+"""Functions of time: torques, references and motions that follow a clock, as data that stand in a file.
+
+A plain number is a constant; a Python function of t becomes a `Function`. Inside, all are pieces of polynomials,
+harmonics, or Python functions.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from math import inf, isfinite, nan, pi, sin
+from typing import Annotated, Any, Literal, Union
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_serializer, model_validator
+
+from .. import finite_differences
+from ..errors import InputError
+from .callbacks import called, checked, function_name
+from .checked_table import Table
+from .piecewise_polynomial import Beyond, Interpolation, Pieces, Point, curve, increasing
+
+SPACING = 3e-3  # s, of differences
+
+
+class _Signal(Table):
+    """A function of time."""
+
+    @abstractmethod
+    def at(self, t: float, k: int = 0) -> float:
+        """Return the k-th derivative with respect to time, k = 0, 1, 2."""
+
+    def slope(self, t: float, k: int = 0) -> float:
+        """Return the derivative of the k-th derivative: a difference of order six where it is not given."""
+        if k < 2 and self.known(k + 1):
+            return self.at(t, k + 1)
+        return float(finite_differences.slope(lambda x: self.at(t + x, k), SPACING))
+
+    def known(self, k: int) -> bool:
+        """Whether the k-th derivative is given, k = 0, 1, 2."""
+        return True
+
+    @property
+    def breaks(self) -> Sequence[float]:
+        """The times where it is not smooth."""
+        return ()
+
+    @property
+    def knots(self) -> Sequence[float]:
+        """The times where its pieces meet, those of one period."""
+        return ()
+
+    def meets(self, t0: float, t1: float) -> Sequence[float]:
+        """Return the times between t0 and t1 where its pieces meet."""
+        return ()
+
+    def jump(self, t: float, sign: float) -> float:
+        """Return the next time after t, in the direction of sign, where it is not smooth; sign * inf if none."""
+        return sign * min((sign * s for s in self.breaks if sign * s > sign * t), default=inf)
+
+    @abstractmethod
+    def plain(self) -> dict[str, Any]:
+        """What the core takes."""
+
+
+class _Piecewise(_Signal):
+    """A function of time that consists of polynomials."""
+
+    @cached_property
+    @abstractmethod
+    def pieces(self) -> Pieces:
+        """The polynomials."""
+
+    def at(self, t: float, k: int = 0) -> float:
+        return self.pieces.at(t, k)
+
+    @property
+    def breaks(self) -> Sequence[float]:
+        return self.pieces.breaks
+
+    @property
+    def knots(self) -> Sequence[float]:
+        return self.pieces.starts[1:]
+
+    def meets(self, t0: float, t1: float) -> Sequence[float]:
+        return self.pieces.meets(t0, t1)
+
+    def slope(self, t: float, k: int = 0) -> float:
+        return self.pieces.slope(t, k)
+
+    def plain(self) -> dict[str, Any]:
+        return self.pieces.plain()
+
+
+class Constant(_Piecewise):
+    """A number; it stands as such in a file.
+
+    Attributes:
+        value: the number.
+    """
+
+    kind: Literal["constant"] = "constant"
+    value: float
+
+    def at(self, t: float, k: int = 0) -> float:  # noqa: D102
+        return 0.0 if k else self.value
+
+    @cached_property
+    def pieces(self) -> Pieces:  # noqa: D102
+        return Pieces([0.0], [[self.value]])
+
+    @model_serializer
+    def _plain(self) -> float:
+        return self.value
+
+
+class Harmonic(_Signal):
+    """offset + amplitude sin(omega t + phase).
+
+    Attributes:
+        amplitude: in the unit of the value.
+        omega: rad/s.
+        phase: rad.
+        offset: in the unit of the value.
+    """
+
+    kind: Literal["harmonic"] = "harmonic"
+    amplitude: float
+    omega: float
+    phase: float = 0.0
+    offset: float = 0.0
+
+    def at(self, t: float, k: int = 0) -> float:  # noqa: D102
+        angle = self.omega * t + self.phase + k * pi / 2
+        if not isfinite(angle):
+            return nan
+        value = self.amplitude * sin(angle)
+        return value * (self.omega, self.omega * self.omega)[k - 1] if k else value + self.offset
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        return {"kind": "harmonic", "a": [self.amplitude, self.omega, self.phase, self.offset]}
+
+
+class Polynomial(_Piecewise):
+    """sum_i coefficients_i t^i.
+
+    Attributes:
+        coefficients: c_0, c_1, ...; two of them are a constant speed c_1.
+    """
+
+    kind: Literal["polynomial"] = "polynomial"
+    coefficients: tuple[float, ...] = Field(min_length=1)
+
+    @cached_property
+    def pieces(self) -> Pieces:  # noqa: D102
+        return Pieces([0.0], [self.coefficients[::-1]])
+
+
+class _Points(_Piecewise):
+    """A function of time given by points (t, value), t increasing."""
+
+    @field_validator("points", check_fields=False)
+    @classmethod
+    def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
+        return increasing(points)
+
+class TimeTable(_Points):
+    """A smooth curve through points (t, value), t increasing.
+
+    A periodic one has the period t_n - t_1 and is as smooth where periods meet as elsewhere; its last value is its
+    first one, except in a motion, to which each period may add the difference (a crank that turns on).
+
+    Attributes:
+        points: pairs (t, value) in s.
+        interpolation: ``"spline"``, natural and cubic (two continuous derivatives), or ``"monotone"``, cubic without
+            overshoot (one continuous derivative).
+        beyond: what is before the first time and behind the last: ``"hold"`` the end values, ``"linear"``: straight
+            on, or ``"periodic"``. Left out, loads and speeds hold; a driver's motion ends the run there. A motion that
+            holds comes to rest: u' = 0 at both ends, and u'' jumps.
+    """
+
+    kind: Literal["table"] = "table"
+    points: tuple[Point, ...] = Field(min_length=2)
+    interpolation: Interpolation = "spline"
+    beyond: Beyond | None = None
+
+    @cached_property
+    def pieces(self) -> Pieces:  # noqa: D102
+        return self._made(self.beyond or "hold", (self.points[0][0], self.points[-1][0]))
+
+    @cached_property
+    def motion(self) -> Pieces:
+        """The polynomials of a motion: held at rest; straight on where nothing is said, where no run goes."""
+        jumps = self.points if self.interpolation == "monotone" else (self.points[0], self.points[-1])  # of u''
+        return self._made(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
+
+    def _made(self, beyond: Beyond, breaks: Sequence[float], *, at_rest: bool = False) -> Pieces:
+        c = curve(self.points, self.interpolation, beyond, at_rest=at_rest)
+        if beyond != "periodic":
+            return Pieces.of(c, breaks)
+        return Pieces.of(c, (), self.points[-1][0] - self.points[0][0], self.rise)
+
+    @property
+    def rise(self) -> float:
+        """What a period adds."""
+        return self.points[-1][1] - self.points[0][1]
+
+    @model_validator(mode="after")
+    def _is_smooth(self) -> "TimeTable":
+        _ = self.motion
+        return self
+
+
+class Steps(_Points):
+    """Piecewise constant: from each time on its value; before the first time the first value.
+
+    Attributes:
+        points: pairs (t, value) in s, t increasing.
+    """
+
+    kind: Literal["steps"] = "steps"
+    points: tuple[Point, ...] = Field(min_length=1)
+
+    @cached_property
+    def pieces(self) -> Pieces:  # noqa: D102
+        times, values = zip(*self.points, strict=True)
+        return Pieces(times, [[value] for value in values], times[1:])
+
+
+class Function(_Signal):
+    """A Python function of time, with its derivatives where they are needed.
+
+    A saved solution records it by name; what needs its values then refuses.
+
+    Args:
+        function: t -> float.
+        rate: its first derivative.
+        acceleration: its second derivative.
+        name: the function's own when left out.
+
+    Raises:
+        InputError: for an unknown key or a wrong value, in one line with what is expected.
+    """
+
+    kind: Literal["function"] = "function"
+    name: str = ""
+    function: Callable[[float], float] | None = Field(default=None, exclude=True)
+    rate: Callable[[float], float] | None = Field(default=None, exclude=True)
+    acceleration: Callable[[float], float] | None = Field(default=None, exclude=True)
+
+    def model_post_init(self, context: Any) -> None:
+        """Give the function's own name."""
+        if not self.name:
+            object.__setattr__(self, "name", function_name(self.function))
+
+    def at(self, t: float, k: int = 0) -> float:
+        """Return the k-th derivative.
+
+        Raises:
+            InputError: if it was not given.
+            StepError: if it fails, or does not return a finite number.
+        """
+        function = (self.function, self.rate, self.acceleration)[k]
+        if function is None and self.function is None:
+            raise InputError(f"{self.name!r} is a Python function and not in the file: load the mechanism with it")
+        if function is None:
+            raise InputError(f"the {('value', 'rate', 'acceleration')[k]} of {self.name!r} is needed (mbdae.Function)")
+        what = f"function {self.name!r}"
+        return float(checked(called(what, function, t), (), t, what))
+
+    def known(self, k: int) -> bool:  # noqa: D102
+        return (self.function, self.rate, self.acceleration)[k] is not None
+
+    def plain(self) -> dict[str, Any]:  # noqa: D102
+        return {"kind": "python", "call": self.at}
+
+
+SIGNALS: tuple[type[_Signal], ...] = (Constant, Harmonic, Polynomial, TimeTable, Steps, Function)
+
+
+def _coerce(value: Any) -> Any:
+    if isinstance(value, int | float | np.number) and not isinstance(value, bool):
+        return Constant(value=float(value))
+    return Function(function=value) if callable(value) and not isinstance(value, _Signal) else value
+
+
+def _returns(signal: Any) -> Any:
+    if isinstance(signal, TimeTable) and signal.beyond == "periodic" and signal.rise:
+        ends = f"{signal.points[0][1]:g} and {signal.points[-1][1]:g}"
+        raise ValueError(f"a periodic table of a load or speed ends with the value that it begins with, got {ends}")
+    return signal
+
+
+Motion = Annotated[
+    Annotated[
+        Union[Constant, Harmonic, Polynomial, TimeTable, Steps, Function],  # noqa: UP007
+        Field(discriminator="kind"),
+    ],
+    BeforeValidator(_coerce),
+]
+Signal = Annotated[Motion, AfterValidator(_returns)]

@@ -1,0 +1,192 @@
+// Tangents and adjoints of steps, and the parameters by which they are taken; for type checkers: mbdae/_native.pyi.
+#include "bindings/py_core.hpp"
+#include "sensitivity/trajectory_segment.hpp"
+
+namespace mbdae {
+
+namespace {
+
+struct PyParameters {
+  const PyCore* core;
+  std::unique_ptr<ParameterSlopes> slopes;
+};
+
+std::vector<Stuff> stuff(const nb::list& list, const Index2System& s) {
+  static const std::map<std::string, Stuff::Of> kinds = {{"inertia", Stuff::inertia}, {"place", Stuff::place},
+                                                         {"frame", Stuff::frame}, {"gravity", Stuff::gravity},
+                                                         {"armature", Stuff::armature}};
+  std::vector<Stuff> out;
+  for (nb::handle h : list) {
+    const auto x = nb::cast<nb::tuple>(h);
+    if (x.size() != 4) refuse("stuff is a kind, a number, whether it is of a law, and of a pair's second frame");
+    Stuff one{kind(kinds, nb::cast<std::string>(x[0])), nb::cast<int>(x[1]), nb::cast<bool>(x[2]), nb::cast<bool>(x[3])};
+    const auto& pairs = one.of_law ? s.law_pairs() : s.constraints.pairs;
+    if (one.of == Stuff::inertia || one.of == Stuff::place) {
+      within({one.at - 1}, s.mechanics.joints - 1, "joint");
+    } else {
+      within({one.at}, one.of == Stuff::frame ? static_cast<int>(pairs.size()) : 1, "pair");
+    }
+    out.push_back(one);
+  }
+  return out;
+}
+
+std::vector<Direction> directions(const nb::list& list, const std::vector<Stuff>& of, int count, int nv) {
+  std::vector<Direction> out;
+  for (nb::handle h : list) {
+    const auto x = nb::cast<nb::tuple>(h);
+    if (x.size() != 3) refuse("a direction is a parameter, stuff and numbers");
+    Direction d{nb::cast<int>(x[0]), nb::cast<int>(x[1]), nb::cast<Numbers>(x[2])};
+    within({d.parameter}, count, "parameter"), within({d.stuff}, static_cast<int>(of.size()), "stuff");
+    if (static_cast<int>(d.x.size()) != size_of(of[d.stuff].of, nv)) refuse("a direction does not fit");
+    out.push_back(std::move(d));
+  }
+  return out;
+}
+
+NearLaws near_laws(const nb::tuple& x, const Sizes& n, int states, const Index2System& s, Callbacks& callbacks) {
+  if (x.size() != 3) refuse("laws nearby are a weight, pairs and laws");
+  std::vector<Pair> found;
+  for (const auto& p : pairs(nb::cast<nb::list>(x[1]), n.joints)) found.emplace_back(p.first, p.second, s.mechanics.supports());
+  std::vector<Law> laws;
+  std::vector<int> of;
+  for (nb::handle h : nb::cast<nb::list>(x[2])) {
+    int pair;
+    laws.push_back(law(nb::cast<nb::dict>(h), n, states, static_cast<int>(found.size()), pair, callbacks));
+    of.push_back(pair);
+  }
+  NearLaws out(std::move(found), std::move(laws), of);
+  out.weight = nb::cast<double>(x[0]);
+  return out;
+}
+
+NearRows near_rows(const nb::tuple& x, const Sizes& n, size_t count, const Index2System& s, Callbacks& callbacks) {
+  if (x.size() != 4) refuse("rows nearby are a weight, pairs, rows and drivers");
+  auto found = pairs(nb::cast<nb::list>(x[1]), n.joints);
+  std::vector<Row> rows;
+  for (nb::handle h : nb::cast<nb::list>(x[2])) rows.push_back(row(nb::cast<nb::dict>(h), n, static_cast<int>(found.size())));
+  if (rows.size() != count) refuse("as many rows nearby as there are");
+  std::vector<Driver> drivers;
+  for (nb::handle h : nb::cast<nb::list>(x[3])) drivers.push_back(driver(nb::cast<nb::dict>(h), rows.size(), callbacks));
+  return {nb::cast<double>(x[0]),
+          std::make_unique<Constraints>(s.mechanics, std::move(rows), found, std::move(drivers))};
+}
+
+PyParameters vary(PyCore& c, int count, const nb::list& stuff_list, const nb::list& direction_list,
+                  const nb::list& changed_list) {
+  const Turn turn(c);
+  Index2System& s = c.core->system;
+  if (s.formulation != Formulation::index2) refuse("tangents are those of index 2");
+  if (count < 0) refuse("how many parameters there are is not negative");
+  const Sizes n{s.nq, s.nv, s.mechanics.joints};
+  auto made_of = stuff(stuff_list, s);
+  auto along = directions(direction_list, made_of, count, s.nv);
+  std::vector<Changed> changed;
+  for (nb::handle h : changed_list) {
+    const auto x = nb::cast<nb::tuple>(h);
+    if (x.size() != 4) refuse("a change is a parameter, numbers of states or rows, laws and rows");
+    changed.emplace_back();
+    Changed& one = changed.back();
+    one.parameter = nb::cast<int>(x[0]), one.at = nb::cast<std::vector<int>>(x[1]);
+    within({one.parameter}, count, "parameter");
+    const auto laws = nb::cast<nb::list>(x[2]), rows = nb::cast<nb::list>(x[3]);
+    within(one.at, laws.size() ? s.ns : s.ng, laws.size() ? "state" : "row");
+    const int states = static_cast<int>(one.at.size());
+    for (nb::handle l : laws) one.laws.push_back(near_laws(nb::cast<nb::tuple>(l), n, states, s, *c.callbacks));
+    for (nb::handle r : rows) one.rows.push_back(near_rows(nb::cast<nb::tuple>(r), n, one.at.size(), s, *c.callbacks));
+  }
+  return {&c, std::make_unique<ParameterSlopes>(s, count, std::move(made_of), std::move(along), std::move(changed))};
+}
+
+// Steps, and what they need, checked; arrays live as long as the call.
+struct Nodes {
+  Nodes(PyCore& c, const Tableau& a, bool halved, bool project, const Array& t, const Array& y, const PyParameters* p = nullptr)
+      : ny(c.core->system.ny), nc(a.first ? ny - c.core->system.nv : 0), nodes(t.size()),
+        ts(t.data(), t.data() + nodes), ys(numbers(y, nodes * c.core->system.length, "y")),
+        segment{a, halved, project, nodes - 1, ts.data(), ys.data()} {
+    if (!nodes) refuse("a segment has a node");
+    if (c.core->system.formulation != Formulation::index2) refuse("tangents are those of index 2");
+    if (p && p->core != &c) refuse("the parameters are those of another core");
+    if ((p || project) && !c.core->system.mechanics.expanded()) refuse("slopes need the expanded tree");
+  }
+  const size_t ny, nc, nodes;
+  const Numbers ts, ys;
+  const Segment segment;
+};
+
+template <class F>
+bool done(PyCore& c, F&& compute) {
+  bool failed = false;
+  c.core->system.point.forget();
+  many(c, [&] {
+    try {
+      compute(c.core->system);
+    } catch (const Trouble&) {
+      failed = true;
+    }
+  });
+  return !failed;
+}
+
+nb::object walk_along(PyCore& c, const Tableau& a, bool halved, const Run& run, const Array& t, const Array& y,
+                      const Array& carry, double repeated, double synchronous) {
+  const Turn turn(c);
+  const Nodes x(c, a, halved, run.project, t, y);
+  const Likeness like{run.adaptive, run.control, run.tolerated, repeated, synchronous};
+  const size_t sizes = like.control.atol.size();
+  if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.measured()))
+    refuse("atol has the wrong length");
+  Walk out;
+  out.carries = numbers(carry, x.nc, "carry"), out.carries.resize(x.nodes * x.nc);
+  if (!done(c, [&](Index2System& s) { walk(s, x.segment, like, out); })) return nb::none();
+  return nb::make_tuple(array(out.carries, {x.nodes, x.nc}), out.renewed, out.steps, vector(out.end));
+}
+
+nb::object go_back(PyCore& c, PyParameters& p, const Tableau& a, bool halved, bool project, const Array& t, const Array& y,
+                   const Array& carries, const Array& extra, const Array& bar) {
+  const Turn turn(c);
+  const Nodes x(c, a, halved, project, t, y, &p);
+  const size_t width = x.ny + x.nc;
+  const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), more = numbers(extra, x.nodes * width, "extra");
+  Numbers by_start = numbers(bar, width, "bar"), by_p(p.slopes->count());
+  if (!done(c, [&](Index2System& s) {
+        adjoint(s, *p.slopes, x.segment, known.data(), more.data(), by_start.data(), by_p.data());
+      }))
+    return nb::none();
+  return nb::make_tuple(vector(by_start), vector(by_p));
+}
+
+nb::object go_along(PyCore& c, PyParameters& p, const Tableau& a, bool halved, bool project, const Array& t, const Array& y,
+                    const Array& carries, const Array& first, const Array& dp) {
+  const Turn turn(c);
+  const Nodes x(c, a, halved, project, t, y, &p);
+  const size_t width = x.ny + x.nc, d = first.size() / width;
+  const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), along_p = numbers(dp, d * p.slopes->count(), "dp");
+  const Numbers start = numbers(first, d * width, "first");
+  Numbers along(x.nodes * d * width);
+  if (!done(c, [&](Index2System& s) {
+        tangent(s, *p.slopes, x.segment, known.data(), static_cast<int>(d), along_p.data(), start.data(), along.data());
+      }))
+    return nb::none();
+  return array(along, {x.nodes, d, width});
+}
+
+}  // namespace
+
+void bind_tangents(nb::module_& m, nb::class_<PyCore>& core) {
+  nb::class_<PyParameters>(m, "Parameters", "Numbers of a mechanism that vary.");
+  core.def("vary", vary, nb::keep_alive<0, 1>(), nb::arg("count"), nb::arg("stuff"), nb::arg("directions"),
+           nb::arg("changed"), "Say how parameters change what the mechanism is made of, its laws and its rows.")
+      .def("walk", walk_along, nb::arg("tableau"), nb::arg("halved"), nb::arg("run"), nb::arg("t"), nb::arg("y"),
+           nb::arg("carry"), nb::arg("repeated"), nb::arg("synchronous"),
+           "Return what is carried to each node (m + 1, nc), whether it was found anew there, how many steps could be "
+           "repeated, and where they end; or None.")
+      .def("adjoint", go_back, nb::arg("parameters"), nb::arg("tableau"), nb::arg("halved"), nb::arg("project"), nb::arg("t"), nb::arg("y"),
+           nb::arg("carries"), nb::arg("extra"), nb::arg("bar"),
+           "Return the cotangents of y and carry (ny + nc,), and of parameters (k,), of those behind steps, or None.")
+      .def("tangent", go_along, nb::arg("parameters"), nb::arg("tableau"), nb::arg("halved"), nb::arg("project"), nb::arg("t"),
+           nb::arg("y"), nb::arg("carries"), nb::arg("first"), nb::arg("dp"),
+           "Return variations of y and carry at all nodes, (m + 1, d, ny + nc), or None.");
+}
+
+}  // namespace mbdae

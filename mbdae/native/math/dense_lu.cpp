@@ -1,0 +1,150 @@
+#include "math/dense_lu.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+
+namespace mbdae {
+
+namespace {
+
+constexpr int PANEL = 4;  // columns that act on the others together
+
+template <int parts>
+struct Scalar {  // number i of a column
+  double re, im = 0;
+  Scalar(const double* column, int i, int n) : re(column[i]) {
+    if constexpr (parts == 2) im = column[n + i];
+  }
+  void write(double* column, int i, int n) const {
+    column[i] = re;
+    if constexpr (parts == 2) column[n + i] = im;
+  }
+  bool zero() const { return re == 0 && im == 0; }
+  void times(const Scalar& f) {
+    const double x = re * f.re - im * f.im;
+    im = re * f.im + im * f.re, re = x;
+  }
+};
+
+// a[from..to] -= f b[from..to]
+template <int parts>
+void subtract(double* __restrict a, const double* __restrict b, const Scalar<parts>& f, int from, int to, int n) {
+  if constexpr (parts == 1) {
+    for (int i = from; i < to; ++i) a[i] -= f.re * b[i];
+  } else {
+    double* __restrict im = a + n;
+    for (int i = from; i < to; ++i) {
+      a[i] -= f.re * b[i] - f.im * b[n + i];
+      im[i] -= f.re * b[n + i] + f.im * b[i];
+    }
+  }
+}
+
+// The same with four columns b, one behind the other.
+template <int parts>
+void subtract_panel(double* __restrict a, const double* __restrict b, const Scalar<parts>* f, int from, int n) {
+  const double *p = b, *q = p + parts * n, *r = q + parts * n, *s = r + parts * n;
+  const double f0 = f[0].re, f1 = f[1].re, f2 = f[2].re, f3 = f[3].re;
+  if constexpr (parts == 1) {
+    for (int i = from; i < n; ++i) a[i] -= f0 * p[i] + f1 * q[i] + f2 * r[i] + f3 * s[i];
+  } else {
+    const double g0 = f[0].im, g1 = f[1].im, g2 = f[2].im, g3 = f[3].im;
+    double* __restrict im = a + n;
+    const double *P = p + n, *Q = q + n, *R = r + n, *S = s + n;
+    for (int i = from; i < n; ++i) {
+      a[i] -= f0 * p[i] - g0 * P[i] + f1 * q[i] - g1 * Q[i] + f2 * r[i] - g2 * R[i] + f3 * s[i] - g3 * S[i];
+      im[i] -= f0 * P[i] + g0 * p[i] + f1 * Q[i] + g1 * q[i] + f2 * R[i] + g2 * r[i] + f3 * S[i] + g3 * s[i];
+    }
+  }
+}
+
+template <int parts>
+void swap(double* b, int i, int j, int n) {
+  if (i == j) return;
+  std::swap(b[i], b[j]);
+  if constexpr (parts == 2) std::swap(b[n + i], b[n + j]);
+}
+
+}  // namespace
+
+template <int parts>
+void DenseLU<parts>::resize(int n) {
+  n_ = n;
+  a_.assign(static_cast<size_t>(n) * n * parts, 0.0), swap_.assign(n, 0);
+}
+
+template <int parts>
+bool DenseLU<parts>::factorize() {
+  using S = Scalar<parts>;
+  const int n = n_;
+  for (int first = 0; first < n; first += PANEL) {
+    const int end = std::min(first + PANEL, n);
+    for (int k = first; k < end; ++k) {
+      double *a = column(k), most = -1;
+      for (int i = k; i < n; ++i) {
+        const double size = parts == 1 ? std::fabs(a[i]) : std::fabs(a[i]) + std::fabs(a[n + i]);
+        if (size > most) most = size, swap_[k] = i;
+      }
+      if (!(most > 0) || !std::isfinite(most)) return false;
+      for (int j = 0; j < n; ++j) swap<parts>(column(j), k, swap_[k], n);
+      S pivot(a, k, n);
+      if constexpr (parts == 1) {
+        pivot.re = 1 / pivot.re;
+      } else {
+        const std::complex<double> inverse = 1.0 / std::complex<double>(pivot.re, pivot.im);
+        pivot.re = inverse.real(), pivot.im = inverse.imag();
+      }
+      pivot.write(a, k, n);
+      for (int i = k + 1; i < n; ++i) {
+        S x(a, i, n);
+        x.times(pivot);
+        x.write(a, i, n);
+      }
+      for (int j = k + 1; j < end; ++j) {
+        const S f(column(j), k, n);
+        if (!f.zero()) subtract<parts>(column(j), a, f, k + 1, n, n);
+      }
+    }
+    for (int j = end; j < n; ++j) {
+      double* a = column(j);
+      for (int k = first; k < end; ++k) {
+        const S f(a, k, n);
+        for (int i = k + 1; i < end && !f.zero(); ++i) {
+          S x(a, i, n), y(column(k), i, n);
+          y.times(f);
+          x.re -= y.re, x.im -= y.im;
+          x.write(a, i, n);
+        }
+      }
+      const S f[PANEL] = {{a, first, n}, {a, first + 1, n}, {a, first + 2, n}, {a, first + 3, n}};
+      if (f[0].zero() && f[1].zero() && f[2].zero() && f[3].zero()) continue;
+      subtract_panel<parts>(a, column(first), f, end, n);
+    }
+  }
+  return true;
+}
+
+template <int parts>
+void DenseLU<parts>::solve(double* b) const {
+  using S = Scalar<parts>;
+  const int n = n_;
+  const double* a = a_.data();
+  for (int k = 0; k < n; ++k) swap<parts>(b, k, swap_[k], n);
+  for (int k = 0; k < n; ++k, a += parts * n) {
+    const S f(b, k, n);
+    if (!f.zero()) subtract<parts>(b, a, f, k + 1, n, n);
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    a -= parts * n;
+    S f(b, k, n);
+    f.times(S(a, k, n));
+    f.write(b, k, n);
+    subtract<parts>(b, a, f, 0, k, n);
+  }
+}
+
+template class DenseLU<1>;
+template class DenseLU<2>;
+
+}  // namespace mbdae

@@ -1,0 +1,30 @@
+// LU with partial pivoting of full matrices, real ones or complex ones, for the systems of implicit methods.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "math/factorizations.hpp"
+
+namespace mbdae {
+
+// By columns, of `parts` times n numbers each: real parts, and behind them imaginary parts. Vectors alike.
+template <int parts>
+class DenseLU {
+ public:
+  void resize(int n);  // and zero
+  double* column(int j) { return &a_[static_cast<std::size_t>(j) * parts * n_]; }
+  int size() const { return n_; }
+  bool factorize();  // false where a pivot is zero or not finite
+  void solve(double* b) const;
+
+ private:
+  int n_ = 0;
+  Numbers a_;  // the factors, with 1 / pivot on the diagonal
+  std::vector<int> swap_;
+};
+
+extern template class DenseLU<1>;
+extern template class DenseLU<2>;
+
+}  // namespace mbdae

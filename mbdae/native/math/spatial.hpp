@@ -1,0 +1,49 @@
+// Motions and wrenches at the world's origin, linear part first; matrices (3, 3) and (6, 6) by rows.
+#pragma once
+
+#include <array>
+
+#include "math/vec3.hpp"
+
+namespace mbdae {
+
+using Six = std::array<double, 6>;
+
+inline bool still(const Six& x) {
+  return !(x[0] != 0 || x[1] != 0 || x[2] != 0 || x[3] != 0 || x[4] != 0 || x[5] != 0);
+}
+
+inline void add_cross(const double* a, const double* b, double* out) {
+  out[0] += a[1] * b[2] - a[2] * b[1], out[1] += a[2] * b[0] - a[0] * b[2], out[2] += a[0] * b[1] - a[1] * b[0];
+}
+
+inline void motion_cross(const double* a, const double* b, double* out) {  // a x b of motions
+  cross(a + 3, b, out), add_cross(a, b + 3, out), cross(a + 3, b + 3, out + 3);
+}
+
+inline void wrench_cross(const double* d, const double* F, double* out) {  // d x* F
+  cross(d + 3, F, out), cross(d + 3, F + 3, out + 3), add_cross(d, F, out + 3);
+}
+
+inline void skew(const double* w, double* out) {  // the matrix of w x .
+  out[0] = out[4] = out[8] = 0;
+  out[1] = -w[2], out[2] = w[1], out[3] = w[2], out[5] = -w[0], out[6] = -w[1], out[7] = w[0];
+}
+
+inline void product(const double* a, const double* b, double* out) {  // of matrices (3, 3)
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
+}
+
+inline void of_skews(const double* a, const double* b, double* out) {  // [a] [b] = b a^T - (a . b) 1
+  const double along = dot(a, b);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) out[3 * i + j] = b[i] * a[j] - (i == j) * along;
+}
+
+inline void block(double* D, int i, int j, const double* m, double factor) {  // D[i:i+3, j:j+3] += factor m
+  for (int k = 0; k < 3; ++k)
+    for (int l = 0; l < 3; ++l) D[6 * (i + k) + j + l] += factor * m[3 * k + l];
+}
+
+}  // namespace mbdae

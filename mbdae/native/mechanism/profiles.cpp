@@ -1,0 +1,86 @@
+#include "mechanism/profiles.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "mechanism/time_functions.hpp"
+#include "math/vec3.hpp"
+
+namespace mbdae {
+
+Profile::Place Profile::at(double s) const {
+  const double length = starts.back() - starts[0];
+  if (closed) s -= length * std::floor((s - starts[0]) / length);
+  if (!std::isfinite(s)) throw Trouble();
+  Place out{s, {0, 0}, {0, 0}, {0, 0}};
+  if (harmonic) {
+    for (int j = 0; j < 2; ++j) out.c[j] = numbers[j];
+    for (size_t i = 1; 2 * i < numbers.size(); ++i) {
+      const double k = static_cast<double>((i + 1) / 2), wave[2] = {std::cos(k * s), std::sin(k * s)};
+      const int odd = i % 2 == 0;
+      for (int j = 0; j < 2; ++j) {
+        const double a = numbers[2 * i + j];
+        out.c[j] += wave[odd] * a, out.d[j] += (odd ? k : -k) * wave[1 - odd] * a, out.dd[j] -= k * k * wave[odd] * a;
+      }
+    }
+    return out;
+  }
+  const auto next = std::upper_bound(starts.begin(), starts.end() - 1, s) - starts.begin();
+  const size_t i = static_cast<size_t>(std::max<std::ptrdiff_t>(0, next - 1));
+  const double x = s - starts[i], *row = &numbers[2 * i * (static_cast<size_t>(degree) + 1)];
+  for (int p = 0; p <= degree; ++p)
+    for (int j = 0; j < 2; ++j) {
+      out.dd[j] = out.dd[j] * x + 2 * out.d[j], out.d[j] = out.d[j] * x + out.c[j];
+      out.c[j] = out.c[j] * x + row[2 * p + j];
+    }
+  return out;
+}
+
+Profile::Place Profile::nearest(const double* x) const {
+  size_t best = 0;
+  double least = INFINITY;
+  for (size_t i = 0; i < samples.size(); ++i) {
+    const double a = points[2 * i] - x[0], b = points[2 * i + 1] - x[1], far = a * a + b * b;
+    if (far < least) least = far, best = i;
+  }
+  const double length = starts.back() - starts[0];
+  double s = samples[best], size = 0, slope = 0, off[2];
+  auto look = [&](const Place& p) {
+    for (int j = 0; j < 2; ++j) off[j] = x[j] - p.c[j];
+    size = dot(p.d, p.d, 2), slope = size - dot(off, p.dd, 2);
+    return slope > sharp * size;
+  };
+  for (int k = 0; k < iterations; ++k) {
+    const Place p = at(s);
+    const double step = look(p) ? dot(off, p.d, 2) / slope : 0.0;
+    s += step;
+    if (std::fabs(step) <= rounding * length) break;
+  }
+  const Place out = at(s);
+  if (!look(out)) throw Trouble();
+  const double share = (out.s - starts[0]) / length;
+  if (!closed && !(-sharp <= share && share <= 1 + sharp)) throw Trouble();
+  return out;
+}
+
+Profile::Place Profile::support(const double* n) const {
+  size_t best = 0;
+  double most = -INFINITY;
+  for (size_t i = 0; i < samples.size(); ++i) {
+    const double far = dot(&points[2 * i], n, 2);
+    if (far > most) most = far, best = i;
+  }
+  const double length = starts.back() - starts[0];
+  double s = samples[best];
+  for (int k = 0; k < iterations; ++k) {
+    const Place p = at(s);
+    const double bend = dot(p.dd, n, 2), step = bend < 0 ? dot(p.d, n, 2) / bend : 0.0;
+    s -= step;
+    if (std::fabs(step) <= rounding * length) break;
+  }
+  const Place out = at(s);
+  if (!(dot(out.dd, n, 2) < 0)) throw Trouble();
+  return out;
+}
+
+}  // namespace mbdae

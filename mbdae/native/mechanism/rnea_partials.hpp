@@ -1,0 +1,63 @@
+// Exact slopes of inverse dynamics on a tree, after S. Singh, R. P. Russell and P. M. Wensing (Efficient analytical
+// derivatives of rigid-body dynamics using spatial vector algebra, IEEE Robotics and Automation Letters 7(2), 2022), in
+// the world's frame, where the axes of each part stand still in the frame of that part.
+#pragma once
+
+#include <vector>
+
+#include "math/spatial.hpp"
+
+namespace mbdae {
+
+// A body in the world: its mass, centre, and inertia about that by rows.
+struct Body {
+  double mass, centre[3], I[9];
+};
+
+class TreeSlopes {
+ public:
+  // Of each part, parents first: the one before it (-1: none); the degrees of freedom of its own.
+  TreeSlopes(std::vector<int> parents, std::vector<std::vector<int>> own);
+
+  void set(int part, const Body& body);  // that moves with it; no other part has one
+  // M (nv, nv) and nle(q, v), where J (6, nv) stands by columns, linear part first, about a point that stands still, from
+  // which the centres of bodies are given; gravity (3,) in m/s^2.
+  void stand(const double* J, const double* gravity, const double* v, double* M, double* nle);
+  // There, slopes of M a + nle(q, v) by q in the tangent and by v, (nv, nv) by rows; of M a `alone` where v = 0.
+  void find(const double* a, double* by_q, double* by_v, bool alone);
+
+ private:
+  // Of a body, or of all that is behind a part: inertia (mass, moment, and about the origin: xx, xy, yy, xz, yz, zz),
+  // momentum h, wrench f, and S: its wrench for a motion x of what is before it is D x = (2 x h, S x - h x x).
+  struct Carried {
+    double mass = 0, moment[3] = {}, I[6] = {};
+    Six h{}, f{};
+    double S[6] = {};
+
+    void weigh(const double* V, const double* A);
+    void momentum(const double* x, double* out) const;  // of it, where it moves by x
+    void add_D(const double* angular, double* out) const;
+    void D_transposed(const double* x, double* angular) const;
+  };
+  // Of a degree of freedom, where V and A are those of the part before.
+  struct Column {
+    Six J, IJ;
+    double DJ[3];     // the angular part of D^T J; the linear one is 0
+    Six once, twice;  // V x J, A x J + V x (V x J)
+    Six both;         // V x J, and the rate of J
+  };
+
+  void move(int part, const double* J, const double* v);
+
+  const std::vector<int> parents_;
+  const std::vector<std::vector<int>> own_;
+  std::vector<std::vector<int>> before_;  // of each part: the degrees of freedom of all before it
+  std::vector<Carried> bodies_, carried_;
+  std::vector<bool> heavy_;
+  Six base_{};              // what A begins with: gravity
+  std::vector<Six> V_, A_;  // of each part; A for v' = 0
+  std::vector<Six> more_, f_;  // what a adds to A, and to the wrench of all that is behind
+  std::vector<Column> columns_;
+};
+
+}  // namespace mbdae

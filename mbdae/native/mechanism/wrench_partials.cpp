@@ -1,0 +1,106 @@
+#include "mechanism/wrench_partials.hpp"
+
+#include <algorithm>
+
+#include "math/eigen_types.hpp"
+
+namespace mbdae {
+
+// Not by string instructions, which compilers choose for constant sizes: what is added next waits for their end.
+void Turning::clear() {
+  using Eigen::Map, Eigen::Vector;
+  Map<Vector<double, 6>>(F).setZero();
+  for (double* D : {Da, Db}) Map<Vector<double, 36>>(D).setZero();
+  damped = false;
+}
+
+void Turning::add(double factor, const Turning& other) {
+  for (int i = 0; i < 6; ++i) F[i] += factor * other.F[i];
+  for (int i = 0; i < 36; ++i) Da[i] += factor * other.Da[i], Db[i] += factor * other.Db[i];
+}
+
+void Turning::damp() {
+  Eigen::Map<Eigen::Vector<double, 36>>(C).setZero();
+  damped = true;
+}
+
+void times6(const double* D, const double* x, double* out) {
+  for (int i = 0; i < 6; ++i) out[i] = dot6(D + 6 * i, x);
+}
+
+void matrix_of_wrench(const double* F, double* out) {
+  double f[9], m[9];
+  skew(F, f), skew(F + 3, m);
+  std::fill(out, out + 36, 0.0);
+  block(out, 0, 3, f, -1), block(out, 3, 0, f, -1), block(out, 3, 3, m, -1);
+}
+
+void carried(const double* p, const double* n, double* D) {
+  double N[9], NP[9];
+  skew(n, N), of_skews(n, p, NP);
+  block(D, 3, 0, N, -1), block(D, 3, 3, NP, 1);
+}
+
+void line_slopes(const Pair& pair, double factor, Turning& t) {
+  double n[3], N[9], A[9], B[9], NA[9], NB[9], out[9];
+  const double d = unit_gap(pair, n);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) N[3 * i + j] = ((i == j) - n[i] * n[j]) / d * factor;
+  skew(pair.pa, A), skew(pair.pb, B), product(N, A, NA), product(N, B, NB);
+  block(t.Da, 0, 0, N, -1), block(t.Da, 0, 3, NA, 1), block(t.Db, 0, 0, N, 1), block(t.Db, 0, 3, NB, -1);
+  product(B, N, out), block(t.Da, 3, 0, out, -1), block(t.Db, 3, 0, out, 1);
+  product(B, NA, out), block(t.Da, 3, 3, out, 1);
+  product(B, NB, out), block(t.Db, 3, 3, out, -1);
+  for (double& x : n) x *= factor;
+  carried(pair.pb, n, t.Db);
+}
+
+PairSlopes::PairSlopes(const Mechanics& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {
+  columns_.reserve(pair.columns.size());
+  for (size_t k = 0; k < pair.columns.size(); ++k) {
+    const int at = pair.columns[k];
+    if (pair.sign[k] != 0) columns_.push_back({at, m.parts[at], pair.sign[k], m.J() + 6 * at, {}});
+  }
+  if (!v) return;
+  double W[2][6] = {};  // of frames a and b, against what is before the joint
+  for (size_t first, end = columns_.size(); end > 0; end = first) {
+    const Column& last = columns_[end - 1];
+    double* w = W[last.sign > 0];
+    for (first = end; first > 0 && columns_[first - 1].part == last.part; --first)
+      for (int i = 0; i < 6; ++i) w[i] += columns_[first - 1].J[i] * v[columns_[first - 1].at];
+    for (size_t k = first; k < end; ++k) motion_cross(columns_[k].J, w, columns_[k].dV);
+  }
+  for (int i = 0; i < 6; ++i) V[i] = W[1][i] - W[0][i];
+}
+
+void PairSlopes::torque(const Turning& t, double* K, size_t width) const {
+  for (const Column& m : columns_) {
+    double dF[6], within[6], more[6];  // within = dF - J x* F
+    times6(m.sign > 0 ? t.Db : t.Da, m.J, dF);
+    if (t.damped) {
+      times6(t.C, m.dV, more);
+      for (int i = 0; i < 6; ++i) dF[i] += m.sign * more[i];
+    }
+    cross(m.J + 3, t.F, within), cross(m.J + 3, t.F + 3, within + 3), cross(m.J, t.F, more);
+    for (int i = 0; i < 3; ++i) within[i] = dF[i] - within[i], within[3 + i] = dF[3 + i] - within[3 + i] - more[i];
+    for (const Column& k : columns_)
+      K[k.at * width + m.at] += k.sign * dot6(k.J, k.sign == m.sign && m.part <= k.part ? within : dF);
+  }
+}
+
+void PairSlopes::damping(const double* C, double* D, size_t width) const {
+  for (const Column& m : columns_) {
+    double dF[6];
+    times6(C, m.J, dF);
+    for (const Column& k : columns_) D[k.at * width + m.at] += k.sign * m.sign * dot6(k.J, dF);
+  }
+}
+
+void PairSlopes::power(const double* w, const Turning& t, double* B) const {
+  double by[2][6] = {};  // V^T Da, V^T Db
+  for (int i = 0; i < 6; ++i)
+    for (int j = 0; j < 6; ++j) by[0][j] += V[i] * t.Da[6 * i + j], by[1][j] += V[i] * t.Db[6 * i + j];
+  for (const Column& m : columns_) B[m.at] += dot6(by[m.sign > 0], m.J) + m.sign * dot6(w, m.dV);
+}
+
+}  // namespace mbdae

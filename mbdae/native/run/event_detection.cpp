@@ -1,0 +1,176 @@
+#include "run/event_detection.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mbdae {
+
+namespace {
+
+struct Mark {
+  double theta;
+  Numbers y;
+  double f;
+};
+
+struct Hit {
+  double theta;
+  int event;
+  Numbers y;
+};
+
+int sign(double x) { return (x > 0) - (x < 0); }
+
+// One event on one step.
+class Search {
+ public:
+  Search(Index2System& s, PointValues& values, const Events& all, const SignalEvent& event, Node& node,
+         const Taken& step, const Shorter& shorter)
+      : s_(s),
+        values_(values),
+        all_(all),
+        event_(event),
+        node_(node),
+        step_(step),
+        shorter_(shorter),
+        h_(step.t1 - step.t) {}
+
+  void run(int number, std::vector<Hit>& hits) {
+    number_ = number, hits_ = &hits;
+    if (step_.t != node_.t) {  // behind a jump
+      const Numbers y(step_.y, step_.y + s_.length);
+      const double f = value(step_.t, y.data());
+      passage({0, y, node_.f}, {0, y, f});
+      move(step_.t, y.data(), f);
+    }
+    const double f0 = node_.f, f1 = value(step_.t1, step_.y1), theta = turn(f0, f1);
+    if (!(theta > 0) && f0 * f1 > 0) return move(step_.t1, step_.y1, f1);
+    const Numbers y(step_.y, step_.y + s_.length), y1(step_.y1, step_.y1 + s_.length);
+    std::vector<Mark> marks = {{0, y, f0}};
+    if (theta > 0) {
+      const Numbers between = shorter_(theta);
+      marks.push_back({theta, between, value(step_.t + theta * h_, between.data())});
+    }
+    marks.push_back({1, y1, f1});
+    for (size_t k = 1; k < marks.size(); ++k) passage(marks[k - 1], marks[k]);
+    move(step_.t1, y1.data(), f1);
+  }
+
+ private:
+  double speed(const double* y) const {
+    return event_.signal.kind == SignalValue::angle ? y[s_.nq + event_.signal.rate] : 0;
+  }
+
+  void move(double t, const double* y, double f) { node_ = {t, f, speed(y)}; }
+
+  double value(double t, const double* y) {
+    const double f = event_.signal.at(values_, t, y) - event_.level;
+    if (event_.signal.kind != SignalValue::angle) return f;
+    const double turns = (node_.f + (t - node_.t) * (node_.w + speed(y)) / 2 - f) / (2 * M_PI);
+    return f + 2 * M_PI * std::nearbyint(turns);
+  }
+
+  void passage(const Mark& a, const Mark& b) {
+    const int rising = sign(a.f == 0 ? b.f : b.f - a.f);
+    if (event_.direction * rising < 0) return;
+    if (a.f == 0 && b.f != 0 && a.theta == 0 && step_.t == all_.start)
+      hits_->push_back({0, number_, a.y});
+    else if (a.f * b.f < 0 && a.theta == b.theta)  // it jumps
+      hits_->push_back({b.theta, number_, b.y});
+    else if (a.f * b.f < 0)
+      hits_->push_back(locate(a, b));
+    else if (b.f == 0 && a.f != 0)
+      hits_->push_back({b.theta, number_, b.y});
+  }
+
+  // A zero between a and b by R. P. Brent's method (Algorithms for Minimization without Derivatives, 1973, chapter 4):
+  // inverse interpolation where it leads on, else halves. b is the best so far, c on the other side of the zero.
+  Hit locate(Mark a, Mark b) {
+    const double scale = std::max(std::fabs(step_.t), std::fabs(step_.t1));
+    const double sharp = all_.spacings * (std::nextafter(scale, INFINITY) - scale) / std::fabs(h_);
+    Mark c = a;
+    double move = b.theta - a.theta, before = move;
+    for (int k = 0; k < all_.iterations; ++k) {
+      if (sign(b.f) == sign(c.f)) c = a, move = before = b.theta - a.theta;
+      if (std::fabs(c.f) < std::fabs(b.f)) a = b, b = c, c = a;
+      const double least = 0.5 * (sharp + all_.share * std::fabs(b.theta)), half = 0.5 * (c.theta - b.theta);
+      if (b.f == 0 || std::fabs(half) <= least) break;
+      const bool falling = std::fabs(before) > least && std::fabs(b.f) < std::fabs(a.f);
+      const double nearer = falling ? toward(a, b, c) : 0.0;
+      if (nearer * half > 0 && 2 * std::fabs(nearer) < std::min(3 * std::fabs(half) - least, std::fabs(before)))
+        before = move, move = nearer;
+      else
+        before = move = half;
+      a = b;
+      const double theta = b.theta + (std::fabs(move) > least ? move : std::copysign(least, half));
+      b = {theta, shorter_(theta), 0};
+      b.f = value(step_.t + theta * h_, b.y.data());
+    }
+    return {b.theta, number_, b.y};
+  }
+
+  static double toward(const Mark& a, const Mark& b, const Mark& c) {
+    if (a.theta == c.theta) return -b.f * (b.theta - a.theta) / (b.f - a.f);
+    const double ab = (a.theta - b.theta) / (a.f - b.f), cb = (c.theta - b.theta) / (c.f - b.f);
+    return -b.f * (ab - a.f * (cb - ab) / (c.f - a.f));
+  }
+
+  // Share of the step at which the signal may have passed its level and turned back; 0 for none.
+  double turn(double f0, double f1) {
+    const SignalValue& signal = event_.signal;
+    if ((signal.kind != SignalValue::number && signal.kind != SignalValue::angle) || signal.rate < 0 || f0 * f1 <= 0)
+      return 0;
+    const double m1 = h_ * rate(step_.t1, step_.y1, step_.carry1);
+    if (m1 * f1 <= 0) return 0;
+    const double m0 = h_ * rate(step_.t, step_.y, step_.carry);
+    if (m0 * f0 >= 0) return 0;
+    const double a = 3 * (f1 - f0) - 2 * m0 - m1, b = 2 * (f0 - f1) + m0 + m1;
+    const double x = -m0 / (a + std::copysign(std::sqrt(a * a - 3 * b * m0), -m0));
+    return 0 < x && x < 1 && (f0 + x * (m0 + x * (a + x * b))) * f0 < 0 ? x : 0;
+  }
+
+  double rate(double t, const double* y, const double* carry) {
+    const int i = event_.signal.rate;
+    if (i < s_.nv) return y[s_.nq + i];
+    if (carry) return carry[i - s_.nv];
+    values_.stand(t, y);
+    return values_.F()[i];
+  }
+
+  Index2System& s_;
+  PointValues& values_;
+  const Events& all_;
+  const SignalEvent& event_;
+  Node& node_;
+  const Taken& step_;
+  const Shorter& shorter_;
+  const double h_;
+  int number_ = 0;
+  std::vector<Hit>* hits_ = nullptr;
+};
+
+}  // namespace
+
+Look look(Index2System& s, PointValues& values, const Events& events, const Taken& step, const Shorter& shorter) {
+  Look out;
+  out.nodes = events.nodes;
+  std::vector<Hit> hits;
+  for (size_t i = 0; i < events.events.size(); ++i)
+    Search(s, values, events, events.events[i], out.nodes[i], step, shorter).run(static_cast<int>(i), hits);
+  if (hits.empty()) return out;
+  std::sort(hits.begin(), hits.end(),
+            [](const Hit& a, const Hit& b) { return a.theta != b.theta ? a.theta < b.theta : a.event < b.event; });
+  const double h = step.t1 - step.t, same = events.same * std::max(1.0, std::fabs(step.t));
+  for (const Hit& hit : hits) {
+    if (out.stop >= 0 && (hit.theta - out.stop) * std::fabs(h) > same) break;
+    const bool begins = step.t == events.start && hit.theta * std::fabs(h) <= same;
+    if (begins)
+      out.found.push_back({hit.event, step.t, Numbers(step.y, step.y + s.length)});
+    else
+      out.found.push_back({hit.event, step.t + hit.theta * h, hit.y});
+    if (events.events[hit.event].terminal && !begins && out.stop < 0) out.stop = hit.theta;
+  }
+  return out;
+}
+
+}  // namespace mbdae

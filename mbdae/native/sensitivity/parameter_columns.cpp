@@ -1,0 +1,176 @@
+// How a point moves with each parameter: columns of P and Q, straight from directions.
+#include "sensitivity/parameter_partials.hpp"
+
+namespace mbdae {
+
+namespace {
+
+void inertial(const double* x, const double* V, double* out) {  // dI V of ten inertial numbers, in the body's axes
+  const double *m = x + 1, *I = x + 4, *w = V + 3;
+  double arm[3];
+  cross(w, m, arm), cross(m, V, out + 3);
+  for (int i = 0; i < 3; ++i) out[i] = x[0] * V[i] + arm[i];
+  out[3] += I[0] * w[0] + I[1] * w[1] + I[3] * w[2];
+  out[4] += I[1] * w[0] + I[2] * w[1] + I[4] * w[2];
+  out[5] += I[3] * w[0] + I[4] * w[1] + I[5] * w[2];
+}
+
+}  // namespace
+
+void ParameterSlopes::forces(const VariedPoint& point, Numbers& P) {
+  const size_t n = n_;
+  P.assign(count_ * n, 0.0);
+  stand(point);
+  for (int i = 0; i < static_cast<int>(stuff_.size()); ++i) {
+    const Stuff::Of of = stuff_[i].of;
+    if (of == Stuff::inertia) inertia_columns(i, P);
+    if (of == Stuff::place) place_columns(i, P);
+    if (of == Stuff::gravity && point.loaded) gravity_columns(i, P);
+    if (of != Stuff::armature) continue;
+    for (const Direction* d : along_[i])
+      for (int k = 0; k < s_.nv; ++k) P[d->parameter * n + k] -= d->x[k] * point.vdot[k];
+  }
+  for (const ActingWrench& w : point.wrenches) pair_columns(w, P);
+  for (size_t i = 0; i < changed_.size(); ++i)
+    for (size_t e = 0; e < n; ++e) P[changed_[i].parameter * n + e] += own_P_[i * n + e];
+}
+
+void ParameterSlopes::rows(const VariedPoint& point, Numbers& Q, const Numbers& q) {
+  const std::vector<int>& position = s_.rows.position();
+  const size_t r = s_.rows.in_use().size();
+  Q.assign(count_ * r, 0.0);
+  meet(point, q, [&](const VariedPoint::Met& met, const Pair& pair) { row_columns(met, pair, r, Q); });
+  for (size_t i = 0; i < changed_.size(); ++i)
+    for (int row : s_.rows.in_use()) Q[changed_[i].parameter * r + position[row]] += own_Q_[i * s_.ng + row];
+}
+
+void ParameterSlopes::load(int joint, const double* W, double* P) const {
+  const double* J = s_.mechanics.J();
+  for (int j = joint; j; j = s_.mechanics.parents[j])
+    for (int c : columns_[j]) P[c] -= dot6(J + 6 * c, W);
+}
+
+void ParameterSlopes::load_behind(int joint, double* P) {
+  const double* J = s_.mechanics.J();
+  const std::vector<int>& behind = behind_[joint];
+  for (size_t l = behind.size(); l-- > 0;) {
+    const int j = behind[l];
+    for (int c : columns_[j]) P[c] -= dot6(J + 6 * c, W_[j].data());
+    if (j == joint) continue;
+    Six& before = W_[s_.mechanics.parents[j]];
+    for (int i = 0; i < 6; ++i) before[i] += W_[j][i];
+  }
+}
+
+void ParameterSlopes::inertia_columns(int stuff, Numbers& P) const {
+  const int j = stuff_[stuff].at;
+  double V[6], A[6], W[6], h[6], turned[6];
+  here_[stuff].motion(V_[j].data(), V), here_[stuff].motion(A_[j].data(), A);
+  for (const Direction* d : along_[stuff]) {
+    inertial(d->x.data(), A, W), inertial(d->x.data(), V, h), wrench_cross(V, h, turned);
+    for (int i = 0; i < 6; ++i) W[i] += turned[i];
+    here_[stuff].raise_wrench(W, h);
+    load(j, h, &P[d->parameter * n_]);
+  }
+}
+
+void ParameterSlopes::gravity_columns(int stuff, Numbers& P) {
+  for (const Direction* d : along_[stuff]) {
+    const double A[6] = {-d->x[0], -d->x[1], -d->x[2], 0, 0, 0};
+    W_[0] = Six{};
+    for (int j : behind_[0]) momentum(body_[j], A, W_[j].data());
+    load_behind(0, &P[d->parameter * n_]);
+  }
+}
+
+// With all that is behind the joint held, and what is before it moved by -xi.
+void ParameterSlopes::place_columns(int stuff, Numbers& P) {
+  const int joint = stuff_[stuff].at, before = s_.mechanics.parents[joint];
+  const double *Vp = V_[before].data(), *Ap = A_[before].data();
+  for (const Direction* d : along_[stuff]) {
+    double xi[6], dA[6], turned[6], W[6];
+    Six dV;
+    here_[stuff].raise(d->x.data(), xi);
+    motion_cross(Vp, xi, dV.data()), motion_cross(Ap, xi, dA);
+    const bool turns = !still(dV);
+    for (int j : behind_[joint]) {
+      double* to = W_[j].data();
+      if (!turns) {
+        momentum(body_[j], dA, to);
+        continue;
+      }
+      double V[6], A[6], h[6];
+      for (int i = 0; i < 6; ++i) V[i] = Vp[i] - V_[j][i];
+      motion_cross(V, dV.data(), A);
+      for (int i = 0; i < 6; ++i) A[i] += dA[i];
+      momentum(body_[j], A, to), momentum(body_[j], dV.data(), h);
+      wrench_cross(V_[j].data(), h, turned), wrench_cross(dV.data(), h_[j].data(), h);
+      for (int i = 0; i < 6; ++i) to[i] += turned[i] + h[i];
+    }
+    double* out = &P[d->parameter * n_];
+    load_behind(joint, out);
+    wrench_cross(xi, F_[joint].data(), W);
+    for (int i = 0; i < 6; ++i) W[i] += W_[joint][i];
+    load(before, W, out);
+  }
+}
+
+double ParameterSlopes::moving(const Pair& pair, const Turning& t, const Moving& by, const double* xi, double* dF,
+                               double* within) const {
+  const int a = pair.a.joint, b = pair.b.joint;
+  const Stuff& x = stuff_[by.stuff];
+  double V[6], turned[6], power = 0;
+  for (int i = 0; i < 6; ++i) V[i] = V_[b][i] - V_[a][i];
+  times6(by.b ? t.Db : t.Da, xi, dF);
+  std::fill(turned, turned + 6, 0.0);
+  if (x.of == Stuff::place) {
+    const int end = by.b ? b : a, before = s_.mechanics.parents[x.at];
+    const double sign = by.b ? 1 : -1;
+    double Y[6];
+    for (int i = 0; i < 6; ++i) Y[i] = V_[end][i] - V_[before][i];
+    if (t.damped) {
+      double dV[6], more[6];
+      motion_cross(xi, Y, dV), times6(t.C, dV, more);
+      for (int i = 0; i < 6; ++i) dF[i] += sign * more[i];
+    }
+    wrench_cross(xi, t.F, turned);
+    power = -sign * dot6(Y, turned);
+  }
+  for (int i = 0; i < 6; ++i) within[i] = dF[i] - turned[i];
+  return power + dot6(V, dF);
+}
+
+void ParameterSlopes::pair_columns(const ActingWrench& w, Numbers& P) const {
+  const Pair& pair = *w.pair;
+  const double* J = s_.mechanics.J();
+  for (const Moving& by : ends_.at(&pair)) {
+    const Stuff& x = stuff_[by.stuff];
+    for (const Direction* d : along_[by.stuff]) {
+      double xi[6], dF[6], within[6];
+      here_[by.stuff].raise(d->x.data(), xi);
+      const double power = moving(pair, w.turning, by, xi, dF, within);
+      double* out = &P[d->parameter * n_];
+      if (!w.conservative) out[n_ - 1] += power;
+      for (size_t k = 0; k < pair.columns.size(); ++k) {
+        const int c = pair.columns[k];
+        if (pair.sign[k] == 0) continue;
+        const bool behind = x.of == Stuff::place && above_[joint_of_[c]][x.at];
+        out[c] += pair.sign[k] * dot6(J + 6 * c, behind ? within : dF);
+      }
+    }
+  }
+}
+
+void ParameterSlopes::row_columns(const VariedPoint::Met& met, const Pair& pair, size_t r, Numbers& Q) const {
+  for (const Moving& by : ends_.at(&pair))
+    for (const Direction* d : along_[by.stuff]) {
+      double xi[6], dF[6], within[6];
+      here_[by.stuff].raise(d->x.data(), xi);
+      for (const auto& [at, t] : asked_)
+        Q[d->parameter * r + at] += met.weight * (met.kind == VariedPoint::Met::gap
+                                                      ? (by.b ? 1 : -1) * dot6(t->F, xi)
+                                                      : moving(pair, *t, by, xi, dF, within));
+    }
+}
+
+}  // namespace mbdae

@@ -1,0 +1,69 @@
+// Where a mechanism stands and moves at a point, as far as parameters ask for it.
+#include "sensitivity/parameter_partials.hpp"
+
+namespace mbdae {
+
+// The axes of parts stand still in what is behind them: J' v of a part is its V before the part x J v.
+template <bool accelerated>
+void ParameterSlopes::motions(const double* v, const double* a) {
+  const Mechanics& m = s_.mechanics;
+  const double* J = m.J();
+  for (int j : used_) {
+    const std::vector<int>& own = columns_[j];
+    V_[j] = V_[m.parents[j]];
+    if (accelerated) A_[j] = A_[m.parents[j]];
+    for (size_t first = 0, end; first < own.size(); first = end) {
+      double W[6] = {}, turned[6];
+      for (end = first; end < own.size() && m.parts[own[end]] == m.parts[own[first]]; ++end) {
+        const int c = own[end];
+        for (int i = 0; i < 6; ++i) W[i] += J[6 * c + i] * v[c];
+        for (int i = 0; accelerated && i < 6; ++i) A_[j][i] += J[6 * c + i] * a[c];
+      }
+      if (accelerated) {
+        motion_cross(V_[j].data(), W, turned);
+        for (int i = 0; i < 6; ++i) A_[j][i] += turned[i];
+      }
+      for (int i = 0; i < 6; ++i) V_[j][i] += W[i];
+    }
+  }
+}
+
+template void ParameterSlopes::motions<true>(const double*, const double*);
+template void ParameterSlopes::motions<false>(const double*, const double*);
+
+void ParameterSlopes::momenta() {
+  const std::vector<int>& parents = s_.mechanics.parents;
+  for (int j : heavy_) F_[parents[j]] = Six{};
+  for (int j : heavy_) {
+    double turned[6];
+    momentum(body_[j], A_[j].data(), F_[j].data()), momentum(body_[j], V_[j].data(), h_[j].data());
+    wrench_cross(V_[j].data(), h_[j].data(), turned);
+    for (int i = 0; i < 6; ++i) F_[j][i] += turned[i];
+  }
+  for (size_t l = heavy_.size(); l-- > 0;)
+    for (int i = 0; i < 6; ++i) F_[parents[heavy_[l]]][i] += F_[heavy_[l]][i];
+}
+
+void ParameterSlopes::locate() {
+  static const Anchor origin;
+  const Mechanics& m = s_.mechanics;
+  for (size_t i = 0; i < stuff_.size(); ++i) {
+    const Stuff& x = stuff_[i];
+    Placed& out = here_[i];
+    if (x.of == Stuff::place) m.place(x.at, out.R, out.p);
+    if (x.of != Stuff::frame && x.of != Stuff::inertia) continue;
+    const Anchor* a = &origin;
+    if (x.of == Stuff::frame) {
+      const Pair& pair = x.of_law ? s_.law_pairs()[x.at] : s_.constraints.pairs[x.at];
+      a = x.b ? &pair.b : &pair.a;
+    }
+    const int joint = x.of == Stuff::frame ? a->joint : x.at;
+    const double *o = m.rotation(joint), *at = m.position(joint);  // o by columns
+    for (int k = 0; k < 3; ++k) {
+      out.p[k] = o[k] * a->p[0] + o[3 + k] * a->p[1] + o[6 + k] * a->p[2] + at[k];
+      for (int l = 0; l < 3; ++l) out.R[3 * k + l] = o[k] * a->R[l] + o[3 + k] * a->R[3 + l] + o[6 + k] * a->R[6 + l];
+    }
+  }
+}
+
+}  // namespace mbdae

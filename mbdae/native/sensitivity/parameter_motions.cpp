@@ -1,0 +1,140 @@
+// What motions of places and frames, masses and gravity do at a point: cotangents of all stuff.
+#include "sensitivity/parameter_partials.hpp"
+
+namespace mbdae {
+
+namespace {
+
+// Adds the slopes of U . I A by the ten inertial numbers, in the body's axes, times a factor.
+void inertial(const double* U, const double* A, double factor, double* out) {
+  double first[3], second[3];
+  cross(A + 3, U, first), cross(A, U + 3, second);
+  const double *w = U + 3, *a = A + 3;
+  out[0] += factor * dot(U, A);
+  for (int i = 0; i < 3; ++i) out[1 + i] += factor * (second[i] - first[i]);
+  out[4] += factor * w[0] * a[0], out[5] += factor * (w[0] * a[1] + w[1] * a[0]), out[6] += factor * w[1] * a[1];
+  out[7] += factor * (w[0] * a[2] + w[2] * a[0]), out[8] += factor * (w[1] * a[2] + w[2] * a[1]);
+  out[9] += factor * w[2] * a[2];
+}
+
+void add_motion(const Placed& at, const double* g, double* out) {  // of slopes by a motion in the world
+  double turned[3], all[6];
+  cross(g, at.p, turned);
+  for (int i = 0; i < 3; ++i) turned[i] += g[3 + i];
+  transposed(at.R, g, all), transposed(at.R, turned, all + 3);
+  for (int i = 0; i < 6; ++i) out[i] += all[i];
+}
+
+}  // namespace
+
+void ParameterSlopes::twists(const double* v) {
+  const double* J = s_.mechanics.J();
+  for (int j = 1; j < s_.mechanics.joints; ++j) {
+    U_[j] = U_[s_.mechanics.parents[j]];
+    for (int c : columns_[j])
+      for (int i = 0; i < 6; ++i) U_[j][i] += J[6 * c + i] * v[c];
+  }
+}
+
+void ParameterSlopes::moved(const Pair& pair, const Turning& t, const std::vector<Six>& X) {
+  const int a = pair.a.joint, b = pair.b.joint;
+  Six relative, by_a{}, by_b{}, damping{};
+  for (int i = 0; i < 6; ++i) relative[i] = X[b][i] - X[a][i];
+  for (int i = 0; i < 6; ++i)
+    for (int j = 0; j < 6; ++j) {
+      by_a[j] += relative[i] * t.Da[6 * i + j], by_b[j] += relative[i] * t.Db[6 * i + j];
+      if (t.damped) damping[j] += relative[i] * t.C[6 * i + j];
+    }
+  for (const Moving& m : ends_.at(&pair)) {
+    const Stuff& x = stuff_[m.stuff];
+    Six g = m.b ? by_b : by_a;
+    if (x.of == Stuff::place) {
+      const int end = m.b ? b : a, before = s_.mechanics.parents[x.at];
+      double Y[6], turned[6];
+      for (int i = 0; i < 6; ++i) Y[i] = X[end][i] - X[before][i];
+      wrench_cross(Y, t.F, turned);
+      for (int i = 0; i < 6; ++i) g[i] += m.b ? turned[i] : -turned[i];
+      if (t.damped) {
+        for (int i = 0; i < 6; ++i) Y[i] = V_[end][i] - V_[before][i];
+        wrench_cross(Y, damping.data(), turned);
+        for (int i = 0; i < 6; ++i) g[i] += m.b ? turned[i] : -turned[i];
+      }
+    }
+    add_motion(here_[m.stuff], g.data(), sums_[m.stuff].data());
+  }
+}
+
+void ParameterSlopes::shifted(const Pair& pair, const double* F) {
+  for (const Moving& m : ends_.at(&pair)) {
+    Six g;
+    for (int i = 0; i < 6; ++i) g[i] = m.b ? F[i] : -F[i];
+    add_motion(here_[m.stuff], g.data(), sums_[m.stuff].data());
+  }
+}
+
+// With all that is behind a joint held, and what is before it moved by -xi: U, V, A there become U x xi, ...
+void ParameterSlopes::bodies() {
+  const int joints = s_.mechanics.joints;
+  for (int j = 1; j < joints; ++j) {
+    double VU[6], IVU[6], turned[6];
+    const double *V = V_[j].data(), *U = U_[j].data();
+    H_[j] = C_[j] = Six{};
+    if (still(U_[j])) continue;
+    momentum(body_[j], U, H_[j].data());
+    if (!placing_) continue;
+    motion_cross(V, U, VU), momentum(body_[j], VU, IVU);
+    wrench_cross(V, H_[j].data(), C_[j].data()), wrench_cross(U, h_[j].data(), turned);
+    for (int i = 0; i < 6; ++i) C_[j][i] -= turned[i] + IVU[i];
+  }
+  H_[0] = C_[0] = Six{};
+  for (int j = joints - 1; j > 0; --j) {
+    const int p = s_.mechanics.parents[j];
+    for (int i = 0; i < 6; ++i) H_[p][i] += H_[j][i], C_[p][i] += C_[j][i];
+  }
+}
+
+void ParameterSlopes::contract(const VariedPoint& point, const double* above) {
+  const Mechanics& m = s_.mechanics;
+  const int nv = s_.nv;
+  if (kinematic_) {
+    twists(above);
+    if (!heavy_.empty()) bodies();
+    for (const ActingWrench& w : point.wrenches) {
+      if (ends_.at(w.pair).empty()) continue;
+      const double power = w.conservative ? 0 : above[n_ - 1];
+      for (int j = 0; j < m.joints; ++j)
+        for (int i = 0; i < 6; ++i) X_[j][i] = U_[j][i] + power * V_[j][i];
+      moved(*w.pair, w.turning, X_);
+    }
+  }
+  for (size_t i = 0; i < stuff_.size(); ++i) {
+    const Stuff& x = stuff_[i];
+    double* to = sums_[i].data();
+    if (x.of == Stuff::armature)
+      for (int k = 0; k < nv; ++k) to[k] -= above[k] * point.vdot[k];
+    if (x.of == Stuff::gravity && point.loaded)
+      for (int k = 0; k < 3; ++k) to[k] += H_[0][k];
+    if (x.of == Stuff::inertia && !still(U_[x.at])) {
+      double U[6], V[6], A[6], VU[6];
+      here_[i].motion(U_[x.at].data(), U), here_[i].motion(V_[x.at].data(), V), here_[i].motion(A_[x.at].data(), A);
+      motion_cross(V, U, VU);
+      inertial(U, A, -1, to), inertial(VU, V, 1, to);
+    }
+    if (x.of == Stuff::place) {
+      const int p = m.parents[x.at];
+      if (still(U_[p]) && still(H_[x.at]) && still(C_[x.at])) continue;
+      double turned[6], rest[6];
+      Six g;
+      wrench_cross(V_[p].data(), H_[x.at].data(), rest);
+      for (int k = 0; k < 6; ++k) rest[k] = C_[x.at][k] - rest[k];
+      wrench_cross(V_[p].data(), rest, g.data());
+      wrench_cross(U_[p].data(), F_[x.at].data(), turned);
+      for (int k = 0; k < 6; ++k) g[k] += turned[k];
+      wrench_cross(A_[p].data(), H_[x.at].data(), turned);
+      for (int k = 0; k < 6; ++k) g[k] += turned[k];
+      add_motion(here_[i], g.data(), to);
+    }
+  }
+}
+
+}  // namespace mbdae

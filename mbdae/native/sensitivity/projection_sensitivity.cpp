@@ -1,0 +1,201 @@
+#include "sensitivity/projection_sensitivity.hpp"
+
+#include <algorithm>
+
+#include "system/projection.hpp"
+#include "math/vec3.hpp"
+
+namespace mbdae {
+
+RestorationSlopes::RestorationSlopes(Index2System& s, ParameterSlopes& parameters, bool forward)
+    : s_(s),
+      parameters_(parameters),
+      forward_(forward && parameters.count()),
+      factors_(s.mechanics, s.constraints, s.counts) {}
+
+void RestorationSlopes::take(double t, double* y) {
+  const int nq = s_.nq, nv = s_.nv, ng = s_.ng;
+  count_ = 0;
+  if (!ng) return;
+  std::vector<Numbers> path;
+  const Numbers v(y + nq, y + nq + nv);
+  q0_.assign(y, y + nq);
+  restore(s_, t, y, &path);
+  factors_.exchange(s_.point);
+  s_.point.forget();
+  Numbers G(static_cast<size_t>(ng) * nv, 0.0), r(ng, 0.0);
+  auto next = [&](const double* q, bool of_v) -> Correction& {
+    if (count_ == corrections_.size()) corrections_.emplace_back(new Correction);
+    Correction& c = *corrections_[count_++];
+    c.of_v = of_v;
+    s_.mechanics.poses(q);
+    c.G.assign(G.size(), 0.0), c.Z.assign(G.size(), 0.0), r.assign(ng, 0.0);
+    s_.constraints.value(s_.mechanics, q, s_.constraints.all, c.G.data(), r.data());
+    return c;
+  };
+  if (path.empty()) path.push_back(q0_);  // where nothing was amiss, what varies may be
+  for (const Numbers& q : path) {
+    Correction& c = next(q.data(), false);
+    s_.constraints.gaps(t, r.data());
+    correct(c, t, q.data(), nullptr, r);
+  }
+  Correction& c = next(y, true);
+  std::fill(r.begin(), r.end(), 0.0);
+  s_.constraints.speed(t, r.data());
+  for (int k = 0; k < ng; ++k) r[k] += dot(&c.G[static_cast<size_t>(k) * nv], v.data(), nv);
+  correct(c, t, y, v.data(), r);
+}
+
+void RestorationSlopes::correct(Correction& c, double t, const double* q, const double* v, const Numbers& r) {
+  const int nv = s_.nv, nq = s_.nq;
+  c.rows.clear();
+  for (int k : s_.rows.in_use())
+    if (c.of_v || s_.constraints.rows[k].positional) c.rows.push_back(k);
+  const int n = static_cast<int>(c.rows.size());
+  for (int k : c.rows) factors_.scale(k, c.G, c.Z);
+  c.lu.resize(n, n);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j)
+      c.lu.at(i, j) = dot(&c.Z[static_cast<size_t>(c.rows[i]) * nv], &c.Z[static_cast<size_t>(c.rows[j]) * nv], nv);
+  if (n && !c.lu.factorize()) throw Trouble();
+  Numbers x(nv, 0.0), eta(r);
+  solve(c, x.data(), eta.data());
+  VariedPoint& p = c.point;
+  p.loaded = false, p.t = t, p.q.assign(q, q + nq), p.u.assign(nv + s_.ns + 1, 0.0), p.vdot.assign(nv, 0.0);
+  p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.met.resize(1);
+  VariedPoint::Met& met = p.met[0];
+  met.t = t, met.q = p.q, met.kind = c.of_v ? VariedPoint::Met::rate : VariedPoint::Met::gap, met.weight = 1;
+  if (c.of_v) met.v.assign(v, v + nv);
+  c.moved = largest(x.data(), nv) > s_.mechanics.limits.unmoved;
+  const bool asked = parameters_.moving();
+  if (c.of_v) s_.closure_slopes(q, v, nullptr, nullptr, &c.Bv, nullptr, asked ? &met.turnings : nullptr);
+  if (!c.of_v) {
+    Numbers back(x);
+    for (double& e : back) e = -e;
+    s_.manifold.turned(back.data(), x.data(), c.turn);
+  }
+  p.still = !c.moved;
+  const size_t m = nv;
+  if (c.moved) {
+    p.vdot = x;
+    for (int k : c.rows) p.lam[k] = eta[k];
+    p.met.push_back({t, p.q, x, VariedPoint::Met::bare, -1});
+    c.K.assign(m * m, 0.0);
+    s_.closure_slopes(q, x.data(), p.lam.data(), c.K.data(), &c.B, asked ? &p.wrenches : nullptr,
+                      asked ? &p.met[1].turnings : nullptr);
+  }
+  if (forward_) {
+    parameters_.rows(p, c.Q, p.q);
+    if (c.moved) parameters_.forces(p, c.P);
+  }
+  if (!c.moved) return;
+  const Numbers still(nv, 0.0);
+  Numbers by_v(m * m);
+  c.T.resize(m * m);
+  s_.mechanics.slopes(q0_.data(), still.data(), x.data(), c.T.data(), by_v.data(), true);
+}
+
+void RestorationSlopes::solve(const Correction& c, double* above, double* below) const {
+  const int nv = s_.nv;
+  Numbers l(c.rows.size());
+  factors_.half(above);
+  for (size_t i = 0; i < l.size(); ++i)
+    l[i] = below[c.rows[i]] - dot(&c.Z[static_cast<size_t>(c.rows[i]) * nv], above, nv);
+  c.lu.solve(l.data());
+  for (size_t i = 0; i < l.size(); ++i) {
+    const double* z = &c.Z[static_cast<size_t>(c.rows[i]) * nv];
+    below[c.rows[i]] = l[i];
+    for (int k = 0; k < nv; ++k) above[k] += z[k] * l[i];
+  }
+  factors_.back(above);
+}
+
+void RestorationSlopes::forward(int directions, double* moved, size_t width, const double* dp) {
+  const int nv = s_.nv, ng = s_.ng;
+  const std::vector<int>& position = s_.rows.position();
+  const size_t r = s_.rows.in_use().size(), n = nv + s_.ns + 1, k = parameters_.count();
+  Numbers above(nv), below(ng), dq(nv), turned(nv);
+  for (int d = 0; d < directions; ++d) {
+    double *dy = moved + d * width, *dv = dy + nv;
+    const Numbers dq0(dy, dy + nv);
+    dq = dq0;
+    for (size_t i = 0; i < count_; ++i) {
+      const Correction& c = *corrections_[i];
+      std::fill(above.begin(), above.end(), 0.0);
+      if (c.moved) {
+        add_times(c.T, nv, nv, dq0.data(), above.data());
+        for (double& e : above) e = -e;
+        add_times(c.K, nv, nv, dq.data(), above.data());
+      }
+      for (int row : c.rows) {
+        const size_t at = static_cast<size_t>(position[row]) * nv;
+        double s = dot(&c.G[static_cast<size_t>(row) * nv], c.of_v ? dv : dq.data(), nv);
+        if (c.of_v) s += dot(&c.Bv[at], dq.data(), nv);
+        if (c.moved) s -= dot(&c.B[at], dq.data(), nv);
+        below[row] = s;
+      }
+      for (size_t l = 0; l < k; ++l) {
+        const double w = dp[d * k + l];
+        if (w == 0) continue;
+        for (int e = 0; c.moved && e < nv; ++e) above[e] += w * c.P[l * n + e];
+        for (int row : c.rows) below[row] += w * c.Q[l * r + position[row]];
+      }
+      solve(c, above.data(), below.data());
+      if (c.of_v) {
+        for (int e = 0; e < nv; ++e) dv[e] -= above[e];
+        continue;
+      }
+      apply(c.turn, &TurnedBlock::A, false, true, nv, dq.data(), turned.data()), dq = turned;
+      apply(c.turn, &TurnedBlock::R, false, true, nv, above.data(), turned.data());
+      for (int e = 0; e < nv; ++e) dq[e] -= turned[e];
+    }
+    std::copy(dq.begin(), dq.end(), dy);
+  }
+}
+
+void RestorationSlopes::reverse(double* y) {
+  const int nv = s_.nv;
+  const std::vector<int>& position = s_.rows.position();
+  Numbers mu(s_.nv + s_.ns + 1), nu(s_.rows.in_use().size()), start(nv, 0.0), turned(nv);
+  double *q = y, *v = y + nv;
+  for (size_t i = count_; i-- > 0;) {
+    const Correction& c = *corrections_[i];
+    std::fill(mu.begin(), mu.end(), 0.0), std::fill(nu.begin(), nu.end(), 0.0);
+    if (c.of_v) {
+      for (int e = 0; e < nv; ++e) mu[e] = -v[e];
+    } else {
+      apply(c.turn, &TurnedBlock::R, true, true, nv, q, mu.data());
+      for (int e = 0; e < nv; ++e) mu[e] = -mu[e];
+      apply(c.turn, &TurnedBlock::A, true, true, nv, q, turned.data());
+      std::copy(turned.begin(), turned.end(), q);
+    }
+    Numbers l(c.rows.size());
+    factors_.half(mu.data());
+    for (size_t j = 0; j < l.size(); ++j) l[j] = dot(&c.Z[static_cast<size_t>(c.rows[j]) * nv], mu.data(), nv);
+    c.lu.solve_transposed(l.data());
+    for (size_t j = 0; j < l.size(); ++j) {
+      const double* z = &c.Z[static_cast<size_t>(c.rows[j]) * nv];
+      nu[position[c.rows[j]]] = l[j];
+      for (int e = 0; e < nv; ++e) mu[e] -= z[e] * l[j];
+    }
+    factors_.back(mu.data());
+    parameters_.add(c.point, mu.data(), nu.data());
+    for (int row : c.rows) {
+      const double w = nu[position[row]];
+      const double *g = &c.G[static_cast<size_t>(row) * nv], *b = c.moved ? &c.B[static_cast<size_t>(position[row]) * nv] : nullptr;
+      const double* bv = c.of_v ? &c.Bv[static_cast<size_t>(position[row]) * nv] : nullptr;
+      for (int e = 0; e < nv; ++e) {
+        (c.of_v ? v : q)[e] += w * g[e];
+        if (bv) q[e] += w * bv[e];
+        if (b) q[e] -= w * b[e];
+      }
+    }
+    if (!c.moved) continue;
+    add_transposed(c.K, nv, nv, mu.data(), q);
+    for (int e = 0; e < nv; ++e) mu[e] = -mu[e];
+    add_transposed(c.T, nv, nv, mu.data(), start.data());
+  }
+  for (int e = 0; e < nv; ++e) q[e] += start[e];
+}
+
+}  // namespace mbdae

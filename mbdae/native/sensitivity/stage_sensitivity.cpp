@@ -1,0 +1,140 @@
+#include "sensitivity/stage_sensitivity.hpp"
+
+#include <algorithm>
+
+#include "math/vec3.hpp"
+
+namespace mbdae {
+
+void apply(const std::vector<TurnedBlock>& blocks, double (TurnedBlock::*M)[36], bool transposed, bool unit, int nv,
+           const double* x, double* out) {
+  for (int i = 0; i < nv; ++i) out[i] = unit ? x[i] : 0;
+  for (const TurnedBlock& b : blocks) {
+    const double* m = b.*M;
+    for (int i = 0; i < b.n; ++i) {
+      double s = 0;
+      for (int j = 0; j < b.n; ++j) s += m[transposed ? b.n * j + i : b.n * i + j] * x[b.at + j];
+      out[b.at + i] = s;
+    }
+  }
+}
+
+void add_times(const Numbers& A, size_t rows, size_t columns, const double* x, double* out) {
+  for (size_t i = 0; i < rows; ++i) {
+    const double* a = A.data() + i * columns;
+    double s = 0;
+    for (size_t j = 0; j < columns; ++j) s += a[j] * x[j];
+    out[i] += s;
+  }
+}
+
+void add_transposed(const Numbers& A, size_t rows, size_t columns, const double* x, double* out) {
+  for (size_t i = 0; i < rows; ++i) {
+    const double* a = A.data() + i * columns;
+    const double w = x[i];
+    if (w != 0)
+      for (size_t j = 0; j < columns; ++j) out[j] += w * a[j];
+  }
+}
+
+// In rows of Z that are long where bodies are light, digits cancel: what is missed is made good once more.
+void StageSlopes::meet(const Numbers& seen, bool transposed, const Numbers& moved) {
+  const std::vector<int>& position = s_.rows.position();
+  nu.assign(met_.size(), 0.0), miss_.resize(met_.size());
+  for (int pass = 0; pass < 2; ++pass) {
+    for (int k : s_.rows.in_use()) {
+      const double* Z = &seen[static_cast<size_t>(k) * s_.nv];
+      double& miss = miss_[position[k]] = met_[position[k]];
+      for (int c : s_.constraints.rows[k].columns) miss -= Z[c] * above[c];
+    }
+    if (transposed) {
+      lu.solve_transposed(miss_.data());
+    } else {
+      lu.solve(miss_.data());
+    }
+    for (int k : s_.rows.in_use()) {
+      const double* Z = &moved[static_cast<size_t>(k) * s_.nv];
+      const double by = miss_[position[k]];
+      for (int c : s_.constraints.rows[k].columns) above[c] += Z[c] * by;
+      nu[position[k]] += by;
+    }
+  }
+}
+
+void StageSlopes::forward(const double* dx, const double* dxhat, const double* dy, const double* P, const double* Q,
+                          double* dF) {
+  const int nv = s_.nv, n = nv + s_.ns + 1;
+  const std::vector<int>& rows = s_.rows.in_use();
+  const std::vector<int>& position = s_.rows.position();
+  const size_t r = rows.size();
+  rate_.resize(nv), dq_.resize(nv), du_.resize(n), more_.resize(nv), above.assign(n, 0.0), nu.assign(r, 0.0);
+  apply(turn, &TurnedBlock::A, false, true, nv, dy, dq_.data());
+  apply(turn, &TurnedBlock::R, false, true, nv, dx, more_.data());
+  for (int i = 0; i < nv; ++i) dq_[i] += more_[i];
+  for (int i = 0; i < n; ++i) du_[i] = dy[nv + i] + dx[nv + i];
+  apply(turn, &TurnedBlock::J, false, true, nv, du_.data(), rate_.data());
+  apply(turn, &TurnedBlock::T, false, false, nv, dx, more_.data());
+  for (int i = 0; i < nv; ++i) rate_[i] += more_[i];
+  if (P) std::copy(P, P + n, above.begin());
+  add_times(at.K, n, nv, dq_.data(), above.data()), add_times(at.D, n, n, du_.data(), above.data());
+  point.half(above.data());
+  if (r) {
+    for (int i = 0; i < nv; ++i) more_[i] = dxhat[i] + factor * rate_[i];
+    apply(hat, &TurnedBlock::R, false, true, nv, more_.data(), du_.data());
+    apply(hat, &TurnedBlock::A, false, true, nv, dy, dq_.data());
+    for (int i = 0; i < nv; ++i) dq_[i] += du_[i], more_[i] = dy[nv + i] + dxhat[nv + i];
+    met_.assign(r, 0.0);
+    if (Q) std::copy(Q, Q + r, met_.begin());
+    add_times(Bhat, r, nv, dq_.data(), met_.data());
+    for (int k : rows) {
+      const double* G = &Ghat[static_cast<size_t>(k) * nv];
+      double& met = met_[position[k]];
+      for (int c : s_.constraints.rows[k].columns) met += G[c] * more_[c];
+      met /= -factor;
+    }
+    meet(Zhat, false, point.Z);
+    above[n - 1] -= dot(at.g_t.data(), nu.data(), static_cast<int>(r));
+  }
+  point.back(above.data());
+  std::copy(rate_.begin(), rate_.end(), dF), std::copy(above.begin(), above.end(), dF + nv);
+}
+
+void StageSlopes::reverse(const double* F, double* x, double* xhat, double* y) {
+  const int nv = s_.nv, n = nv + s_.ns + 1;
+  const std::vector<int>& rows = s_.rows.in_use();
+  const std::vector<int>& position = s_.rows.position();
+  const size_t r = rows.size();
+  rate_.assign(F, F + nv), dq_.assign(nv, 0.0), du_.assign(n, 0.0), more_.resize(nv);
+  above.assign(F + nv, F + nv + n), nu.assign(r, 0.0);
+  point.half(above.data());
+  if (r) {
+    met_.resize(r);
+    for (size_t k = 0; k < r; ++k) met_[k] = at.g_t[k] * above[n - 1];
+    meet(point.Z, true, Zhat);
+    for (double& w : nu) w /= factor;
+    add_transposed(Bhat, r, nv, nu.data(), dq_.data());
+    apply(hat, &TurnedBlock::R, true, true, nv, dq_.data(), more_.data());
+    for (int i = 0; i < nv; ++i) xhat[i] += more_[i], rate_[i] += factor * more_[i];
+    apply(hat, &TurnedBlock::A, true, true, nv, dq_.data(), more_.data());
+    for (int i = 0; i < nv; ++i) y[i] += more_[i];
+    for (int k : rows) {
+      const size_t row = static_cast<size_t>(k) * nv;
+      const double w = nu[position[k]];
+      for (int c : s_.constraints.rows[k].columns) xhat[nv + c] += Ghat[row + c] * w, y[nv + c] += Ghat[row + c] * w;
+    }
+    std::fill(dq_.begin(), dq_.end(), 0.0);
+  }
+  point.back(above.data());
+  add_transposed(at.K, n, nv, above.data(), dq_.data()), add_transposed(at.D, n, n, above.data(), du_.data());
+  apply(turn, &TurnedBlock::J, true, true, nv, rate_.data(), more_.data());
+  for (int i = 0; i < nv; ++i) du_[i] += more_[i];
+  apply(turn, &TurnedBlock::T, true, false, nv, rate_.data(), more_.data());
+  for (int i = 0; i < nv; ++i) x[i] += more_[i];
+  apply(turn, &TurnedBlock::R, true, true, nv, dq_.data(), more_.data());
+  for (int i = 0; i < nv; ++i) x[i] += more_[i];
+  apply(turn, &TurnedBlock::A, true, true, nv, dq_.data(), more_.data());
+  for (int i = 0; i < nv; ++i) y[i] += more_[i];
+  for (int i = 0; i < n; ++i) x[nv + i] += du_[i], y[nv + i] += du_[i];
+}
+
+}  // namespace mbdae

@@ -1,0 +1,61 @@
+// The slopes of a stage: what goes through its saddle-point system, forwards and back
+// (mbdae/mechanism/discrete_sensitivity/stage_sensitivity.py).
+#pragma once
+
+#include "system/index2.hpp"
+
+namespace mbdae {
+
+// A point where numbers of a mechanism act: equations f + G^T lam - M v', and what rows ask for.
+struct VariedPoint {
+  struct Met {
+    double t;
+    Numbers q, v;  // (nq,), (nv,)
+    enum Kind { gap, rate, bare } kind;  // g, G v + g_t, G v
+    double weight;
+    std::vector<Turning> turnings = {};  // (ng,) of rows in use, where places or frames move; not of gaps
+  };
+  bool loaded = true;      // laws and gravity act
+  bool still = false;      // nothing acts and moves: P is 0
+  double t = 0;
+  Numbers q, u, vdot, lam;             // (nq,), (nv + ns + 1,), (nv,), (ng,)
+  std::vector<ActingWrench> wrenches;  // of laws and closures, where places or frames move
+  std::vector<Met> met;
+};
+
+// n = nv + ns + 1; rows in use (r,) stand in the order of elimination.
+class StageSlopes : public VariedPoint {
+ public:
+  explicit StageSlopes(Index2System& s) : point(s.mechanics, s.constraints, s.counts), s_(s) {}
+
+  double factor = 0;
+  Slopes at;
+  Numbers Bhat;                         // (r, nv)
+  Numbers Ghat, Zhat;                   // (ng, nv), where the stage meets the constraint
+  std::vector<TurnedBlock> turn, hat;
+  BandLU lu;                            // of Zhat Z^T
+  Point point;                          // M and its factors, Z
+
+  // The variation of x' (ny,) for those of x, xhat and y_n (ny,); P dp (n,) and Q dp (r,) may be missing.
+  void forward(const double* dx, const double* dxhat, const double* dy, const double* P, const double* Q, double* dF);
+  // Adds the cotangents of x, xhat (ny,) and y_n (ny,) of that of x'; `above` (n,) and `nu` (r,) are left.
+  void reverse(const double* F, double* x, double* xhat, double* y);
+
+  Numbers above, nu;
+
+ private:
+  // above += Z^T nu with the nu of which Z' above = `met_`; Z' and Z stand in the step's matrix or in its transpose.
+  void meet(const Numbers& seen, bool transposed, const Numbers& moved);
+
+  Index2System& s_;
+  Numbers rate_, dq_, du_, more_, met_, miss_;
+};
+
+void add_times(const Numbers& A, size_t rows, size_t columns, const double* x, double* out);       // out += A x
+void add_transposed(const Numbers& A, size_t rows, size_t columns, const double* x, double* out);  // out += A^T x
+
+// out = M x with blocks M, or their transposes, and 1 or 0 between them.
+void apply(const std::vector<TurnedBlock>& blocks, double (TurnedBlock::*M)[36], bool transposed, bool unit, int nv,
+           const double* x, double* out);
+
+}  // namespace mbdae

@@ -1,0 +1,141 @@
+#include "sensitivity/step_sensitivity.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mbdae {
+
+StepSlopes::StepSlopes(Index2System& s, ParameterSlopes* parameters, bool forward)
+    : HalfExplicitStep(s), parameters_(parameters), forward_(forward && parameters && parameters->count()) {}
+
+void StepSlopes::repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes) {
+  const int n = a.n, stride = stride_;
+  const double* y = in.y.data();
+  a_ = &a, h_ = h, sloped_ = slopes;
+  std::copy(y, y + nq_, q0_.begin()), std::copy(y + nq_, y + nq_ + nv_, v0_.begin());
+  std::copy(y + nq_ + nv_, y + nq_ + nv_ + ns_, s0_.begin());
+  if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
+  if (a.first) begin(in.carry, F_.data());
+  while (slopes && static_cast<int>(stages_.size()) < n) stages_.emplace_back(new StageSlopes(s_));
+  if (forward_) P_.resize(n), Q_.resize(n);
+  for (int i = a.first; i < n; ++i) {
+    const double at = t + a.c[i] * h, that = t + a.chat[i] * h, factor = h * a.Ahat[i * n + i];
+    double* F = F_.data() + static_cast<size_t>(i) * stride;
+    combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
+    stage(at, that, factor, F, false);
+    if (slopes) keep(i, at, that, factor, F);
+  }
+  combine(a.b.data(), n, h, x_);
+  s_.manifold.within(x_.data());
+  out.y.resize(s_.length);
+  s_.add(y, x_.data(), out.y.data());
+  if (a.first) finish(F_.data() + static_cast<size_t>(n - 1) * stride, out.carry);
+  if (slopes) s_.manifold.turned(x_.data(), x_.data(), end_);
+}
+
+void StepSlopes::keep(int i, double t, double that, double factor, const double* F) {
+  StageSlopes& k = *stages_[i];
+  k.t = t, k.factor = factor;
+  k.q = q_, k.vdot.assign(F + nv_, F + 2 * nv_);
+  k.u.assign(nv_ + ns_ + 1, 0.0);
+  std::copy(v_.begin(), v_.end(), k.u.begin()), std::copy(s_in_.begin(), s_in_.end(), k.u.begin() + nv_);
+  k.lam.assign(s_.ng, 0.0);
+  for (int row : s_.rows.in_use()) k.lam[row] = lam_[row];
+  s_.manifold.turned(x_.data(), v_.data(), k.turn);
+  const bool asked = parameters_ && parameters_->moving();
+  if (!s_.rows.in_use().empty()) {
+    k.met.resize(1);
+    VariedPoint::Met& met = k.met[0];
+    met.t = that, met.kind = VariedPoint::Met::rate, met.weight = 1, met.q = q_met_, met.v.resize(nv_);
+    for (int i = 0; i < nv_; ++i) met.v[i] = v0_[i] + xhat_[nv_ + i] + factor * k.vdot[i];
+    k.Ghat = Ghat_, k.Zhat = Zhat_, k.lu = s_.saddle.factors();
+    s_.manifold.turned(dx_.data(), met.v.data(), k.hat);
+    s_.closure_slopes(q_met_.data(), met.v.data(), nullptr, nullptr, &k.Bhat, nullptr,
+                      asked ? &met.turnings : nullptr);
+  }
+  if (forward_) parameters_->rows(k, Q_[i], q_met_);
+  k.point.exchange(s_.point);
+  k.wrenches.clear();
+  s_.force_slopes(t, k.q.data(), k.u.data(), k.vdot.data(), k.lam.data(), k.at, nullptr,
+                  asked ? &k.wrenches : nullptr);
+  if (forward_) parameters_->forces(k, P_[i]);
+}
+
+void StepSlopes::forward(int directions, double* moved, const double* dp) {
+  const int n = a_->n, ny = ny_, nc = ny_ - nv_, below = static_cast<int>(s_.rows.in_use().size());
+  const size_t k = forward_ ? parameters_->count() : 0, size = static_cast<size_t>(directions) * ny;
+  const size_t width = ny + (a_->first ? nc : 0);
+  const bool moves = k > 0;
+  dF_.assign(n * size, 0.0), x_bar_.resize(ny), xhat_bar_.resize(ny), p_.resize(nc), dx_end_.resize(below);
+  if (a_->first)
+    for (int d = 0; d < directions; ++d) {
+      std::copy_n(moved + d * width + nv_, nv_, &dF_[d * ny]);
+      std::copy_n(moved + d * width + ny, nc, &dF_[d * ny + nv_]);
+    }
+  for (int i = a_->first; i < n; ++i) {
+    StageSlopes& stage = *stages_[i];
+    for (int d = 0; d < directions; ++d) {
+      for (auto [to, weights] : {std::pair<Numbers&, const Numbers&>(x_bar_, a_->A), {xhat_bar_, a_->Ahat}}) {
+        std::fill(to.begin(), to.end(), 0.0);
+        for (int j = 0; j < i; ++j) {
+          const double w = h_ * weights[i * n + j];
+          const double* from = &dF_[j * size + d * ny];
+          if (w != 0)
+            for (int c = 0; c < ny; ++c) to[c] += w * from[c];
+        }
+      }
+      if (moves) {
+        std::fill(p_.begin(), p_.end(), 0.0), std::fill(dx_end_.begin(), dx_end_.end(), 0.0);
+        for (size_t l = 0; l < k; ++l) {
+          const double w = dp[d * k + l];
+          if (w == 0) continue;
+          for (int c = 0; c < nc; ++c) p_[c] += w * P_[i][l * nc + c];
+          for (int c = 0; c < below; ++c) dx_end_[c] += w * Q_[i][l * below + c];
+        }
+      }
+      stage.forward(x_bar_.data(), xhat_bar_.data(), moved + d * width, moves ? p_.data() : nullptr,
+                    moves ? dx_end_.data() : nullptr, &dF_[i * size + d * ny]);
+    }
+  }
+  Numbers own(nv_), turned(nv_);
+  for (int d = 0; d < directions; ++d) {
+    std::fill(x_bar_.begin(), x_bar_.end(), 0.0);
+    for (int j = 0; j < n; ++j)
+      for (int c = 0; c < ny; ++c) x_bar_[c] += h_ * a_->b[j] * dF_[j * size + d * ny + c];
+    double* to = moved + d * width;
+    apply(end_, &TurnedBlock::A, false, true, nv_, to, own.data());
+    apply(end_, &TurnedBlock::R, false, true, nv_, x_bar_.data(), turned.data());
+    for (int c = 0; c < nv_; ++c) to[c] = own[c] + turned[c];
+    for (int c = nv_; c < ny; ++c) to[c] += x_bar_[c];
+    if (a_->first) std::copy_n(&dF_[(n - 1) * size + d * ny + nv_], nc, to + ny);
+  }
+}
+
+void StepSlopes::reverse(double* y) {
+  const int n = a_->n, ny = ny_, nc = ny_ - nv_;
+  double* carry = y + ny;
+  Numbers x(y, y + ny), out(y, y + ny);
+  apply(end_, &TurnedBlock::R, true, true, nv_, y, x.data()), apply(end_, &TurnedBlock::A, true, true, nv_, y, out.data());
+  dF_.assign(static_cast<size_t>(n) * ny, 0.0);
+  for (int i = 0; i < n; ++i)
+    for (int c = 0; c < ny; ++c) dF_[i * ny + c] = h_ * a_->b[i] * x[c];
+  if (a_->first)
+    for (int c = 0; c < nc; ++c) dF_[(n - 1) * ny + nv_ + c] += carry[c];
+  for (int i = n - 1; i >= a_->first; --i) {
+    x_bar_.assign(ny, 0.0), xhat_bar_.assign(ny, 0.0);
+    stages_[i]->reverse(&dF_[i * ny], x_bar_.data(), xhat_bar_.data(), out.data());
+    if (parameters_) parameters_->add(*stages_[i], stages_[i]->above.data(), stages_[i]->nu.data());
+    for (int j = 0; j < i; ++j) {
+      const double w = h_ * a_->A[i * n + j], what = h_ * a_->Ahat[i * n + j];
+      if (w == 0 && what == 0) continue;
+      for (int c = 0; c < ny; ++c) dF_[j * ny + c] += w * x_bar_[c] + what * xhat_bar_[c];
+    }
+  }
+  if (a_->first) {
+    for (int c = 0; c < nv_; ++c) out[nv_ + c] += dF_[c];
+    std::copy_n(&dF_[nv_], nc, carry);
+  }
+  std::copy(out.begin(), out.end(), y);
+}
+
+}  // namespace mbdae

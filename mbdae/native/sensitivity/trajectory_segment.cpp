@@ -1,0 +1,132 @@
+#include "sensitivity/trajectory_segment.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "system/projection.hpp"
+#include "math/vec3.hpp"
+
+namespace mbdae {
+
+namespace {
+
+void stand(const Index2System& s, const Segment& g, const double* carries, size_t i, State& to) {
+  const size_t nc = g.tableau.first ? s.ny - s.nv : 0;
+  to.y.assign(g.y + i * s.length, g.y + (i + 1) * s.length);
+  to.carry.assign(carries + i * nc, carries + (i + 1) * nc);
+}
+
+// A node's interval: one step or two, and the projection of its end.
+class Interval {
+ public:
+  Interval(Index2System& s, ParameterSlopes& parameters, const Segment& g, bool forward)
+      : s_(s), g_(g), first_(s, &parameters, forward), second_(s, &parameters, forward), end_(s, parameters, forward) {}
+
+  void take(const double* carries, size_t i) {
+    const double h = g_.t[i + 1] - g_.t[i];
+    stand(s_, g_, carries, i, start_);
+    if (g_.halved) {
+      first_.repeat(g_.tableau, g_.t[i], h / 2, start_, middle_, true);
+      second_.repeat(g_.tableau, g_.t[i] + h / 2, h / 2, middle_, next_, true);
+    } else {
+      first_.repeat(g_.tableau, g_.t[i], h, start_, next_, true);
+    }
+    if (g_.project) end_.take(g_.t[i + 1], next_.y.data());
+  }
+
+  void forward(int d, double* moved, size_t width, const double* dp) {
+    first_.forward(d, moved, dp);
+    if (g_.halved) second_.forward(d, moved, dp);
+    if (g_.project) end_.forward(d, moved, width, dp);
+  }
+
+  void reverse(double* bar) {
+    if (g_.project) end_.reverse(bar);
+    if (g_.halved) second_.reverse(bar);
+    first_.reverse(bar);
+  }
+
+ private:
+  Index2System& s_;
+  const Segment& g_;
+  StepSlopes first_, second_;
+  RestorationSlopes end_;
+  State start_, middle_, next_;
+};
+
+// Project the end of a step as the run did; is what it carries found anew?
+bool project(Index2System& s, const Likeness& like, double t, const State& start, State& next) {
+  Numbers y = next.y, move(s.ny), size0(s.ny), size1(s.ny);
+  restore(s, t, next.y.data());
+  s.difference(y.data(), next.y.data(), move.data());
+  s.size(start.y.data(), size0.data()), s.size(next.y.data(), size1.data());
+  bool tolerated = true;
+  if (like.adaptive)
+    tolerated = like.control.error_norm(move.data(), 1, s.ny, s.measured(), size0.data(), size1.data(), 0, 0, 0) <= 1;
+  else
+    for (int k = 0; k < s.measured(); ++k)
+      tolerated = tolerated && std::fabs(move[k]) <= like.tolerated * (1 + size1[k]);
+  if (tolerated) return false;
+  Numbers F(s.ny), z(s.ng);
+  s.derivative(t, next.y.data(), F.data(), z.data());
+  next.carry = s.carry(F);
+  return true;
+}
+
+}  // namespace
+
+void walk(Index2System& s, const Segment& g, const Likeness& like, Walk& out) {
+  StepSlopes step(s, nullptr);
+  State now, middle, next;
+  Numbers move(s.ny);
+  const size_t nc = s.ny - s.nv;
+  stand(s, g, out.carries.data(), 0, now);
+  out.renewed.assign(g.steps + 1, 0);
+  for (out.steps = 0; out.steps < g.steps; ++out.steps) {
+    const size_t i = out.steps;
+    const double h = g.t[i + 1] - g.t[i], *end = g.y + (i + 1) * s.length;
+    if (g.halved) {
+      step.repeat(g.tableau, g.t[i], h / 2, now, middle, false);
+      step.repeat(g.tableau, g.t[i] + h / 2, h / 2, middle, next, false);
+    } else {
+      step.repeat(g.tableau, g.t[i], h, now, next, false);
+    }
+    if (g.project) out.renewed[i + 1] = project(s, like, g.t[i + 1], now, next);
+    std::copy(next.carry.begin(), next.carry.end(), out.carries.begin() + (i + 1) * nc);
+    s.difference(next.y.data(), end, move.data());
+    const double apart = largest(move.data(), s.ny), size = 1 + largest(end, s.length);
+    if (!(apart <= like.repeated * size)) return;
+    if (!(apart <= like.synchronous * size)) next.y.assign(end, end + s.length);
+    std::swap(now, next);
+  }
+  out.end = now.y;
+}
+
+void adjoint(Index2System& s, ParameterSlopes& parameters, const Segment& g, const double* carries,
+             const double* extra, double* bar, double* p) {
+  Interval interval(s, parameters, g, false);
+  const size_t width = s.ny + (g.tableau.first ? s.ny - s.nv : 0);
+  parameters.begin();
+  for (size_t i = g.steps; i-- > 0;) {
+    interval.take(carries, i);
+    if (i + 1 < g.steps)
+      for (size_t c = 0; c < width; ++c) bar[c] += extra[(i + 1) * width + c];
+    interval.reverse(bar);
+  }
+  parameters.end(p);
+}
+
+void tangent(Index2System& s, ParameterSlopes& parameters, const Segment& g, const double* carries, int d,
+             const double* dp, const double* first, double* along) {
+  Interval interval(s, parameters, g, true);
+  const size_t width = s.ny + (g.tableau.first ? s.ny - s.nv : 0), size = d * width;
+  std::copy_n(first, size, along);
+  for (size_t i = 0; i < g.steps; ++i) {
+    double* moved = along + (i + 1) * size;
+    std::copy_n(moved - size, size, moved);
+    interval.take(carries, i);
+    interval.forward(d, moved, width, dp);
+  }
+}
+
+}  // namespace mbdae

@@ -1,0 +1,44 @@
+// Bodies and places in the world.
+#pragma once
+
+#include "mechanism/rnea_partials.hpp"
+#include "math/spatial.hpp"
+
+namespace mbdae {
+
+inline void momentum(const Body& b, const double* V, double* out) {  // I V
+  double arm[3];
+  cross(V + 3, b.centre, arm);
+  for (int i = 0; i < 3; ++i) out[i] = b.mass * (V[i] + arm[i]);
+  cross(b.centre, out, out + 3);
+  for (int i = 0; i < 3; ++i) out[3 + i] += dot(b.I + 3 * i, V + 3);
+}
+
+inline void transposed(const double* R, const double* x, double* out) {
+  for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
+}
+
+struct Placed {  // a body, a joint's place, or a frame, in the world; R by rows
+  double R[9], p[3];
+
+  void motion(const double* X, double* out) const {  // of the world in its axes
+    double moved[3];
+    cross(X + 3, p, moved);
+    for (int i = 0; i < 3; ++i) moved[i] += X[i];
+    transposed(R, moved, out), transposed(R, X + 3, out + 3);
+  }
+
+  void raise(const double* x, double* out) const {  // a motion in its axes into the world's
+    double arm[3];
+    turn(R, x, out), turn(R, x + 3, out + 3), cross(p, out + 3, arm);
+    for (int i = 0; i < 3; ++i) out[i] += arm[i];
+  }
+
+  void raise_wrench(const double* w, double* out) const {
+    double arm[3];
+    turn(R, w, out), turn(R, w + 3, out + 3), cross(p, out, arm);
+    for (int i = 0; i < 3; ++i) out[3 + i] += arm[i];
+  }
+};
+
+}  // namespace mbdae

@@ -1,0 +1,187 @@
+#include "steps/half_explicit_step.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "math/vec3.hpp"
+
+namespace mbdae {
+
+HalfExplicitStep::HalfExplicitStep(Index2System& s)
+    : s_(s),
+      nq_(s.nq),
+      nv_(s.nv),
+      ns_(s.ns),
+      ny_(s.ny),
+      stride_((s.ny + 3) / 4 * 4),
+      x_(stride_),
+      xhat_(stride_),
+      dx_(nv_),
+      q0_(nq_),
+      v0_(nv_),
+      s0_(ns_),
+      q_(nq_),
+      v_(nv_),
+      q_met_(nq_),
+      s_in_(ns_),
+      f_(nv_),
+      lam_(s.ng),
+      gt_(s.ng),
+      gt_met_(s.ng),
+      work_(s.ng),
+      Ghat_(s.point.G.size()),
+      Zhat_(Ghat_.size()) {}
+
+void HalfExplicitStep::stage(double t, double that, double factor, double* F, bool last) {
+  Point& point = s_.point;
+  Mechanics& m = s_.mechanics;
+  Constraints& constraints = s_.constraints;
+  const std::vector<int>& rows = s_.rows.in_use();
+  s_.manifold.integrate(q0_.data(), x_.data(), q_.data());
+  for (int i = 0; i < nv_; ++i) v_[i] = v0_[i] + x_[nv_ + i];
+  for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
+  point.inertia(q_.data(), sloped_ ? v_.data() : nullptr);
+  s_.counts.M += 1, s_.counts.factorizations += 1;
+  const bool slides = static_cast<bool>(s_.sliding);
+  const std::vector<int>& which = (last || slides) && !s_.rows.others().empty() ? constraints.all : rows;
+  if (s_.ng) s_.counts.G += 1;
+  constraints.value(m, q_.data(), which, point.G.data(), point.g.data());
+  if (slides) s_.sliding.slips(v_.data());
+  double* rates = F + 2 * nv_;
+  s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, sloped_);
+  if (!rows.empty()) constraints.speed(that, gt_met_.data()), constraints.speed(t, gt_.data());
+  if (last) {
+    Index2System::Known& known = s_.known;
+    known.t = t, known.q = q_, known.v = v_, known.s = s_in_, known.f = f_, known.motion = m.motion();
+    known.rates.assign(rates, rates + ns_ + 1);
+  }
+  for (int k : which) point.scale(k);
+  std::copy(v_.begin(), v_.end(), F);
+  s_.manifold.tangent(x_.data(), F);
+  if (!rows.empty()) {
+    if (last) m.keep();
+    meet(that, factor, F);
+    for (int k : rows) {
+      double rate = gt_met_[k];
+      for (int c : constraints.rows[k].columns)
+        rate += Ghat_[static_cast<size_t>(k) * nv_ + c] * (v0_[c] + xhat_[nv_ + c]);
+      lam_[k] = -rate / factor;
+    }
+  } else if (s_.ng) {
+    s_.counts.G += 1;
+  }
+  s_.solve(Zhat_, lam_.data(), f_.data(), rates + ns_);
+  for (int k : rows) rates[ns_] -= lam_[k] * gt_[k];
+  std::copy(f_.begin(), f_.end(), F + nv_);
+  if (last) point.stand(q_.data());
+}
+
+void HalfExplicitStep::begin(const Numbers& carry, double* F) const {
+  std::copy(v0_.begin(), v0_.end(), F), std::copy(carry.begin(), carry.end(), F + nv_);
+}
+
+void HalfExplicitStep::finish(const double* F, Numbers& carry) const { carry.assign(F + nv_, F + ny_); }
+
+void HalfExplicitStep::all_multipliers(double* z) { s_.saddle.all_multipliers(lam_.data(), z); }
+
+void HalfExplicitStep::place(const double* dx, double factor) {
+  for (int i = 0; i < nv_; ++i) dx_[i] = xhat_[i] + factor * dx[i];
+  s_.manifold.integrate(q0_.data(), dx_.data(), q_met_.data());
+  s_.mechanics.poses(q_met_.data());
+  s_.counts.G += 1;
+}
+
+void HalfExplicitStep::meet(double, double factor, double* dx) {
+  place(dx, factor);
+  meet_velocities();
+}
+
+void HalfExplicitStep::meet_velocities() {
+  const std::vector<int>& rows = s_.rows.in_use();
+  s_.constraints.value(s_.mechanics, q_met_.data(), rows, Ghat_.data());
+  for (int k : rows) s_.point.scale(k, Ghat_, Zhat_);
+  s_.saddle.factorize(Zhat_);
+}
+
+void HalfExplicitStep::combine(const double* weights, int count, double h, Numbers& to) const {
+  double* __restrict x = to.data();
+  const int stride = stride_;
+  for (int k = 0; k < stride; ++k) x[k] = 0;
+  for (int j = 0; j < count; ++j) {
+    const double w = weights[j];
+    if (w == 0) continue;
+    const double* __restrict from = F_.data() + static_cast<size_t>(j) * stride;
+    for (int k = 0; k < stride; k += 4)
+      x[k] += w * from[k], x[k + 1] += w * from[k + 1], x[k + 2] += w * from[k + 2], x[k + 3] += w * from[k + 3];
+  }
+  for (int k = 0; k < stride; ++k) x[k] *= h;
+}
+
+void HalfExplicitStep::project(double* e) {
+  s_.counts.projections += 1;
+  for (int k : s_.rows.in_use()) {
+    work_[k] = 0;
+    for (int c : s_.constraints.rows[k].columns) work_[k] += s_.point.G[static_cast<size_t>(k) * nv_ + c] * e[nv_ + c];
+  }
+  s_.saddle.normal(work_.data(), f_.data());
+  for (int i = 0; i < nv_; ++i) e[nv_ + i] -= f_[i];
+}
+
+void HalfExplicitStep::take(const Tableau& a, double t, double h, const State& in, State& out, double* z,
+                            Numbers& errors) {
+  const int n = a.n, stride = stride_;
+  const double* y = in.y.data();
+  std::copy(y, y + nq_, q0_.begin()), std::copy(y + nq_, y + nq_ + nv_, v0_.begin());
+  std::copy(y + nq_ + nv_, y + nq_ + nv_ + ns_, s0_.begin());
+  IndependentRows& rows = s_.rows;
+  if (s_.ng && !rows.held) {
+    if (!s_.point.near(y)) s_.point.evaluate(y, true);
+    rows.choose_with_reason(s_.point.Z.data(), s_.point.stamp());
+  }
+  open(y);
+  if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
+  double* F = F_.data();
+  if (a.first) begin(in.carry, F);
+  for (int i = a.first; i < n; ++i) {
+    combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
+    stage(t + a.c[i] * h, t + a.chat[i] * h, h * a.Ahat[i * n + i], F + static_cast<size_t>(i) * stride, i == n - 1);
+  }
+  combine(a.b.data(), n, h, x_);
+  if (!in.low.empty())
+    for (int k = 0; k < ny_; ++k) x_[k] += in.low[k];
+  s_.manifold.within(x_.data());
+  out.y.resize(s_.length), out.low.assign(ny_, 0.0);
+  s_.add(y, x_.data(), out.y.data());
+  for (int k = s_.manifold.flat ? 0 : nv_; k < ny_; ++k) {
+    const int i = k < nv_ ? k : k - nv_ + nq_;
+    out.low[k] = x_[k] - (out.y[i] - y[i]);
+  }
+  const double* end = F + static_cast<size_t>(n - 1) * stride;
+  if (a.first) finish(end, out.carry);
+  const bool projected = a.project && !rows.in_use().empty();
+  if (projected || rows.dependent()) s_.saddle.symmetric();
+  errors.resize(static_cast<size_t>(a.errors) * ny_);
+  for (int i = 0; i < a.errors; ++i) {
+    double* e = &errors[static_cast<size_t>(i) * ny_];
+    combine(&a.e[i * n], n, h, xhat_);
+    std::copy_n(xhat_.data(), ny_, e);
+    if (projected) project(e);
+  }
+  all_multipliers(z);
+  s_.probe();
+}
+
+void HalfExplicitStep::controlled(const Tableau& a, double t, double h, const State& in, State& out, double* z,
+                                  Numbers& errors) {
+  if (!a.doubled) return take(a, t, h, in, out, z, errors);
+  State full, middle;
+  Numbers none;
+  take(a, t, h, in, full, z, none);
+  take(a, t, h / 2, in, middle, z, none);
+  take(a, t + h / 2, h / 2, middle, out, z, none);
+  errors.resize(ny_);
+  s_.difference(full.y.data(), out.y.data(), errors.data());
+  for (double& e : errors) e /= std::pow(2.0, a.doubled) - 1;
+}
+
+}  // namespace mbdae

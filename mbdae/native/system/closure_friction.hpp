@@ -1,0 +1,67 @@
+// Friction by the forces that closures carry (mbdae/mechanism/formulations/closure_friction.py): T_k = factor_k |F_k(lam)| along
+// e_k, k over the places that slide.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "system/independent_rows.hpp"
+#include "math/eigen_types.hpp"
+
+namespace mbdae {
+
+class SaddleSystem;
+
+struct SlidingPlace {
+  enum Kind { turns, bears, slides, touches, grips } kind = turns;
+  int pair = 0, row = 0, carried = 1;  // its frames, the first row, and how many carry F
+  std::vector<int> grip;               // rows that may slide, whole against their slip
+  double axis[3] = {0, 0, 0};          // in a
+  double coefficient = 0, width = 0;   // mu, or mu r in m; m/s or rad/s
+};
+
+// About an axis of a, about any one, along an axis of a; along a surface; along rows of a grip.
+inline const std::map<std::string, SlidingPlace::Kind> SLIDING_KINDS = {
+    {"turns", SlidingPlace::turns},     {"bears", SlidingPlace::bears}, {"slides", SlidingPlace::slides},
+    {"touches", SlidingPlace::touches}, {"grips", SlidingPlace::grips}};
+
+class Sliding {
+ public:
+  Sliding(const Mechanics& m, Constraints& constraints, const IndependentRows& rows);
+
+  // acts (k,) says which places slide, heading (k, 2) whereto grips do: Python's own numbers, which outlive this object.
+  void use(std::vector<SlidingPlace> places, const std::uint8_t* acts, double* heading);
+  explicit operator bool() const;  // does any place slide?
+
+  // e, e . v and the factors -mu r d where the kinematics stand.
+  void slips(const double* v);
+  // Where slips and G (ng, nv) by rows stand, and S of the saddle-point system is factorized: rhs (ng,) by row becomes
+  // lam, f (nv,) v'. The power of friction is returned.
+  double solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f);
+  // Adds friction by lam (ng,) of the rows in use to tau (nv,), and returns its power.
+  double add(const double* G, const double* lam, double* tau);
+  // Slopes of that by lam: of tau and of the power, (r, nv + 1) by rows.
+  void slopes(const double* G, const double* lam, Numbers& out);
+
+ private:
+  void along_grip(size_t k, const double* v, double* w);       // a unit wrench, (6,)
+  void along(const SlidingPlace& place, const double* v, double* w);
+  void spread(const double* G);                               // what `whole` needs
+  void whole(const double* lam, double* all) const;            // multipliers of all rows, of minimum norm
+  double carried(const SlidingPlace& place, const double* all, double* slope) const;  // |F|, and by those it is made of
+  void forces(const Numbers& lam, const Rows<double>& responses);                     // T
+
+  const Mechanics& m_;
+  Constraints& constraints_;
+  const IndependentRows& rows_;
+  std::vector<SlidingPlace> places_;
+  const std::uint8_t* acts_ = nullptr;
+  double* heading_ = nullptr;
+  Rows<double> e_, C_, P_;             // (k, nv); (d, r) of rows that depend on those in use, and (1 + C C^T)^-1 C
+  Vector<double> speed_, factor_, T_;  // (k,)
+  Numbers all_, one_, v_;              // (ng,), (ng,), (nv,)
+};
+
+}  // namespace mbdae

@@ -1,0 +1,112 @@
+#include "system/configuration.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "math/vec3.hpp"
+
+namespace mbdae {
+
+Point::Point(Mechanics& m, Constraints& constraints, Counts& counts)
+    : G(constraints.rows.size() * m.nv),
+      Z(G.size()),
+      g(constraints.rows.size()),
+      m_(m),
+      constraints_(constraints),
+      counts_(counts),
+      q_(m.nq, NAN),
+      U_(static_cast<size_t>(m.nv) * m.nv),
+      root_(m.nv) {}
+
+void Point::inertia(const double* q, const double* v) {
+  v ? m_.inertia(q, v) : m_.inertia(q);
+  forget();
+  const int nv = m_.nv;
+  const double* M = m_.M();
+  for (int k = 0; k < nv; ++k) {
+    double* c = &U_[static_cast<size_t>(k) * nv];
+    const double* from = M + static_cast<size_t>(k) * nv;
+    c[k] = from[k];
+    for (int i : m_.ancestors[k]) c[i] = from[i];
+  }
+  for (int k = nv - 1; k >= 0; --k) {
+    const double* c = &U_[static_cast<size_t>(k) * nv];
+    const double d = c[k];
+    if (!(d > 0) || !std::isfinite(d)) throw Trouble();
+    root_[k] = std::sqrt(d);
+    double* write = &U_[static_cast<size_t>(k) * nv];
+    for (int i : m_.ancestors[k]) {
+      const double a = c[i] / d;
+      double* ci = &U_[static_cast<size_t>(i) * nv];
+      ci[i] -= a * c[i];
+      for (int j : m_.ancestors[i]) ci[j] -= a * c[j];
+    }
+    for (int i : m_.ancestors[k]) write[i] /= d;
+  }
+}
+
+void Point::half(double* x) const {
+  const int nv = m_.nv;
+  for (int k = nv - 1; k >= 0; --k) {
+    const double* c = &U_[static_cast<size_t>(k) * nv];
+    for (int i : m_.ancestors[k]) x[i] -= c[i] * x[k];
+    x[k] /= root_[k];
+  }
+}
+
+void Point::half(double* x, const std::vector<int>& columns) const {
+  for (size_t j = columns.size(); j-- > 0;) {
+    const int k = columns[j];
+    const double* c = &U_[static_cast<size_t>(k) * m_.nv];
+    for (int i : m_.ancestors[k]) x[i] -= c[i] * x[k];
+    x[k] /= root_[k];
+  }
+}
+
+void Point::back(double* x) const {
+  const int nv = m_.nv;
+  for (int k = 0; k < nv; ++k) {
+    const double* c = &U_[static_cast<size_t>(k) * nv];
+    double s = x[k] / root_[k];
+    for (int i : m_.ancestors[k]) s -= c[i] * x[i];
+    x[k] = s;
+  }
+}
+
+void Point::scale(int row, const Numbers& G, Numbers& Z) const {
+  const size_t at = static_cast<size_t>(row) * m_.nv;
+  const std::vector<int>& columns = constraints_.rows[row].columns;
+  for (int c : columns) Z[at + c] = G[at + c];
+  half(&Z[at], columns);
+}
+
+void Point::evaluate(const double* q, bool counted) {
+  inertia(q);
+  constraints_.value(m_, q, constraints_.all, G.data(), g.data());
+  for (int k : constraints_.all) scale(k);
+  if (counted) counts_.M += 1, counts_.factorizations += 1, counts_.G += !g.empty();
+  stand(q);
+}
+
+void Point::stand(const double* q) {
+  std::copy(q, q + m_.nq, q_.begin());
+  stands_ = true;
+}
+
+bool Point::near(const double* q) const {
+  if (!stands_) return false;
+  double size = 0, move = 0;
+  for (int i = 0; i < m_.nq; ++i)
+    size = std::max(size, std::fabs(q[i])), move = std::max(move, std::fabs(q[i] - q_[i]));
+  return move <= m_.limits.same_point * (1 + size);
+}
+
+void Point::exchange(Point& other) {
+  G.swap(other.G), Z.swap(other.Z), g.swap(other.g), q_.swap(other.q_), U_.swap(other.U_), root_.swap(other.root_);
+  std::swap(stands_, other.stands_);
+  stamp_ = other.stamp_ = std::max(stamp_, other.stamp_) + 1;
+}
+
+bool Point::exactly(const double* q) const { return stands_ && std::equal(q, q + m_.nq, q_.begin()); }
+
+}  // namespace mbdae

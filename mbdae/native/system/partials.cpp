@@ -1,0 +1,103 @@
+// Exact first derivatives of a mechanism's equations (mbdae/mechanism/formulations/equation_partials.py).
+#include <algorithm>
+
+#include "system/index2.hpp"
+#include "mechanism/wrench_partials.hpp"
+#include "math/vec3.hpp"
+
+namespace mbdae {
+
+void Index2System::slopes(double t, const double* q, const double* u, const double* vdot, const double* lam,
+                          Slopes& out) {
+  const size_t m = nv, r = rows.in_use().size();
+  const std::vector<int>& position = rows.position();
+  force_slopes(t, q, u, vdot, lam, out, &out.B);
+  out.M.assign(mechanics.M(), mechanics.M() + m * m);
+  counts.M += 1, counts.G += ng > 0;
+  out.G.assign(r * m, 0.0);
+  all_G_.resize(ng * m);
+  double* G = all_G_.data();
+  constraints.value(mechanics, q, rows.in_use(), G);
+  out.friction.clear();
+  if (sliding) {  // its slopes by q and v are left out: Newton's iterations find what they miss
+    constraints.value(mechanics, q, rows.others(), G);
+    sliding.slips(u), sliding.slopes(G, lam, out.friction);
+  }
+  for (int k : rows.in_use())
+    for (int c : constraints.rows[k].columns) out.G[position[k] * m + c] = G[k * m + c];
+}
+
+void Index2System::force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam,
+                                Slopes& out, Numbers* B, std::vector<ActingWrench>* wrenches) {
+  const size_t n = nv + ns + 1, m = nv, width = 2 * m + ns;
+  const double *v = u, *s = u + nv;
+  by_q_.resize(m * m), by_v_.resize(m * m);
+  mechanics.slopes(q, v, vdot, by_q_.data(), by_v_.data());
+
+  law_slopes_.resize((2 * m + ns) * width + ns + 1);
+  double *conservative = law_slopes_.data(), *other = conservative + m * width, *rates = other + m * width;
+  double* now = rates + ns * width;
+  torque(t, q, v, s, f_.data(), now);
+  out.K.resize(n * m), out.D.assign(n * n, 0.0);
+  double *powers = &out.K[(n - 1) * m], *powers_by_u = &out.D[(n - 1) * n];
+  std::fill(out.K.begin() + m * m, out.K.end(), 0.0);
+  for (size_t i = 0; i < m; ++i) {
+    const double *q_ = &by_q_[i * m], *v_ = &by_v_[i * m];
+    double *K = &out.K[i * m], *D = &out.D[i * n];
+    for (size_t j = 0; j < m; ++j) K[j] = -q_[j], D[j] = -v_[j];
+    powers_by_u[i] = other_[i];
+  }
+  if (!laws_.empty()) {
+    std::fill(conservative, now, 0.0);
+    for (const Law& law : laws_)
+      law.kind->slopes(law, {mechanics, t, q, v, s + law.state},
+                       {conservative, other, rates + law.state * width, width, 2 * nv + law.state, wrenches});
+  }
+  for (size_t i = 0; i < m && !laws_.empty(); ++i) {
+    const double *a = conservative + i * width, *b = other + i * width;
+    double *K = &out.K[i * m], *D = &out.D[i * n];
+    for (size_t j = 0; j < m; ++j) K[j] += a[j] + b[j], powers[j] += v[i] * b[j];
+    for (size_t j = 0; j < m + ns; ++j) D[j] += a[m + j] + b[m + j], powers_by_u[j] += v[i] * b[m + j];
+  }
+  for (int i = 0; i < ns; ++i) {
+    const double* rate = rates + i * width;
+    std::copy(rate, rate + m, &out.K[(m + i) * m]), std::copy(rate + m, rate + width, &out.D[(m + i) * n]);
+  }
+
+  out.g_t.assign(rows.in_use().size(), 0.0);
+  std::fill(gt_.begin(), gt_.end(), 0.0);
+  constraints.speed(t, gt_.data());
+  for (int k : rows.in_use()) out.g_t[rows.position()[k]] = gt_[k];
+  closure_slopes(q, v, lam, out.K.data(), B, wrenches);
+}
+
+void Index2System::closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
+                                  std::vector<ActingWrench>* wrenches, std::vector<Turning>* turnings) {
+  const size_t m = nv;
+  const std::vector<int>& position = rows.position();
+  if (B) B->assign(rows.in_use().size() * m, 0.0);
+  if (turnings) turnings->resize(ng);
+  for (size_t p = 0; p < constraints.pairs.size(); ++p) {
+    const std::vector<int>& own = constraints.of_pair[p];
+    if (std::none_of(own.begin(), own.end(), [&](int k) { return position[k] >= 0; })) continue;
+    constraints.pairs[p].locate(mechanics);
+    const PairSlopes here(mechanics, constraints.pairs[p], B ? v : nullptr);
+    Turning sum, turning;
+    for (int k : own) {
+      if (position[k] < 0) continue;
+      Turning& one = turnings ? (*turnings)[k] : turning;
+      one.clear();
+      constraints.rows[k].slopes(here.pair, one);
+      if (B) here.power(one.F, one, B->data() + position[k] * m);
+      if (K) sum.add(lam[k], one);
+    }
+    if (!K) continue;
+    here.torque(sum, K, m);
+    if (wrenches) wrenches->push_back({&here.pair, sum, true});
+  }
+  for (int k : rows.in_use())
+    if (constraints.rows[k].between_joints())
+      constraints.rows[k].coordinate_slopes(q, v, K ? lam[k] : 0, K, B ? B->data() + position[k] * m : nullptr, m);
+}
+
+}  // namespace mbdae

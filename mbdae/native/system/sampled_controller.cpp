@@ -1,0 +1,31 @@
+#include "system/sampled_controller.hpp"
+
+#include <cmath>
+
+#include "system/index2.hpp"
+#include "math/vec3.hpp"
+
+namespace mbdae {
+
+double Sampler::next(double t) const {
+  return offset + (std::floor((t - offset) * rate + coincide) + 1) / rate;
+}
+
+void Sampler::look(double t, const double* y, int nq, int nv, double* after) const {
+  const double k = (t - offset) * rate;
+  if (std::fabs(k - std::nearbyint(k)) > coincide) return;
+  const double* s = y + nq + nv + state;
+  if (kind == python) return call(t, y, y + nq, s, after);
+  const double error = reference.at(t) - y[x];
+  const double damping = a[2] != 0 ? a[2] * (reference.at(t, 1) - y[v]) : 0.0;
+  after[0] = a[0] * error + damping + (states > 1 ? a[1] * s[1] : 0.0);
+  if (states > 1) after[1] = s[1] + error * (1 / rate);
+}
+
+void Index2System::jump(double t, double* y) {
+  const Numbers before(y, y + length);
+  for (const Sampler& x : samplers) x.look(t, before.data(), nq, nv, y + nq + nv + x.state);
+  if (!finite(y, length)) throw Trouble();
+}
+
+}  // namespace mbdae

@@ -1,0 +1,181 @@
+"""One motion that several methods compute, and how far each of them is from a reference."""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from ...errors import InputError, StepError
+from ...integrate.binding import bind
+from ...integrate.solve import solve
+from ...mechanism import Mechanism
+from ...mechanism.formulations.index1 import Index1System
+from ...solution.solution import Problem, Solution, uninterrupted
+from ...system import Array
+from ..drift.drift import drift
+from ..method_variant import Variant
+from .comparison import OF_TEXTBOOK
+from .run_result import COUNTS, Point
+
+EPS = float(np.finfo(float).eps)
+TIGHTEST, LOOSEST = 1e-13, 1e-6  # tolerances of a reference
+Samples = dict[str, Array]  # at the common times: q (m, nq), v (m, nv), lam (m, ng); y (m, ny), z (m, nz)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run to be made: a method, and its tolerance or number of fixed steps."""
+
+    variant: Variant
+    rtol: float | None = None
+    n: int | None = None
+
+    @property
+    def label(self) -> tuple[str, float | None, int | None]:
+        """As `mbdae.studies.comparison.comparison.Point.label`."""
+        return str(self.variant), self.rtol, self.n
+
+    def __str__(self) -> str:
+        return f"{self.variant}, " + (f"rtol {self.rtol:g}" if self.n is None else f"{self.n} steps")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A mechanism or textbook problem, a start, a time span, and the common times of the samples.
+
+    Attributes:
+        problem: what moves.
+        start: configuration (nq,) and velocity (nv,) of a mechanism; none of a textbook problem, which has its own.
+        t_span: start and end in s.
+        times: common times in s, without the start, (m,).
+        max_steps: a run that takes more is given up.
+        backend: of all runs, see `mbdae.solve`.
+        because: what keeps them from the compiled core, in words; "" where nothing does.
+    """
+
+    problem: Problem
+    start: tuple[Array, ...]
+    t_span: tuple[float, float]
+    times: Array
+    max_steps: int
+    backend: str = "auto"
+    because: str = ""
+
+    def solve(self, trial: Trial, stop: Callable[[], bool] | None = None) -> Solution:
+        """Run a method.
+
+        Raises:
+            KeyboardInterrupt: when the user stops it, or ``stop()`` says so.
+        """
+
+        def check(done: float) -> None:
+            if stop and stop():
+                raise KeyboardInterrupt
+
+        t0, t1 = self.t_span
+        free = {"rtol": trial.rtol, "max_steps": self.max_steps}
+        control = free if trial.n is None else {"step": abs(t1 - t0) / trial.n}
+        options = {**trial.variant.arguments(), **control, "backend": self.backend}
+        tell = check if stop else None
+        return uninterrupted(solve(self.problem, self.t_span, *self.start, progress=tell, **options))  # type: ignore[arg-type]
+
+    def sample(self, sol: Solution) -> Samples:
+        """The state and the hidden-constraint multipliers at the common times.
+
+        A run is carried on from the step before each of them by the underlying ordinary differential equation, solved
+        to rounding: what is measured is the error of its steps, and not that of an interpolation. Behind a singular
+        configuration, which that equation does not pass, it is interpolated. Each time has the mode of its step.
+        """
+        m = self.problem
+        system: Any = bind(m, "index1" if isinstance(m, Mechanism) else "index2", None, self.backend)[0]
+        points, z = [], np.full((len(self.times), system.nz), np.nan)
+        for k, (t, node) in enumerate(zip(self.times, sol.before(self.times), strict=True)):
+            if sol.modes:
+                system.enter(sol.mode(int(node)))
+            points.append(_carried(system, sol, int(node), t))
+            with suppress(StepError):  # there is none in a singular configuration
+                z[k] = system.derivative(t, points[-1])[1]
+        y = np.array(points)
+        if isinstance(m, Mechanism):
+            return {"q": y[:, : m.nq], "v": y[:, m.nq : m.nq + m.nv], "lam": z}
+        return dict(zip(OF_TEXTBOOK, (y, z), strict=True))
+
+    def difference(self, a: Samples, b: Samples) -> Array:
+        """Largest difference of each quantity at each of the times, (m, 3) or (m, 2)."""
+        apart = {name: np.abs(a[name] - b[name]).max(axis=1, initial=0.0) for name in a}
+        if isinstance(self.problem, Mechanism):
+            pairs = zip(a["q"], b["q"], strict=True)
+            apart["q"] = np.array([np.abs(self.problem.manifold.difference(y, x)).max() for x, y in pairs])
+        return np.column_stack(list(apart.values()))
+
+    def measure(self, trial: Trial, sol: Solution, reference: Samples) -> Point:
+        """The row of a run, without times."""
+        row = Point(*trial.label, sol.status, **{name: sol.stats[name] for name in COUNTS})
+        if not sol.ended:
+            return row
+        errors, kept = self.difference(self.sample(sol), reference), drift(sol)
+        if not np.isfinite(errors).all():
+            return row
+        largest, ends = (dict(zip(reference, e.tolist(), strict=True)) for e in (errors.max(axis=0), errors[-1]))
+        return replace(row, errors=largest, ends=ends, g=kept.g_max, Gv=kept.Gv_max, energy=kept.energy_relative)
+
+    def tightest(self, variant: Variant, rtol: float) -> tuple[Trial, Samples]:
+        """The run of a reference: at ``rtol``, or at the next power of ten that the method can meet.
+
+        Where loops have drifted open before a singular configuration it is run again with positions kept.
+
+        Raises:
+            InputError: if it meets none.
+        """
+        while rtol <= LOOSEST:
+            trial = Trial(variant, rtol)
+            sol = replace(self, max_steps=100 * self.max_steps, backend="auto").solve(trial)
+            if sol.success:
+                return trial, self.sample(sol)
+            if sol.status == "rank" and variant.formulation == "index2" and not variant.project:
+                return self.tightest(replace(variant, project=True), rtol)
+            rtol *= 10
+        raise InputError(f"no reference for {self.problem.title!r}: {variant} ends with {sol.status}, {sol.message}")
+
+    def reference(self, names: Sequence[Variant], rtol: float) -> tuple[tuple[str, str], Samples, dict[str, float]]:
+        """What errors are differences to: the exact solution where it is known, or two tight runs of other families.
+
+        Returns:
+            What they are; samples of the first; and for each quantity how far the second differs, which is at least
+            the rounding of the samples.
+        """
+        samples, others = self._exact(), None
+        words = ("the exact solution", "")
+        if samples is None:
+            (first, samples), (second, others) = (self.tightest(v, rtol) for v in names)
+            words = (str(first), str(second))
+        rounding = np.array([EPS * (1.0 + np.abs(x).max(initial=0.0)) for x in samples.values()])
+        apart = rounding if others is None else np.maximum(self.difference(samples, others).max(axis=0), rounding)
+        return words, samples, dict(zip(samples, apart.tolist(), strict=True))
+
+    def _exact(self) -> Samples | None:
+        """The exact solution, where it is known from this start."""
+        exact = None if isinstance(self.problem, Mechanism) else self.problem.exact
+        if exact is None or not np.allclose(exact(self.t_span[0])[0], self.problem.point(), rtol=1e-12, atol=1e-12):
+            return None
+        y, z = zip(*map(exact, self.times), strict=True)
+        return dict(zip(OF_TEXTBOOK, (np.array(y), np.array(z)), strict=True))
+
+
+def _carried(system: Any, sol: Solution, i: int, t: float) -> Array:
+    """The point of a run at time t, from its last step end i before t."""
+    ts, ys, zs = sol.nodes
+    if abs(t - ts[i]) <= 16 * np.spacing(abs(t)):
+        return ys[i]
+    if any(abs(x.t - ts[i]) <= abs(t - ts[i]) and (x.t - ts[i]) * (t - ts[i]) >= 0 for x in sol.singular):
+        return sol.point(t)
+    atol = 1e-14 * (1.0 + np.abs(ys[i]))
+    options = {"rtol": 1e-12, "atol": atol}
+    if isinstance(system, Index1System):
+        carried = solve_ivp(lambda s, y: system.rate(s, y)[0], (ts[i], t), ys[i], "DOP853", **options)
+        return system.normal(carried.y[:, -1])
+    system.derivative(ts[i], ys[i], zs[i])  # the root z that the run is on
+    return solve_ivp(lambda s, y: system.derivative(s, y)[0], (ts[i], t), ys[i], "DOP853", **options).y[:, -1]

@@ -1,0 +1,209 @@
+"""The runs of a comparison: what is finished, the file that keeps it, and the order in which the rest is done."""
+
+import hashlib
+import json
+import sys
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...backend import machine
+from ...errors import InputError
+from ...mechanism import Mechanism
+from ...methods import Tableau
+from ...solution.archive import described, versions
+from ...solution.solution import Problem
+from ..method_variant import Variant
+from ..workers import Stop, pool
+from .comparison import Comparison
+from .reference_motion import Motion, Samples, Trial
+from .run_result import Point, in_order
+
+LONG = 2.0  # s: a run that takes longer is timed once
+Progress = Callable[[float, str], None]
+
+
+class TrialConditions(NamedTuple):
+    """What the runs share: what is computed, the reference, and whether the first time counts."""
+
+    motion: Motion
+    reference: Samples | None = None
+    clock: bool = False
+
+
+def measured(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> Point:
+    """Make a run and hold it against the reference."""
+    assert job.reference is not None
+    sol = job.motion.solve(trial, stop)
+    point = job.motion.measure(trial, sol, job.reference)
+    return replace(point, times=(sol.stats["seconds"],)) if job.clock and point.success else point
+
+
+def timed(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> float:
+    """Repeat a run for its wall time in s."""
+    return job.motion.solve(trial, stop).stats["seconds"]
+
+
+class Bench:
+    """The runs of a comparison, those that are finished, and the file that keeps them.
+
+    Args:
+        motion: what is computed.
+        trials: the runs.
+        pair: methods of the reference.
+        rtol: their tolerance.
+        path: the file, if any; it is read when it exists.
+        progress: see `mbdae.compare`.
+        passes: how often each run will be made.
+        fresh: leave the file unread.
+
+    Raises:
+        InputError: for a file with another comparison, or of a problem that no file can name.
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        trials: list[Trial],
+        pair: list[Variant],
+        rtol: float,
+        path: Path | None,
+        progress: Progress | None,
+        passes: int,
+        fresh: bool = False,
+    ) -> None:
+        self.motion, self.trials, self.pair, self.rtol, self.path = motion, trials, pair, rtol, path
+        self.tell: Progress = progress or (lambda done, name: None)
+        self.passes, self.passed = passes, 0
+        self.points: dict[tuple, Point] = {}
+        self.reference, self.witness = "", ""
+        self.uncertainty: dict[str, float] = {}
+        self.samples: Samples | None = None
+        about = {"versions": versions(), "command": sys.argv, "machine": machine(), "runs": len(trials)}
+        self.meta = {"key": self.key(), **about, "backend": motion.backend, "because": motion.because}
+        if path and path.exists() and not fresh:
+            self._read(path)
+
+    def key(self) -> str:
+        """What two comparisons must share to have points in common: problem, start, times, reference, version.
+
+        Empty for a textbook problem of the user's: its functions cannot be told from others.
+
+        Raises:
+            InputError: for such a problem, when there is a file.
+        """
+        c = self.motion
+        own = [t.variant.method.to_dict() for t in self.trials if isinstance(t.variant.method, Tableau)]
+        try:
+            problem = described(c.problem)
+        except InputError:
+            if self.path:
+                raise
+            return ""
+        what = (
+            *own, problem, *(x.tolist() for x in c.start), c.t_span, c.times.tolist(),
+            [str(v) for v in self.pair], self.rtol, c.max_steps, c.backend, versions()["mbdae"],
+        )  # fmt: skip
+        return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()
+
+    def _read(self, path: Path) -> None:
+        old = Comparison.load(path)
+        if old.meta.get("key") != self.key():
+            what = "another mechanism, span, reference or version of mbdae"
+            raise InputError(f"{path} holds a comparison of {what}: name another file, or start afresh")
+        self.points = {p.label: p for p in old.points}
+        self.reference, self.witness, self.uncertainty = old.reference, old.witness, old.uncertainty
+
+    def open(self) -> list[Trial]:
+        """Runs that were not made yet."""
+        return [t for t in self.trials if t.label not in self.points]
+
+    def refer(self) -> None:
+        """Compute the reference, if any run is still to be held against it."""
+        if self.open():
+            self.tell(0.0, "reference")
+            (self.reference, self.witness), self.samples, self.uncertainty = self.motion.reference(self.pair, self.rtol)
+
+    def measure(self, workers: int, *, clock: bool) -> None:
+        """Make the runs that are missing, here or in processes."""
+        todo = self.open()
+        if self.samples is not None and todo:
+            job = TrialConditions(self.motion, self.samples, clock)
+            self._pass(measured, job, todo, workers, lambda trial, point: self._keep(point))
+
+    def time(self, repeats: int, workers: int) -> None:
+        """Repeat runs for their times, all of them in turn; those above two seconds once."""
+
+        def keep(trial: Trial, seconds: float) -> None:
+            point = self.points[trial.label]
+            self._keep(replace(point, times=(*point.times, seconds)))
+
+        labels = {t.label: t for t in self.trials}
+        for r in range(repeats):
+            short = [labels[k] for k, p in self.points.items() if k in labels and len(p.times) <= r and _again(p)]
+            if short:
+                self._pass(timed, TrialConditions(self.motion), short, workers, keep, f"time {r + 1} of {repeats}: ")
+
+    def _pass(
+        self,
+        function: Callable[..., Any],
+        job: TrialConditions,
+        trials: Sequence[Trial],
+        workers: int,
+        keep: Callable[[Trial, Any], None],
+        what: str = "",
+    ) -> None:
+        """Call a function for each of the runs, here or in processes, and keep what it returns."""
+        if workers == 1:
+            for i, trial in enumerate(trials):
+                self._say(i / len(trials), f"{what}{trial}")
+                keep(trial, function(job, trial))
+        else:
+            finished = []
+
+            def kept(trial: Trial, found: Any) -> None:
+                finished.append(trial)
+                self._say(len(finished) / len(trials), f"{what}{trial} done")
+                keep(trial, found)
+
+            sent = job._replace(motion=replace(job.motion, problem=light(job.motion.problem)))
+            with pool("processes", workers, function, sent, "workers=1") as there:
+                there.work(trials, kept)
+        self.passed += 1
+
+    def _say(self, share: float, name: str) -> None:
+        """Tell the progress: so many passes over the runs are done, and a share of the next one."""
+        self.tell(min(1.0, (self.passed + share) / self.passes), name)
+
+    def _keep(self, point: Point) -> None:
+        self.points[point.label] = point
+        if self.path:
+            self._comparison(list(self.points), complete=False).save(self.path)
+
+    def result(self, complete: bool) -> Comparison:
+        """What was finished of the runs asked for; the file also keeps what it held before."""
+        if complete and self.path:
+            self._comparison(list(self.points), complete=True).save(self.path)
+        return self._comparison([], complete)
+
+    def _comparison(self, more: list[tuple], complete: bool) -> Comparison:
+        c, labels = self.motion, [t.label for t in self.trials]
+        points = in_order(self.points.values(), list(dict.fromkeys([*labels, *more])))
+        about = (self.reference, self.witness, self.uncertainty)
+        return Comparison(c.problem.title, c.t_span, points, *about, complete, self.meta)
+
+
+def _again(point: Point) -> bool:
+    return point.success and not (point.times and point.times[0] > LONG)
+
+
+def light(problem: Problem) -> Problem:
+    """The problem, without the shapes of a mechanism, which can be hundreds of megabytes, and without what made it."""
+    if not isinstance(problem, Mechanism):
+        return problem
+    out = copy(problem)
+    out.visuals = out.source = None
+    out.__dict__.pop("scene", None)
+    return out

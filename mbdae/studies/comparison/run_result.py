@@ -1,0 +1,123 @@
+"""One run of a comparison."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from math import inf
+from statistics import median
+from typing import Any
+
+COUNTS = ("steps", "rejected", "f", "M", "G", "solves", "factorizations")
+WHOLE = {"n", *COUNTS}
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run of a comparison; what could not be computed is None.
+
+    Attributes:
+        method: a `mbdae.studies.method_variant.Variant` as text.
+        rtol: relative tolerance; None for a fixed step.
+        n: number of fixed steps; None under step-size control.
+        status: one of `mbdae.errors.STATUS`.
+        errors: by quantity the largest difference to the reference over the common times: of ``"q"`` in the tangent
+            (rad, m), ``"v"`` (rad/s, m/s), and ``"lam"`` from the hidden constraint (N, N m); of ``"y"`` and ``"z"`` of
+            a textbook problem. Empty for a run that did not come to its end.
+        ends: the same at the end.
+        g: max |g| over all rows and steps (m, rad).
+        Gv: max |G v| over all rows and steps (m/s, rad/s); of a textbook problem that of g' = g_t + g_y f.
+        energy: relative error of the energy balance; None where there is no energy.
+        steps: steps taken.
+        rejected: steps rejected; None where a solver does not tell.
+        f: evaluations of the forces.
+        M: mass matrices.
+        G: constraint Jacobians.
+        solves: linear systems of a stage.
+        factorizations: of any kind.
+        times: wall times of the repeated runs in s.
+    """
+
+    method: str
+    rtol: float | None
+    n: int | None
+    status: str
+    errors: Mapping[str, float] = field(default_factory=dict)
+    ends: Mapping[str, float] = field(default_factory=dict)
+    g: float | None = None
+    Gv: float | None = None
+    energy: float | None = None
+    steps: int = 0
+    rejected: int | None = None
+    f: int = 0
+    M: int = 0
+    G: int = 0
+    solves: int = 0
+    factorizations: int = 0
+    times: tuple[float, ...] = ()
+
+    @property
+    def label(self) -> tuple[str, float | None, int | None]:
+        """What tells runs apart: method, tolerance, number of steps."""
+        return self.method, self.rtol, self.n
+
+    @property
+    def seconds(self) -> float | None:
+        """Median wall time in s; None when it was not measured."""
+        return median(self.times) if self.times else None
+
+    @property
+    def success(self) -> bool:
+        """The run came to its end, and has errors."""
+        return bool(self.errors)
+
+    def row(self, quantities: Sequence[str]) -> dict[str, Any]:
+        """Plain data for JSON and CSV, with ``error_q`` and ``end_q`` for each quantity."""
+        out: dict[str, Any] = {}
+        for f in fields(self):
+            if f.name in ("errors", "ends"):
+                found = getattr(self, f.name)
+                out |= {f"{f.name[:-1]}_{name}": found.get(name) for name in quantities}
+            else:
+                out[f.name] = getattr(self, f.name)
+        return out | {"seconds": self.seconds}
+
+
+def read_point(row: Mapping[str, Any], quantities: Sequence[str]) -> Point:
+    """A point from a row of JSON, or of CSV where everything is text and nothing is None.
+
+    Raises:
+        ValueError, KeyError, AttributeError, TypeError: for a row that is none.
+    """
+    values: dict[str, Any] = {}
+    for f in fields(Point):
+        if f.name == "times":
+            x = row["times"]
+            values["times"] = tuple(float(t) for t in (x.split() if isinstance(x, str) else x))
+        elif f.name in ("errors", "ends"):
+            found = {name: row[f"{f.name[:-1]}_{name}"] for name in quantities}
+            if len({x in (None, "") for x in found.values()}) > 1:
+                raise ValueError(f"a run has some of its {f.name}, and not all")
+            values[f.name] = {name: number(x) for name, x in found.items() if x not in (None, "")}
+        elif f.name in ("method", "status"):
+            values[f.name] = str(row[f.name])
+        elif row[f.name] in (None, ""):
+            values[f.name] = None
+        else:
+            values[f.name] = int(row[f.name]) if f.name in WHOLE else number(row[f.name])
+    return Point(**values)
+
+
+def number(x: Any) -> float:
+    """A number of a file: finite, and not negative, as tolerances, errors and drifts are.
+
+    Raises:
+        ValueError: for another one.
+    """
+    if not 0 <= float(x) < inf:
+        raise ValueError(f"expected a number of at least 0, got {x!r}")
+    return float(x)
+
+
+def in_order(points: Iterable[Point], labels: Sequence[tuple]) -> tuple[Point, ...]:
+    """Points in the order of the labels asked for; others are left out."""
+    found = {p.label: p for p in points}
+    return tuple(found[key] for key in labels if key in found)

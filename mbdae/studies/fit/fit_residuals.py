@@ -1,0 +1,127 @@
+"""Residuals of measurements against runs, and their exact derivatives."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, MbdaeError, is_number
+from ...integrate.solve import solve
+from ...integrate.span import checked_span
+from ...mechanism import Mechanism
+from ...mechanism.callbacks import numbers
+from ...solution.signals import signals as computed_signals
+from ...solution.solution import uninterrupted
+from ...system import Array
+from ..sensitivity.run_parameters import Makes
+from ..sensitivity.sensitivity import sensitivity
+from ..sensitivity.signal_jacobian import differentiable
+from .data import Recording
+
+FEWEST = 3  # samples of a span for each parameter
+
+
+class Misfit:
+    """Residuals of all runs and their derivatives, of the first share of the samples."""
+
+    def __init__(
+        self,
+        make: Makes,
+        names: list[str],
+        found: list[Recording],
+        known: list[dict[str, float]],
+        sigma: float | Mapping[str, float] | None,
+        t_span: Sequence[float] | None,
+        settings: dict[str, Any],
+    ) -> None:
+        self.make, self.names, self.found, self.known = make, names, found, known
+        self.given, self.share, self.runs, self.gradients = sigma is not None, 1.0, 0, 0
+        self.settings = settings
+        latest = max(float(r.t[-1]) for r in found)
+        start, end = checked_span((0.0, latest) if t_span is None else t_span, pair=True)
+        self.start = start
+        for r in found:
+            outside = r.t[(r.t < start) | (r.t > end)]
+            if len(outside):
+                raise InputError(f"{r.name}: t = {outside[0]:g} s is outside the span, {start:g} to {end:g} s")
+        every = [name for r in found for name in r.columns]
+        levels = sigma if isinstance(sigma, Mapping) else dict.fromkeys(every, 1.0 if sigma is None else sigma)
+        for name in every:
+            level = levels.get(name)
+            if not (is_number(level) and level > 0):
+                raise InputError(f"the noise level of {name!r} must be given and positive: sigma={{{name!r}: ...}}")
+        self.sigma = {name: float(levels[name]) for name in every}
+        self._last: tuple[Any, list[Any]] = (None, [])
+        self._size = 0
+
+    def shares(self, spans: Sequence[float], k: int) -> list[float]:
+        """The shares of the samples, those with enough of them, and all at last."""
+        n = min(sum(int(np.isfinite(x).sum()) for x in r.columns.values()) for r in self.found)
+        if not isinstance(spans, Sequence) or not all(is_number(s) and 0 < s <= 1 for s in spans):
+            raise InputError(f"spans are shares of the samples between 0 and 1, got {spans!r:.60}")
+        return [*(s for s in sorted(set(spans)) if s < 1 and s * n >= FEWEST * k), 1.0]
+
+    def solved(self, x: Array) -> list[Any]:
+        """The runs of all data with these parameters; what fails raises."""
+        key = (tuple(x), self.share)
+        if self._last[0] != key:
+            values, out = dict(zip(self.names, map(float, x), strict=True)), []
+            for record, known in zip(self.found, self.known, strict=True):
+                mech = self.make.make({**known, **values})
+                times = record.t[: max(1, round(self.share * len(record.t)))]
+                span = (self.start, float(times[-1]))
+                for name in record.columns:
+                    differentiable(mech, name)
+                run = times[-1] > self.start
+                sol = uninterrupted(solve(mech, span, t_eval=times, **self.settings)) if run else None
+                if sol is None or not sol.ended:
+                    why = f"with {numbers(values)}, {sol.message}" if sol else "no time passes"
+                    raise InputError(f"{record.name}: {why}")
+                self.runs += 1
+                out.append(sol)
+            self._last = key, out
+        return self._last[1]
+
+    def residuals(self, x: Array) -> Array:
+        """(signal - data)/sigma of all values that were measured; inf where a run fails."""
+        try:
+            parts = [self.left(record, computed_signals(sol, record.columns), len(sol.t))
+                     for record, sol in zip(self.found, self.solved(x), strict=True)]  # fmt: skip
+        except MbdaeError:
+            if self._last[0] is None:
+                raise
+            return np.full(self._size, np.inf)
+        out = np.concatenate(parts)
+        self._size = len(out)
+        return out
+
+    def left(self, record: Recording, computed: Mapping[str, Array], n: int) -> Array:
+        """Residuals of one run at its first n times, one signal behind the other."""
+        parts = [(computed[name] - data[:n]) / self.sigma[name] for name, data in record.columns.items()]
+        left = np.concatenate(parts)
+        return left[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))]
+
+    def jacobian(self, x: Array) -> Array:
+        """Derivatives of the residuals, (n, k)."""
+        values, rows = dict(zip(self.names, map(float, x), strict=True)), []
+        for record, known, sol in zip(self.found, self.known, self.solved(x), strict=True):
+            found = sensitivity(sol, values, model=_With(self.make, known))
+            self.gradients += 1
+            n = len(sol.t)
+            block = np.vstack([found.signal(name) / self.sigma[name] for name in record.columns])
+            rows.append(block[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))])
+        J = np.vstack(rows)
+        if not np.isfinite(J).all():
+            raise InputError("derivatives of a run are not finite: it explodes; take a smaller step")
+        return J
+
+
+class _With:
+    """Mechanisms with some numbers known."""
+
+    def __init__(self, make: Makes, known: Mapping[str, float]) -> None:
+        self.inner, self.known = make, known
+
+    def make(self, values: Mapping[str, Any]) -> Mechanism:
+        """The mechanism with these values, and what is known."""
+        return self.inner.make({**self.known, **values})

@@ -1,0 +1,163 @@
+"""Assembly modes: all poses in which a mechanism with one freedom can be put together at one value of its input.
+
+They are searched from random starts. Modes that the mechanism reaches from each other by moving belong to one circuit
+(Chase, Mirth, J. Mech. Design 115 (1993)), which is followed from each new mode.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError, several
+from ...mechanism import Mechanism
+from ...mechanism.coordinate_units import PARTS
+from ...mechanism.frames import find_joints
+from ...solution.problem import mechanism_of
+from ...system import Array
+from ...tabular import Tabular
+from .driven_mechanism import Hold, check_freedom, driven, input_at, left_open, start_pose
+from .mode_search import ModeSearch
+
+__all__ = ["assembly_modes"]
+
+
+@dataclass(frozen=True)
+class AssemblyMode:
+    """One way to put a mechanism together.
+
+    Attributes:
+        label: the circuit's number and a letter, ``"1a"``: a is the model's own start on circuit 1 if it is there.
+        circuit: modes with one number move into each other.
+        q: configuration, (nq,).
+        rising: whether the input rises along the circuit here, seen from its first mode.
+        margin: smallest singular value of all rows over the largest: zero where two modes coincide.
+        hits: how many random starts led to it.
+    """
+
+    label: str
+    circuit: int
+    q: Array
+    rising: bool
+    margin: float
+    hits: int
+
+
+@dataclass(frozen=True)
+class AssemblyModes(Tabular):
+    """All modes that were found.
+
+    Attributes:
+        mechanism: the mechanism.
+        drive: name of the input.
+        u: its value in rad or m.
+        modes: sorted by circuit.
+        starts: from how many random starts.
+        closed: how many of them led to a mode.
+        doubts: why there may be more, in words.
+    """
+
+    mechanism: Mechanism
+    drive: str
+    u: float
+    modes: tuple[AssemblyMode, ...]
+    starts: int
+    closed: int
+    doubts: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        modes = [{**vars(m), "q": m.q.tolist()} for m in self.modes]
+        found = {"starts": self.starts, "closed": self.closed, "doubts": list(self.doubts), "modes": modes}
+        return {"title": self.mechanism.title, "drive": self.drive, "u": self.u, **found}
+
+    def __str__(self) -> str:
+        n, circuits = len(self.modes), len({m.circuit for m in self.modes})
+        on = f"{circuits} circuit{'s' if circuits > 1 else ''}"
+        text = f"{self.mechanism.title}: {n} assembly modes at {self.drive} = {self.u:.6g}, on {on}"
+        lines = [f"{text}, from {self.starts} starts of which {self.closed} closed"]
+        if self.closed:
+            rarest = min(m.hits for m in self.modes)
+            lines[0] += f"; the rarest came up {rarest} times; a mode that fewer than 1 in {max(1, self.closed // 3)} "
+            lines[0] += "of the closed starts lead to may be missing"
+        for m in self.modes:
+            sense = "rises" if m.rising else "falls"
+            lines.append(f"  {m.label}: {_words(self.mechanism, m.q)}; {self.drive} {sense}, margin {m.margin:.2g}")
+        lines += [f"  doubtful: {doubt}" for doubt in self.doubts]
+        return "\n".join(lines)
+
+
+def assembly_modes(
+    mech: Mechanism | str | Path,
+    drive: str,
+    at: float | None = None,
+    *,
+    hold: Hold = (),
+    apart: str | Sequence[str] = (),
+    most: int = 2000,
+) -> AssemblyModes:
+    """Find all poses of a mechanism with one freedom at one value of its input: the solutions of g(q) = 0, q_drive = u.
+
+    They are searched from random starts, and along the circuits of those found, until each has come up three times and
+    one more that is as easy to reach would be missed once in a hundred times. Modes that move into each other belong to
+    one circuit. Source: Chase, Mirth, J. Mech. Design 115 (1993).
+
+    Args:
+        mech: the mechanism, or what `mbdae.load` takes.
+        drive: a joint of one coordinate, or a driver of the mechanism.
+        at: the input in rad or m; that of the model's start when left out.
+        hold: joints that stand still, as in `mbdae.kinematics`.
+        apart: joints by which modes are told apart; all when left out. Legs that may be mounted turned over double the
+            number of modes each, and the platform does not see it.
+        most: random starts at most.
+
+    Raises:
+        UnknownNameError: for a joint that does not exist.
+        InputError: as `mbdae.kinematics`, or where no pose is found.
+    """
+    mech = mechanism_of(mech, "assembly_modes")
+    q0 = start_pose(mech)
+    moved = driven(mech, drive, hold, q0)
+    system = moved.system()
+    check_freedom(moved, system, q0, drive, [d.joint or d.name for d in moved.drivers[:-1]], left_open(mech))
+    here = input_at(moved, system, q0)
+    if at is not None and not np.isfinite(at):
+        raise InputError(f"the input must be a number, got {at!r}")
+    u = here if at is None else float(at)
+    names = several(apart, "apart is a list of joints") or mech.joint_names
+    counts = np.zeros(mech.nv, bool)
+    for joint in find_joints(mech.model, names):
+        counts[joint.idx_v : joint.idx_v + joint.nv] = True
+    search = ModeSearch(moved, q0, u, counts).run(most)
+    if not search.modes:
+        text = f"no pose was found at {drive!r} = {u:.6g} from {search.starts} starts: it may not reach there"
+        raise InputError(text)
+    return AssemblyModes(mech, drive, u, _labelled(search), search.starts, search.closed, tuple(search.doubts))
+
+
+def _labelled(search: ModeSearch) -> tuple[AssemblyMode, ...]:
+    modes = []
+    for number, of_it in groupby(search.modes, key=lambda m: m.circuit):
+        for letter, m in zip(_letters(), of_it, strict=False):
+            modes.append(AssemblyMode(f"{number}{letter}", number, m.q, m.rising, search.margin(m.q), m.hits))
+    return tuple(modes)
+
+
+def _letters() -> list[str]:
+    small = [chr(ord("a") + i) for i in range(26)]
+    return small + [a + b for a in small for b in small]
+
+
+def _words(mech: Mechanism, q: Array) -> str:
+    """The coordinates of a pose."""
+    out = []
+    for name, joint in zip(mech.joint_names, find_joints(mech.model, mech.joint_names), strict=True):
+        values = q[joint.idx_q : joint.idx_q + joint.nq]
+        if (joint.nq, joint.nv) == (2, 1):
+            values = np.array([np.arctan2(values[1], values[0])])
+        parts = PARTS.get(mech.joint_kind(name), (("",),))[0] if len(values) > 1 else ("",)
+        out += [f"{name}{'.' if p else ''}{p} {x:.4g}" for p, x in zip(parts, values, strict=False)]
+    return ", ".join(out)

@@ -1,0 +1,294 @@
+"""The curve of closed configurations of a mechanism with one freedom, followed over its arclength s.
+
+    q' = tau, G tau = 0, |tau| = 1;   tau' = kappa, G kappa = -gamma(q, tau), kappa . tau = 0
+    predictor q (+) (h tau + h^2/2 kappa);   corrector x = -G^+ g, of least |x|, to rounding (Moore and Penrose)
+
+Angles are in rad, lengths of rows and coordinates in characteristic lengths of the mechanism; the input u is in its own
+unit. G are all rows but the drive's, of rank nv - 1, dependent ones too: the pseudoinverse is that of fixed rank.
+sigma, the smallest of its singular values, gets the sign of det [B^T G; tau^T] with a basis B of range(G) that turns
+with the curve: it changes where branches cross, and tau_in = e_in . tau at dead points of the drive.
+
+Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003), chapters 3, 7 and 8.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.linalg.lapack import dgesdd
+from scipy.optimize import brentq
+
+from ...errors import StepError
+from ...system import Array
+from .branch_points import BranchPoint, branch_point
+
+if TYPE_CHECKING:
+    from ...mechanism.formulations.index2 import Index2System
+
+FIRST, LARGEST, SMALLEST = 0.02, 0.4, 1e-7  # steps of the arclength
+JUMP = 1e-5  # a longer step over which branches do not meet is taken back
+TURN = 0.9  # least cosine between tangents, and between left null spaces, at both ends of a step
+BENT = 0.02  # of a step: a predictor that misses by more is shortened, by less lengthened
+ITERATIONS = 12
+CONVERGED = 1e-9  # of a correction that converges quadratically: the next would be rounding
+NEAR = 1e-6  # poses so near are one
+MOST = 5000  # nodes of a curve
+
+
+class CurvePoint(NamedTuple):
+    """A point of the curve.
+
+    Attributes:
+        s: arclength, in rad and characteristic lengths.
+        q: configuration, (nq,).
+        u: the input, in rad or m.
+        tau: the tangent, (nv,), in rad and characteristic lengths.
+        kappa: its rate, (nv,).
+        speed: tau_in, the rate of the input, in rad or m.
+        bend: its rate, e_in . kappa + gamma_in.
+        sigma: the smallest singular value of G, with a sign.
+        left: the left null space of G, (ng - 1, k).
+        turn: +1, or -1 where ``left`` is turned over against the start's.
+    """
+
+    s: float
+    q: Array
+    u: float
+    tau: Array
+    kappa: Array
+    speed: float
+    bend: float
+    sigma: float
+    left: Array
+    turn: float
+
+
+class PoseCurve:
+    """Closed configurations near each other.
+
+    Args:
+        system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven`.
+        turning: which coordinates are angles that come again after a turn, (nv,).
+        period: of the input: the curve is closed when the pose of the start comes again after a multiple of it; 0 where
+            the input must come back, too.
+
+    Attributes:
+        unit: what 1 of the input is in rad or m.
+        columns: what 1 of each tangent component is in rad or m, (nv,).
+        nodes: points in the order of the arclength.
+        crossings: by the node before them; None where more than two branches cross.
+        ended: ``"range"``, ``"closed"`` (the pose of the start comes again), or ``"stuck"``.
+    """
+
+    def __init__(self, system: "Index2System", turning: Array, period: float = 0.0) -> None:
+        self.system, self.turning, self.period = system, turning, period
+        rows, self.columns = system.mechanism.row_scales, system.mechanism.coordinate_scales
+        self.unit, self.rows = float(rows[-1]), np.append(rows[:-1], 1.0)
+        self.r = system.nv - 1
+        self.nodes: list[CurvePoint] = []
+        self.crossings: dict[int, BranchPoint | None] = {}
+        self.ended = ""
+
+    def closures(self, q: Array, u: float) -> tuple[Array, Array]:
+        """Return g (ng,) and G (ng, nv) at the input u, lengths in characteristic lengths except in the last row."""
+        g, G = self.system.closures(q, u)
+        return g / self.rows, G * self.columns / self.rows[:, None]
+
+    def bending(self, left: Array) -> Array:
+        """Return d(G^T left)/dq, (nv, nv), for left (ng,) where `closures` stands."""
+        K = self.system.constraints.slopes(np.zeros(self.system.nv), left / self.rows)[0]
+        return np.asarray(self.columns[:, None] * K * self.columns)
+
+    def integrate(self, q: Array, x: Array) -> Array:
+        """Return q (+) x, (nq,)."""
+        return self.system.manifold.integrate(q, self.columns * x)
+
+    def difference(self, q0: Array, q1: Array) -> Array:
+        """Return q1 (-) q0, (nv,)."""
+        return self.system.manifold.difference(q0, q1) / self.columns
+
+    def begin(self, q: Array, u: float, along: Array | None = None) -> CurvePoint:
+        """Make the first point of a closed configuration; along a tangent, or with a rising input.
+
+        Raises:
+            StepError: where no closed configuration is near.
+        """
+        found = self._correct(q, u)
+        if found is None:
+            raise StepError("newton", f"the loops cannot be closed at {u:.6g}")
+        q, u, (left, _, right), e = found
+        tau = right[self.r]
+        forward = tau @ along if along is not None else e @ tau if abs(e @ tau) > 1e-12 * self.unit else 1.0
+        tau = tau if forward > 0 else -tau
+        first = CurvePoint(0.0, q, u, tau, tau, 0.0, 0.0, 1.0, left[:, self.r :], 1.0)
+        self.nodes, self.crossings = [self._point(found, first, 0.0)], {}
+        return self.nodes[0]
+
+    def follow(self, low: float, high: float) -> "PoseCurve":
+        """Follow the curve until the input leaves a range, or the pose of the start comes again."""
+        h, start = FIRST, self.nodes[0]
+        while len(self.nodes) < MOST:
+            here = self.nodes[-1]
+            new, missed = self._step(here, h)
+            if new is None:
+                h /= 2
+                if h < SMALLEST:
+                    self.ended = "stuck"
+                    return self
+                continue
+            self.nodes.append(new)
+            if here.sigma * new.sigma < 0 and not self._crosses() and h > JUMP:
+                self.nodes.pop()
+                h /= 4
+                continue
+            h = min(LARGEST, h * float(np.clip((BENT * h / max(missed, 1e-12)) ** (1 / 3), 0.4, 2.0)))
+            again = self.passing(len(self.nodes) - 2, start) if len(self.nodes) > 2 else None
+            if again is not None and self.comes_back(again.u - start.u):
+                self.nodes[-1], self.ended = again, "closed"
+                return self
+            if not low <= new.u <= high:
+                return self._end(low if new.u < low else high)
+        self.ended = "long"
+        return self
+
+    def comes_back(self, change: float) -> bool:
+        """Whether a change of the input is none, or a multiple of its period."""
+        rest = change - self.period * round(change / self.period) if self.period else change
+        return abs(rest) < NEAR * self.unit
+
+    def _crosses(self) -> bool:
+        """Look for the branch point in the last step; False where it jumped from one branch to another."""
+        i = len(self.nodes) - 2
+        self.crossings[i] = None
+        try:
+            self.crossings[i] = branch_point(self, i)
+        except StepError:
+            return False
+        return True
+
+    def _end(self, u: float) -> "PoseCurve":
+        """Put the last node where the input leaves its range at u."""
+        i = len(self.nodes) - 2
+        at = self.at(i, self.zero(i, lambda p: p.u - u))
+        self.nodes[-1], self.ended = self.landed(at, u) or at, "range"
+        return self
+
+    def passing(self, i: int, pose: CurvePoint) -> CurvePoint | None:
+        """The point behind node i, before node i + 1, where the curve comes to another one's pose in its direction."""
+        a, b = self.nodes[i : i + 2]
+        h, at, rest = b.s - a.s, a, self.wrapped(a.q, pose.q)
+        if not (np.abs(rest).max() < 2 * h and b.tau @ pose.tau > 0):
+            return None
+        for _ in range(4):  # the nearest point of the step: the way along a tangent is not the arclength
+            along = at.s - a.s + float(rest @ at.tau)
+            if not -NEAR <= along <= 1.5 * h:
+                return None
+            at = self.at(i, min(max(along, 0.0), h))
+            rest = self.wrapped(at.q, pose.q)
+            if abs(rest @ at.tau) < NEAR:
+                break
+        if not (np.abs(rest).max() < 1e-3 * h + NEAR and at.tau @ pose.tau > TURN):
+            return None
+        found = self._correct(self.integrate(at.q, rest), at.u + float(rest @ at.tau) * at.speed)
+        again = None if found is None else self._point(found, at, at.s + float(rest @ at.tau))
+        return again if again is not None and np.abs(self.wrapped(again.q, pose.q)).max() < NEAR else None
+
+    def wrapped(self, q0: Array, q1: Array) -> Array:
+        """q1 (-) q0 up to full turns of its angles, (nv,)."""
+        x = self.difference(q0, q1)
+        turns = 2 * np.pi * np.round(x / (2 * np.pi))
+        return np.where(self.turning, x - turns, x)
+
+    def at(self, i: int, sigma: float, *, roughly: bool = False) -> CurvePoint:
+        """The point at the arclength sigma behind node i, before node i + 1; roughly, loops are not closed exactly.
+
+        Its predictor blends those of both ends; with weights of third order their errors cancel to fourth.
+
+        Raises:
+            StepError: where the corrector does not converge.
+        """
+        a, b = self.nodes[i], self.nodes[i + 1]
+        h = b.s - a.s
+        if sigma in (0.0, h):
+            return b if sigma else a
+        q0, q1 = (self._predict(p, x) for p, x in ((a, sigma), (b, sigma - h)))
+        weight = sigma**3 / (sigma**3 + (h - sigma) ** 3)
+        near, s = (a if sigma < h / 2 else b), a.s + sigma
+        q = self.integrate(q0, weight * self.difference(q0, q1))
+        u = near.u + near.speed * (s - near.s)
+        if roughly:
+            return near._replace(s=s, q=q, u=u)
+        found = self._correct(q, u)
+        if found is None:
+            raise StepError("newton", f"the loops cannot be closed between {a.u:.9g} and {b.u:.9g}")
+        return self._point(found, near, s)
+
+    def zero(self, i: int, value: Callable[[CurvePoint], float]) -> float:
+        """The arclength behind node i where a value is zero that has another sign at node i + 1."""
+        h = self.nodes[i + 1].s - self.nodes[i].s
+        return float(brentq(lambda sigma: value(self.at(i, sigma)), 0.0, h, xtol=1e-15, rtol=1e-14))
+
+    def landed(self, near: CurvePoint, u: float) -> CurvePoint | None:
+        """The point with the input u near another one; None where it is not found: [G; e_in] x = -[g; c - u]."""
+        found = self._correct(near.q, u, land=True)
+        return None if found is None else self._point(found, near, near.s + (u - near.u) / (near.speed or 1.0))
+
+    def _step(self, p: CurvePoint, h: float) -> tuple[CurvePoint | None, float]:
+        predicted = self._predict(p, h)
+        found = self._correct(predicted, p.u + h * p.speed)
+        if found is None:
+            return None, 0.0
+        missed = float(np.abs(self.difference(predicted, found[0])).max())
+        if missed > 0.2 * h or abs(found[2][2][self.r] @ p.tau) < TURN:
+            return None, missed
+        if p.left.shape[1] and abs(np.linalg.det(found[2][0][:, self.r :].T @ p.left)) < TURN**2:
+            return None, missed
+        return self._point(found, p, p.s + h), missed
+
+    def _predict(self, p: CurvePoint, h: float) -> Array:
+        return self.integrate(p.q, h * (p.tau + 0.5 * h * p.kappa))
+
+    def _correct(self, q: Array, u: float, *, land: bool = False) -> "Corrected | None":
+        """Close the loops near q: at the input u, or at least |x|."""
+        last = np.inf
+        for _ in range(ITERATIONS):
+            g, G = self.closures(q, u)
+            left, sizes, right = _svd(G[:-1])
+            if last <= CONVERGED:
+                return q, u if land else u + float(g[-1]), (left, sizes, right), G[-1]
+            if self.r and not sizes[self.r - 1] > 0:
+                return None
+            x = -(left[:, : self.r].T @ g[:-1] / sizes[: self.r]) @ right[: self.r]
+            if land:
+                tau = right[self.r]
+                speed = G[-1] @ tau
+                if not speed:
+                    return None
+                x = x - tau * (g[-1] + G[-1] @ x) / speed
+            size = float(np.abs(x).max())
+            if not size < 1.0 or (size > last and last < 1e-5):
+                return None
+            q, last = self.integrate(q, x), size
+        return None
+
+    def _point(self, found: "Corrected", near: CurvePoint, s: float) -> CurvePoint:
+        q, u, (left, sizes, right), e = found
+        r = self.r
+        sign = 1.0 if right[r] @ near.tau > 0 else -1.0
+        tau, null = sign * right[r], left[:, r:]
+        gamma = self.system.gamma(q, self.columns * tau, u) / self.rows
+        kappa = -(left[:, :r].T @ gamma[:-1] / sizes[:r]) @ right[:r] if r else np.zeros(1)
+        turn = near.turn * (np.sign(np.linalg.det(null.T @ near.left)) if null.shape[1] else 1.0)
+        orientation = sign * turn * np.sign(np.linalg.det(right) * np.linalg.det(left))
+        sigma = float(sizes[r - 1] * orientation) if r else 1.0
+        return CurvePoint(s, q, u, tau, kappa, float(e @ tau), float(e @ kappa + gamma[-1]), sigma, null, turn)
+
+
+Corrected = tuple[Array, float, tuple[Array, Array, Array], Array]
+
+
+def _svd(G: Array) -> tuple[Array, Array, Array]:
+    if not len(G):
+        return np.eye(0), np.zeros(0), np.eye(G.shape[1])
+    left, sizes, right, _ = dgesdd(G)
+    return left, sizes, right

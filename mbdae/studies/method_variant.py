@@ -1,0 +1,146 @@
+"""A method in a formulation: what one line of a comparison stands for, and how it is written.
+
+``pherk5`` keeps closures at velocity level (index 2); ``project:pherk5`` also brings the state back to g = 0, G v = 0
+after each step; ``ggl:radau5`` keeps closures at both levels; ``index1:dop853`` has accelerations stepped, by
+``index1:DOP853`` scipy does that, and ``baumgarte=20,20:dop853`` has Baumgarte's alpha and beta in 1/s besides.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ..errors import InputError, UnknownNameError, several
+from ..integrate.run_setup import projected
+from ..integrate.settings import completed
+from ..integrate.steppers.scipy_ivp import SCIPY, find
+from ..mechanism import Mechanism
+from ..methods import EXPLICIT, METHODS, Tableau, method_of
+from ..solution.solution import Problem
+
+NEUTRAL = "pherk6"  # stands for any half-explicit method
+FORMULATIONS = ("index2", "project", "ggl", "index1", "baumgarte=ALPHA,BETA")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A method in a formulation, see above.
+
+    Attributes:
+        method: a name of `mbdae.METHODS`, or of scipy for ``"index1"``; a tableau of the user's.
+        formulation: ``"index2"``, ``"ggl"`` or ``"index1"``, as in `mbdae.solve`.
+        project: bring the state back after each step.
+        baumgarte: alpha and beta in 1/s.
+
+    Raises:
+        InputError: for a method and a formulation that do not belong together.
+        UnknownNameError: for a method that does not exist.
+    """
+
+    method: Any
+    formulation: str = "index2"
+    project: bool = False
+    baumgarte: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        found = find(self.formulation, self.method)
+        if isinstance(found, Tableau) and METHODS.get(found.name) is not found:
+            object.__setattr__(self, "method", found)  # a tableau, or what its file holds
+
+    @classmethod
+    def parse(cls, text: str) -> "Variant":
+        """Read ``method`` or ``formulation:method``.
+
+        Raises:
+            UnknownNameError: for a formulation or method that does not exist.
+            InputError: for numbers that are not.
+        """
+        prefix, _, method = text.rpartition(":")
+        if prefix in ("", "index2"):
+            return cls(method)
+        if prefix == "project":
+            return cls(method, "index1" if method in EXPLICIT else "index2", project=True)
+        if prefix in ("ggl", "index1"):
+            return cls(method, prefix)
+        if prefix.startswith("baumgarte="):
+            return cls(method, "index1", baumgarte=_pair(prefix.removeprefix("baumgarte="), text))
+        raise UnknownNameError("formulation", prefix, FORMULATIONS)
+
+    @property
+    def prefix(self) -> str:
+        """The formulation as it is written before the colon; empty for index 2."""
+        if self.baumgarte:
+            return f"baumgarte={self.baumgarte[0]:g},{self.baumgarte[1]:g}"
+        return "project" if self.project else self.formulation.removeprefix("index2")
+
+    @property
+    def name(self) -> str:
+        """Name of the method."""
+        return getattr(self.method, "name", self.method)
+
+    def __str__(self) -> str:
+        return f"{self.prefix}:{self.name}" if self.prefix else self.name
+
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of `mbdae.solve` that it stands for."""
+        rest = {"project": self.project, "baumgarte": self.baumgarte}
+        return {"method": self.method, "formulation": self.formulation, **rest}
+
+
+def variants(methods: str | Iterable[str | Variant], formulations: str | Iterable[str] | None = None) -> list[Variant]:
+    """Read a list of methods, or one name; those without a formulation of their own take each of ``formulations``.
+
+    Raises:
+        InputError: for an empty list, or as `Variant`.
+        UnknownNameError: for a formulation or a method that does not exist.
+    """
+    out: list[Variant] = []
+    before = several(formulations or "index2", "formulations is a list of names")
+    for m in several(methods, "methods is a list of names"):
+        if isinstance(m, Variant):
+            out.append(m)
+        elif isinstance(m, Tableau):
+            out += [replace(Variant.parse(f"{f}:{NEUTRAL}"), method=m) for f in before]
+        elif not isinstance(m, str):
+            raise UnknownNameError("method", m, (*METHODS, *EXPLICIT, *SCIPY))
+        else:
+            out += [Variant.parse(m)] if ":" in m else [Variant.parse(f"{f}:{m}") for f in before]
+    if not out:
+        raise InputError("a comparison needs at least one method")
+    return list(dict.fromkeys(out))
+
+
+def default(problem: Problem, **given: Any) -> Variant:
+    """The variant that `mbdae.solve` takes with these settings: with none, that of ``mbdae run MODEL``.
+
+    Raises:
+        InputError, UnknownNameError: as `mbdae.solve`.
+    """
+    c = completed(problem, given)
+    tableau = find(c["formulation"], c["method"])
+    return of({**c, "project": projected(problem, c["project"], c["formulation"], tableau, c["step"])})
+
+
+def usual(problem: Problem, names: Iterable[str], **given: Any) -> list[Variant]:
+    """What studies take where no method is named: the default with these settings, then those of a list.
+
+    Left out are formulations that the problem does not have: textbook problems, stops, and what sticks have index 2.
+    """
+    every = isinstance(problem, Mechanism) and not problem.switches
+    rest = (v for v in variants(names) if every or v.formulation == "index2")
+    return list(dict.fromkeys([default(problem, **given), *rest]))
+
+
+def of(settings: dict[str, Any]) -> Variant:
+    """The variant that a solution was computed with, from its settings."""
+    pair = settings.get("baumgarte")
+    rest = (settings.get("formulation", "index2"), bool(settings.get("project")))
+    method = method_of(settings) if "tableau" in settings else settings["method"]
+    return Variant(method, *rest, tuple(pair) if pair else None)
+
+
+def _pair(text: str, whole: str) -> tuple[float, float]:
+    try:
+        alpha, beta = (float(x) for x in text.split(","))
+    except ValueError:
+        raise InputError(f"{whole!r}: expected two numbers in 1/s, as in baumgarte=20,20:RK45") from None
+    return alpha, beta

@@ -1,0 +1,170 @@
+"""What a cost is taken of: a run, or a curve of poses, of a mechanism with given numbers, and its gradient."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ... import backend
+from ...errors import InputError, is_number
+from ...integrate.solve import solve
+from ...mechanism import Mechanism
+from ...mechanism.callbacks import attempted, numbers
+from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
+from ...solution.solution import Solution, uninterrupted
+from ...system import Array
+from ..kinematics.driven_mechanism import driven
+from ..kinematics.kinematics import kinematics
+from ..kinematics.result import Kinematics
+from ..sensitivity.cost import Cost, Told, evaluated, named
+from ..sensitivity.gradient import gradient
+from ..sensitivity.run_parameters import Makes
+from ..sweep.sweep_run import check_settings
+from .curve_derivatives import CurveSignals, check_whole
+
+
+class Measured(NamedTuple):
+    """A cost, and what computes its derivatives with respect to the parameters, (k,)."""
+
+    value: float
+    slopes: Callable[[], Array]
+
+
+class WithNumbers(Mapping[str, Any]):
+    """Signals, and besides them the parameters by name."""
+
+    def __init__(self, signals: Mapping[str, Array], values: Mapping[str, float]) -> None:
+        self.signals, self.values_of = signals, values
+
+    def __getitem__(self, name: str) -> Any:
+        return self.values_of[name] if name in self.values_of else self.signals[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([*self.values_of, *self.signals])
+
+    def __len__(self) -> int:
+        return len(self.values_of) + len(self.signals)
+
+
+class _OfSignals(Told):
+    """A cost without what it says of the parameters, which is kept aside."""
+
+    def __init__(self, cost: Cost, values: Mapping[str, float], what: str) -> None:
+        self.cost, self.values, self.own, self.what = cost, values, np.zeros(len(values)), what or named(cost)
+
+    def __call__(self, signals: Mapping[str, Array]) -> Any:
+        known = WithNumbers(signals, self.values)
+        found = attempted(self.what, lambda: self.cost(known), lambda: numbers(self.values))
+        if not (isinstance(found, tuple | list) and len(found) == 2 and isinstance(found[1], Mapping)):
+            return found
+        own = {name: x for name, x in found[1].items() if name in self.values}
+        for name, x in own.items():
+            if not is_number(x):
+                raise InputError(f"{self.what}: its derivative with respect to {name!r} is a number, got {x!r:.60}")
+        self.own = np.array([float(own.get(name, 0.0)) for name in self.values])
+        return found[0], {name: x for name, x in found[1].items() if name not in own}
+
+
+@dataclass(frozen=True)
+class RunMotion:
+    """A run; gradients are those of its adjoint.
+
+    Attributes:
+        result: the run.
+        make: what makes the mechanism.
+        values: its parameters.
+    """
+
+    result: Solution
+    make: Makes
+    values: dict[str, float]
+
+    def measure(self, cost: Cost, what: str = "") -> Measured:
+        """Take a cost and its gradient; messages call it ``what``."""
+        own = _OfSignals(cost, self.values, what)
+        found = gradient(self.result, own, self.values, model=self.make)
+        return Measured(found.value, lambda: own.own + np.array(list(found.gradient.values())))
+
+
+@dataclass(frozen=True)
+class CurveMotion:
+    """A curve of poses; gradients are those of poses at equal inputs.
+
+    Attributes:
+        result: the curve.
+        make: makes mechanisms whose last driver is its input.
+        values: their parameters.
+    """
+
+    result: Kinematics
+    make: Callable[[Mapping[str, float]], Mechanism]
+    values: dict[str, float]
+
+    @cached_property
+    def signals(self) -> CurveSignals:
+        """Its signals with their derivatives."""
+        return CurveSignals(self.result, self._numbers)
+
+    def _numbers(self) -> Parameters:
+        found = Parameters(self.make, self.values, backend.load())
+        found.refuse(float(self.result.u[0]), self.result.q[0])
+        return found
+
+    def measure(self, cost: Cost, what: str = "") -> Measured:
+        """Take a cost and its gradient; messages call it ``what``."""
+        own = _OfSignals(cost, self.values, what)
+        value, slopes = evaluated(own, self.signals, len(self.result.u))
+        return Measured(value, lambda: own.own + sum(x @ self.signals.derivative(n) for n, x in slopes.items()))
+
+
+Motion = RunMotion | CurveMotion
+Moves = Callable[[dict[str, float]], Motion]
+
+
+def runs(make: Makes, t_span: tuple[float, float] | None, settings: Mapping[str, Any]) -> Moves:
+    """What runs a mechanism with given numbers.
+
+    Raises:
+        UnknownNameError: for a setting that does not exist.
+        InputError: of a run that does not come to its end; KeyboardInterrupt of one that was stopped.
+    """
+    check_settings(settings, others=("problem", "t_span", "progress"))
+
+    def run(values: dict[str, float]) -> RunMotion:
+        mech = make.make(values)
+        span = (0.0, mech.duration) if t_span is None else t_span
+        sol = uninterrupted(solve(mech, span, **settings))
+        if not sol.ended:
+            raise InputError(f"the run ends at t = {sol.nodes[0][-1]:.6g}: {sol.message}")
+        return RunMotion(sol, make, values)
+
+    return run
+
+
+def curves(make: Makes, drive: str, first: Mechanism, options: Mapping[str, Any]) -> Moves:
+    """What follows the poses of a mechanism with given numbers over the inputs and with the joints held of the first.
+
+    Raises:
+        UnknownNameError: for a setting that does not exist.
+        InputError: of a drive that turns back on its way, and of a parameter that opens dependent rows.
+    """
+    check_settings(options, kinematics, ("mech", "drive"))
+    begin = kinematics(first, drive, **options)
+    span = options.get("span") or (float(begin.u[0]), float(begin.u[-1]))
+    check_whole(begin, span)
+    columns = begin.signals()
+    hold = {name: float(columns[f"q.{name}"][0]) for name in begin.held if f"q.{name}" in columns}
+    fixed = {**options, "span": span, "hold": hold}
+
+    def follow(values: dict[str, float]) -> CurveMotion:
+        found = kinematics(make.make(values), drive, **fixed)
+        check_whole(found, span)
+
+        def moved(other: Mapping[str, float]) -> Mechanism:
+            return driven(make.make(other), drive, hold, found.q[0])
+
+        return CurveMotion(found, moved, values)
+
+    return follow

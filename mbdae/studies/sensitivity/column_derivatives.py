@@ -1,0 +1,104 @@
+"""The slopes of columns that are read off bodies and forces, family by family, see `mbdae.solution.signals`."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ...mechanism import Mechanism
+from ...mechanism.contacts import rolling
+from ...mechanism.effort_signals import effort_units
+from ...mechanism.momentum import MOMENTUM
+from ...mechanism.signal_derivatives import (
+    VariedMotion,
+    contact_slopes,
+    drive_power_slopes,
+    effort_slopes,
+    load_slopes,
+    momentum_slopes,
+    motion_slopes,
+    path_slopes,
+)
+from ...solution.columns import CONTACT, frame_units, load_units, moving_frames
+from ...system import Array
+
+ROUNDING = 1e-11  # of the largest vector of a kind: smaller ones are what rounding leaves of zero
+
+
+class SlopeFamily(NamedTuple):
+    """Columns whose slopes are found together.
+
+    Attributes:
+        names: of the columns.
+        rows: their slopes, (n, m).
+        rated: they depend on accelerations or multipliers.
+    """
+
+    names: Callable[[Mechanism], Mapping[str, str] | list[str]]
+    rows: Callable[[VariedMotion], Array]
+    rated: bool
+
+
+def _contact_names(mech: Mechanism) -> list[str]:
+    return [f"{kind}.{c.name}" for c in rolling(mech) for kind in CONTACT]
+
+
+def _flat(rows: Array) -> Array:
+    return rows.reshape(-1, rows.shape[-1])
+
+
+def _loads(motion: VariedMotion) -> Array:
+    values, slopes = load_slopes(motion)
+    world, own = slopes
+    size = along(values[0], world)
+    return _flat(np.concatenate([size[:, :, None], world, own], axis=2))
+
+
+def _speeds(motion: VariedMotion) -> Array:
+    """Positions, and velocities with their magnitudes before them."""
+    values, slopes = motion_slopes(motion, moving_frames(motion.mechanism))
+    return np.concatenate([_flat(slopes[0]), _with_size(values[1], slopes[1])])
+
+
+def _accelerations(motion: VariedMotion) -> Array:
+    values, slopes = motion_slopes(motion, moving_frames(motion.mechanism))
+    return _with_size(values[2], slopes[2])
+
+
+def _with_size(x: Array, slopes: Array) -> Array:
+    return _flat(np.concatenate([along(x, slopes)[:, None], slopes], axis=1))
+
+
+def along(x: Array, slopes: Array) -> Array:
+    """Slopes of the magnitudes of n vectors x (n, ..., 3), from those of their parts (n, ..., 3, m).
+
+    They are 0 where a vector vanishes beside the largest of the n: what is left of it has no direction but rounding's.
+    """
+    size = np.linalg.norm(x, axis=-1, keepdims=True)
+    there = size > ROUNDING * size.max(axis=0, initial=0.0)
+    return np.einsum("...i,...im->...m", np.divide(x, size, out=np.zeros_like(x), where=there), slopes)
+
+
+def _of_frames(mech: Mechanism, rated: bool) -> list[str]:
+    return [name for name in frame_units(mech) if name.startswith("acceleration.") == rated]
+
+
+FAMILIES = (
+    SlopeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling(mech) for x in "xyz"],
+           lambda motion: _flat(path_slopes(motion)), False),
+    SlopeFamily(_contact_names, lambda motion: _flat(contact_slopes(motion)), True),
+    SlopeFamily(load_units, _loads, True),
+    SlopeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], drive_power_slopes, True),
+    SlopeFamily(effort_units, effort_slopes, False),
+    SlopeFamily(lambda mech: _of_frames(mech, False), _speeds, False),
+    SlopeFamily(lambda mech: _of_frames(mech, True), _accelerations, True),
+    SlopeFamily(lambda mech: MOMENTUM, momentum_slopes, False),
+)  # fmt: skip
+
+
+def find_column(mech: Mechanism, name: str) -> tuple[SlopeFamily, int] | None:
+    """The family of a column, and its number there; None where it has no slopes."""
+    for family in FAMILIES:
+        if name in (names := list(family.names(mech))):
+            return family, names.index(name)
+    return None

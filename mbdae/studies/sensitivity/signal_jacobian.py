@@ -1,0 +1,134 @@
+"""The derivatives of signals with respect to the state, the parameters and the time of a node."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...errors import InputError
+from ...integrate.trajectory import Trace
+from ...mechanism import Mechanism
+from ...mechanism.signal_derivatives import Directions, VariedMotion
+from ...solution.signal_value import RESIDUALS, SignalValue, find_signal, signal_values
+from ...system import Array
+from .column_derivatives import SlopeFamily, find_column
+
+ENERGIES = {"kinetic": (1.0, 0.0), "potential": (0.0, 1.0), "energy": (1.0, 1.0)}
+KNOWN = ("t", "y", "angle", "rate", "lam", "force", *ENERGIES)
+NONE = {
+    **dict.fromkeys(RESIDUALS, "it is the largest magnitude over all rows"),
+    "mode": "it counts the states of a switch",
+    "impulse": "it stands at the time of an impact alone",
+}
+
+
+class SignalSlopes:
+    """Rows of derivatives of signals of `mbdae.Solution.signals`.
+
+    Args:
+        trace: a run.
+        names: of the signals.
+
+    Raises:
+        UnknownNameError: for a signal that does not exist.
+        InputError: for one that has no gradient.
+    """
+
+    def __init__(self, trace: Trace, names: Sequence[str]) -> None:
+        self.trace, self.names = trace, list(names)
+        mech = trace.system.mechanism
+        known = signal_values(mech)
+        self.signals = [differentiable(mech, name, known) for name in names]
+        found = zip(names, self.signals, strict=True)
+        self.columns = {name: column_of(mech, name) for name, signal in found if signal.kind not in KNOWN}
+        self.families = {id(family): family for family, _ in self.columns.values()}
+        self.motion = VariedMotion(trace.slopes.parameters) if self.families else None
+        self.kinds = {signal.kind for signal in self.signals}
+        self.rated = bool(self.kinds & {"lam", "force", "rate"}) or any(f.rated for f in self.families.values())
+        self._fixed: Array | None = None
+        ny, ng, m = trace.system.ny, trace.system.ng, trace.slopes.ny + trace.slopes.k + 1
+        self._still = np.zeros(ny), np.zeros(ng), np.zeros((ny, m)), np.zeros((ng, m))
+        self.placed = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
+        turns = self.placed and not trace.system.manifold.flat
+        self.fixed = self.kinds <= {"t", "y", "angle"} and not turns  # the same everywhere
+
+    def rows(self, i: int, t: float, y: Array) -> Array:
+        """Return the derivatives at a point behind node i with respect to (y, p, t), (len(names), ny + k + 1).
+
+        Raises:
+            InputError: where a signal is not a number there, as a force that nothing tells.
+        """
+        if self._fixed is not None:
+            return self._fixed
+        trace, s = self.trace, self.trace.system
+        out, (q, v) = np.zeros((len(self.signals), s.ny + trace.slopes.k + 1)), s.split(y)
+        N = s.manifold.coordinate_slopes(q) if self.placed else np.empty(0)
+        energies = trace.slopes.energy(q, v) if self.kinds & set(ENERGIES) else np.empty(0)
+        F, lam, rates, slopes = self._rates(i, t, y) if self.rated else self._still
+        columns = self._columns(t, y, F, lam, rates, slopes)
+        for row, signal, name in zip(out, self.signals, self.names, strict=True):
+            if name in columns:
+                row[:] = columns[name]
+            elif signal.kind == "t":
+                row[-1] = 1.0
+            elif signal.kind in ENERGIES:
+                row[:-1] = np.array(ENERGIES[signal.kind]) @ energies
+            elif signal.kind in ("lam", "force"):
+                own = lam[list(signal.rows)]
+                weights = np.ones(1) if signal.kind == "lam" else own / (np.linalg.norm(own) or 1.0)
+                row[:] = weights @ slopes[list(signal.rows)]
+            elif signal.kind == "rate":
+                row[:] = rates[signal.i]
+            elif signal.kind == "angle":
+                row[signal.rate] = 1.0
+            elif signal.i < s.nq:
+                row[: s.nv] = N[signal.i]
+            else:
+                row[signal.i - s.nq + s.nv] = 1.0
+            if name in columns and not np.isfinite(row).all():
+                raise InputError(f"signal {name!r} has no gradient at t = {t:.9g} s: it is not a number there")
+        if self.fixed:
+            self._fixed = out
+        return out
+
+    def _rates(self, i: int, t: float, y: Array) -> tuple[Array, Array, Array, Array]:
+        """Y' and lam of all rows, and their slopes."""
+        self.trace.hold(i)
+        F, lam = self.trace.system.derivative(t, y)
+        return F, lam[: self.trace.system.ng], *self.trace.slopes.rate(t, y)
+
+    def _columns(self, t: float, y: Array, F: Array, lam: Array, rates: Array, slopes: Array) -> dict[str, Array]:
+        """Slopes of what is read off bodies and forces."""
+        if self.motion is None:
+            return {}
+        s, (q, v) = self.trace.system, self.trace.system.split(y)
+        nv, k, every = s.nv, self.trace.slopes.k, np.eye(rates.shape[1])
+        parts = every[:nv], every[nv : 2 * nv], every[2 * nv : 2 * nv + s.ns], rates[nv : 2 * nv], slopes
+        d = Directions(*parts, every[s.ny : s.ny + k], every[-1])
+        self.motion.stand(t, q, v, s.inner(y), F[nv : 2 * nv], lam, d)
+        found = {at: family.rows(self.motion) for at, family in self.families.items()}
+        return {name: found[id(family)][i] for name, (family, i) in self.columns.items()}
+
+
+def differentiable(mech: Mechanism, name: str, known: dict[str, SignalValue] | None = None) -> SignalValue:
+    """The signal of that name.
+
+    Raises:
+        UnknownNameError: for a signal that does not exist.
+        InputError: for one that has no gradient.
+    """
+    found = find_signal(mech, name, known)
+    if found.kind not in KNOWN:
+        column_of(mech, name)
+    return found
+
+
+def column_of(mech: Mechanism, name: str) -> tuple[SlopeFamily, int]:
+    """The family of a column, and its number there.
+
+    Raises:
+        InputError: for one that has no gradient.
+    """
+    if found := find_column(mech, name):
+        return found
+    why = NONE.get(name.partition(".")[0], "its derivative is not known")
+    raise InputError(f"signal {name!r} has no gradient: {why}")

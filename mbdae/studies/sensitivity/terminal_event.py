@@ -1,0 +1,117 @@
+"""The end of a run in a terminal event, whose time moves: dt_e = -(e_y dy + e_p)/e'."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...finite_differences import slope, slopes
+from ...integrate.events import Event
+from ...integrate.signal_events import TURN, parse
+from ...integrate.termination import event_value
+from ...integrate.trajectory import LinearPart, Part, Trace
+from ...mechanism.callbacks import function_name
+from ...solution.signal_value import value as signal_value
+from ...system import Array
+from .signal_jacobian import SignalSlopes
+
+WIDTH = 1e-3  # of differences of event functions, which are the user's
+LATE = 1e-6  # of the span: how far from its event a run ends at most
+
+
+@dataclass(frozen=True)
+class Ending:
+    """The last step, which ends in an event e(t, y, p) = 0, and how its size moves.
+
+    Attributes:
+        parts: of the step.
+        by_t: de/dt.
+        by_y: de/dy, (ny,).
+        by_p: de/dp, (k,).
+    """
+
+    parts: list[Part]
+    by_t: float
+    by_y: Array
+    by_p: Array
+
+    def forward(self, dy: Array, carry: Array, dp: Array, dh: Array) -> tuple[Array, Array]:
+        """Return the variations behind the step, whose size moves by dh, (m,)."""
+        steps = [p for p in self.parts if not isinstance(p, LinearPart)]
+        for part in self.parts:
+            if isinstance(part, LinearPart):
+                dy, carry = part.forward(dy, carry, dp)
+            else:
+                dy, carry = part.forward(dy, carry, dp, dh / len(steps))
+        return dy, carry
+
+    def by_size(self, like: Array, carry: Array) -> Array:
+        """Variation of y behind the step for dh = 1, (ny, 1)."""
+        zero = np.zeros((len(like), 1)), np.zeros((len(carry), 1)), np.zeros((len(self.by_p), 1))
+        return self.forward(*zero, np.ones(1))[0]
+
+    def move(self, dy: Array, carry: Array, dp: Array) -> Array:
+        """Return dt_e, (m,)."""
+        rise = self.by_t + (self.by_y @ self.by_size(dy, carry))[0]
+        fixed = self.forward(dy, carry, dp, np.zeros(dy.shape[1]))[0]
+        return -(self.by_y @ fixed + self.by_p @ dp) / rise
+
+    def held(self, y: Array, carry: Array, late: float) -> tuple[Array, Array]:
+        """Return the cotangents of y behind the step with its size held, and of p, of those with dt_e and of t_e."""
+        by_size = self.by_size(y, carry)[:, 0]
+        by_e = -(float(y[:, 0] @ by_size) + late) / (self.by_t + self.by_y @ by_size)
+        return y + by_e * self.by_y[:, None], by_e * self.by_p
+
+
+def ending(trace: Trace, event: Any) -> Ending | None:
+    """The last step of a run that ended in an event; None for others.
+
+    Args:
+        trace: the run.
+        event: `mbdae.Event`, or what it takes: a function, of which differences are taken, or a signal.
+
+    Raises:
+        InputError: where the event is missing, or none belongs; for a signal without a gradient.
+        UnknownNameError: for a signal that does not exist.
+    """
+    if trace.sol.status != "event":
+        if event is not None:
+            raise InputError("the run did not end in an event: leave its function out")
+        return None
+    if event is None:
+        raise InputError("the run ended in a terminal event, whose time moves: give its function or signal, event=")
+    given, s = getattr(event, "function", event), trace.system
+    last, t, y = len(trace.ts) - 1, float(trace.ts[-1]), trace.ys[-1]
+    parts = list(trace.parts(last - 1))
+    if isinstance(given, str):
+        signal, level, _ = parse(given)
+        row = (slopes_of := SignalSlopes(trace, [signal])).rows(last, t, y)[0]
+        there = signal_value(s, slopes_of.signals[0], t, y) - level
+        if slopes_of.signals[0].kind == "angle":
+            there -= TURN * round(there / TURN)
+        return _rising(trace, Ending(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), given, there)
+    if not callable(given):
+        raise InputError(f"an event is a signal or a function of (t, q, v), got {given!r:.60}")
+
+    def value(t: float, y: Array) -> float:
+        return event_value(s, Event(given), t, y)
+
+    by_t = slope(lambda x: value(t + x, y), WIDTH)
+    by_y = slopes(lambda x: value(t, s.add(y, x)), s.ny, WIDTH)
+    return _rising(trace, Ending(parts, by_t, by_y, np.zeros(trace.slopes.k)), function_name(given), value(t, y))
+
+
+def _rising(trace: Trace, end: Ending, name: str, value: float) -> Ending:
+    """Refuse an event that has no time, or another one than the end of the run.
+
+    Raises:
+        InputError: names the event.
+    """
+    rise = end.by_t + (end.by_y @ end.by_size(np.zeros(trace.slopes.ny), np.zeros(trace.n_carry)))[0]
+    t, size = float(trace.ts[-1]), float(np.abs(trace.ts[-1] - trace.ts[0]))
+    if not rise:
+        raise InputError(f"event {name!r} does not change where the run ends, at t = {t:.9g} s: its time does not move")
+    if abs(value) > LATE * size * abs(rise):
+        raise InputError(f"event {name!r} is not that in which the run ended: it is {value:.3g} at t = {t:.9g} s")
+    return end

@@ -1,0 +1,205 @@
+"""The file of a sweep: an Arrow stream beside it takes each run as it finishes; when all are done it becomes Parquet.
+
+The stream, ``runs.parquet.part``, grows by one record batch for each run, in one write: a process that is killed leaves
+every finished run readable. The same sweep goes on from there; a half-written last batch is cut off.
+"""
+
+import json
+import os
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ...errors import InputError
+from ...file_io import write_whole
+
+PART, SUFFIX = ".part", ".parquet"
+META = b"mbdae.sweep"
+MORE = "more"  # results of functions: which there are is known when all runs are done
+Row = dict[str, Any]
+Kinds = Mapping[str, str]  # name of a column: int, float, text, bool or floats
+
+
+class SweepFile:
+    """Keeps the runs of a sweep, each when it is finished.
+
+    Args:
+        path: of the Parquet file that will be.
+        kinds: the columns.
+        meta: plain data; its ``"manifest"`` tells sweeps apart.
+        fresh: leave what is there unread, and replace it.
+
+    Attributes:
+        rows: what was finished before, by number of the run.
+
+    Raises:
+        InputError: without pyarrow; for a file of another sweep, of none, in use, or that cannot be written.
+    """
+
+    def __init__(self, path: Path, kinds: Kinds, meta: Mapping[str, Any], fresh: bool) -> None:
+        if path.suffix != SUFFIX:
+            raise InputError(f"the file of a sweep ends in {SUFFIX}, got {str(path)!r}")
+        self.path, self.kinds, self.meta = path, kinds, meta
+        self.schema = _schema({**kinds, MORE: MORE}, meta)
+        self.rows: dict[int, Row] = {}
+        self.part = path.with_name(path.name + PART)
+        self._file: int | None = None
+        self._replaces = fresh and path.exists()  # until the first run is done
+        if not fresh and path.exists():
+            rows, found = read(path)
+            self._same(found)
+            self.rows = {row["run"]: row for row in rows}
+        else:
+            self._open(fresh)
+
+    def _open(self, fresh: bool) -> None:
+        """Open the stream, read what stands in it, and cut off what is no whole batch."""
+        try:
+            self._file = os.open(self.part, os.O_RDWR | os.O_CREAT, 0o666)
+        except OSError as e:
+            raise InputError(f"cannot write {self.part}: {e.strerror}") from None
+        self._lock()
+        content = b"" if fresh else self.part.read_bytes()
+        head = self.schema.serialize().to_pybytes()
+        end = 0
+        if len(content) >= len(head) or not head.startswith(content):
+            rows, found, end = _stream(content, self.part)
+            self._same(found)
+            self.rows = {row["run"]: row for row in rows}
+        os.ftruncate(self._file, end)
+        os.lseek(self._file, end, os.SEEK_SET)
+        if not end:
+            os.write(self._file, head)
+
+    def _lock(self) -> None:
+        with suppress(ImportError):
+            import fcntl
+
+            try:
+                fcntl.flock(self._file or 0, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                self.close()
+                raise InputError(f"{self.part} is in use: another process computes this sweep") from None
+
+    def _same(self, found: Mapping[str, Any]) -> None:
+        mine, there = self.meta["manifest"], found["manifest"]
+        other = [key for key in mine if mine[key] != there.get(key)]
+        if other:
+            self.close()
+            raise InputError(
+                f"{self.path} holds another sweep, with other {' and '.join(other)}: name another file, or start afresh"
+            )
+
+    def keep(self, row: Row) -> None:
+        """Write one finished run."""
+        batch = arrow().RecordBatch.from_pylist([{**row, MORE: list(row[MORE].items())}], self.schema)
+        if self._file is None:
+            return
+        data = memoryview(batch.serialize().to_pybytes())
+        try:
+            while data:
+                data = data[os.write(self._file, data) :]
+            if self._replaces:
+                self.path.unlink(missing_ok=True)
+        except OSError as e:
+            raise InputError(f"cannot write {self.part}, runs that are finished are kept: {e.strerror}") from None
+
+    def finish(self, rows: list[Row]) -> None:
+        """Write the table of all runs, and remove the stream."""
+        if self._file is not None:
+            write(self.path, rows, self.kinds, self.meta)
+            self.part.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Leave the file as it is."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+
+def write(path: Path, rows: Iterable[Row], kinds: Kinds, meta: Mapping[str, Any]) -> None:
+    """Write rows as Parquet, whole or not at all: the same rows give the same bytes.
+
+    Raises:
+        InputError: without pyarrow, or for an unwritable path.
+    """
+    pa, rows = arrow(), list(rows)
+    more = sorted({name for row in rows for name in row[MORE]})
+    table = pa.Table.from_pylist(
+        [{**row, **row[MORE]} for row in rows], _schema({**kinds, **dict.fromkeys(more, "float")}, meta)
+    )
+    with write_whole(path) as temporary:
+        pa.parquet.write_table(table.combine_chunks(), temporary)
+
+
+def read(path: Path) -> tuple[list[Row], dict[str, Any]]:
+    """Read the rows and the meta data of a sweep's file, or of its stream where that is not complete.
+
+    Raises:
+        InputError: without pyarrow, or for a file that is missing, damaged, or of no sweep.
+    """
+    pa, part = arrow(), path.with_name(path.name + PART)
+    if not path.exists() and part.exists():
+        return _stream(part.read_bytes(), part)[:2]
+    try:
+        table = pa.parquet.read_table(path)
+    except (OSError, ValueError, pa.ArrowException) as e:
+        raise InputError(f"cannot read {path}: {' '.join(str(e).split())}") from None
+    meta = _meta(table.schema, path)
+    rows = table.to_pylist()
+    for row in rows:
+        more = {name: row.pop(name) for name in list(row) if name not in meta["kinds"]}
+        row[MORE] = {name: x for name, x in more.items() if x is not None}
+    return rows, meta
+
+
+def _stream(content: bytes, path: Path) -> tuple[list[Row], dict[str, Any], int]:
+    """The rows of a stream, its meta data, and where its last whole batch ends."""
+    pa, rows = arrow(), []
+    source = pa.BufferReader(content)
+    try:
+        reader = pa.ipc.open_stream(source)
+        end = source.tell()
+        meta = _meta(reader.schema, path)
+    except (OSError, ValueError, pa.ArrowException):
+        raise InputError(f"{path} is no file of a sweep, or damaged") from None
+    with suppress(StopIteration, OSError, ValueError, pa.ArrowException):
+        while True:
+            rows += reader.read_next_batch().to_pylist()
+            end = source.tell()
+    for row in rows:
+        row[MORE] = dict(row[MORE])
+    return rows, meta, end
+
+
+def _meta(schema: Any, path: Path) -> dict[str, Any]:
+    if META not in (schema.metadata or {}):
+        raise InputError(f"{path} is no file of a sweep")
+    return json.loads(schema.metadata[META])
+
+
+def _schema(kinds: Kinds, meta: Mapping[str, Any]) -> Any:
+    pa = arrow()
+    types = {
+        "int": pa.int64(),
+        "float": pa.float64(),
+        "text": pa.string(),
+        "bool": pa.bool_(),
+        "floats": pa.list_(pa.float64()),
+        MORE: pa.map_(pa.string(), pa.float64()),
+    }
+    return pa.schema([(name, types[kind]) for name, kind in kinds.items()], {META: json.dumps(meta).encode()})
+
+
+def arrow() -> Any:
+    """The module pyarrow.
+
+    Raises:
+        InputError: when it is not installed.
+    """
+    try:
+        import pyarrow.parquet
+    except ImportError:
+        raise InputError('the file of a sweep takes pyarrow: pip install "mbdae[sweep]"') from None
+    return pyarrow

@@ -1,0 +1,79 @@
+"""Which rows hold: against enumeration of all cases, and against closed forms."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from mbdae.mechanism.hybrid.box_lcp import choose
+from mbdae.mechanism.hybrid.friction_utilisation import smallest
+
+INF = np.inf
+
+
+def enumerate_cases(W, a, lower, upper):
+    """Accelerations for which each row is held within its limits, or is at one and accelerates away: try all cases."""
+    m = len(a)
+    for case in product((0, -1, 1), repeat=m):
+        lam = np.array([lower[i] if c < 0 else upper[i] if c > 0 else 0.0 for i, c in enumerate(case)])
+        held = [i for i in range(m) if case[i] == 0]
+        if not np.isfinite(lam).all():
+            continue
+        if held:
+            lam[held] = np.linalg.lstsq(W[np.ix_(held, held)], -(a + W @ lam)[held], rcond=1e-9)[0]
+        acc = a + W @ lam
+        fits = [
+            abs(acc[i]) < 1e-9 and lower[i] - 1e-9 <= lam[i] <= upper[i] + 1e-9
+            if c == 0
+            else -c * acc[i] >= -1e-9
+            for i, c in enumerate(case)
+        ]
+        if all(fits):
+            return acc
+    return None
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_what_holds_is_what_a_look_at_all_cases_finds(seed):
+    rng = np.random.default_rng(seed)
+    m = rng.integers(1, 5)
+    B = rng.normal(size=(m + 2, m)) * 10.0 ** rng.uniform(-3, 3, m)
+    a = rng.normal(size=m) * np.linalg.norm(B, axis=0)
+    size = 1 / np.linalg.norm(B, axis=0)
+    limit = rng.uniform(0.1, 1.5, m) * size
+    presses = rng.random(m) < 0.4
+    lower, upper = np.where(presses, 0.0, -limit), np.where(presses, INF, limit)
+    acc = a + B.T @ B @ choose(B, a, lower, upper)
+    scaled = enumerate_cases(B.T @ B * np.outer(size, size), a * size, lower / size, upper / size)
+    np.testing.assert_allclose(acc * size, scaled, atol=1e-8)
+
+
+def test_a_block_on_a_slope_slides_with_what_friction_leaves():
+    B, weight = np.array([[0.5**0.5]]), 7.0  # 2 kg
+    (lam,) = choose(B, np.array([weight / 2]), np.array([-5.0]), np.array([5.0]))
+    assert lam == -5.0
+    (lam,) = choose(B, np.array([weight / 2]), np.array([-7.5]), np.array([7.5]))
+    assert lam == pytest.approx(-7.0, abs=1e-14)
+
+
+@pytest.mark.parametrize(("gear", "together"), [(1.0, 4.0), (2.0, 5.0)])
+@pytest.mark.parametrize("part", [0.5, 0.999999, 1.5])
+def test_rows_that_depend_on_each_other_share_the_load(gear, together, part):
+    """Two brakes, 3 and 1 N, of one block; the second one turns as fast, or twice as fast: they hold 4 N, or 5 N."""
+    B, a, limit = np.array([[1.0, gear]]), np.array([1.0, gear]), np.array([3.0, 1.0])
+    lam = -part * together * np.linalg.pinv(B)[:, 0]  # of least norm
+    null = np.array([[gear], [-1.0]])
+    assert smallest(lam / limit, null / limit[:, None]) == pytest.approx(part, rel=1e-13)
+    acc = part * together + (B @ choose(B, part * together * a, -limit, limit))[0]
+    assert acc == pytest.approx(max(0.0, part - 1) * together, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_smallest_share_is_the_least_largest_one(seed):
+    """Against a fine search over the one multiplier that is free."""
+    rng = np.random.default_rng(seed)
+    load, null = rng.normal(size=5), rng.normal(size=(5, 1))
+    z = np.linspace(-20, 20, 400001)
+    searched = np.abs(load[:, None] + null * z).max(axis=0).min()
+    assert smallest(load, null) == pytest.approx(searched, abs=3e-4)
+    assert smallest(load, null) <= searched
