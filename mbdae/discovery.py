@@ -13,7 +13,7 @@ from typing import Any
 
 from .errors import InputError
 
-OWN = ("mechanism.toml", "mechanism.py")  # in the folder of a model that comes with mbdae
+LIBRARY_FILES = ("mechanism.toml", "mechanism.py")  # in the folder of a model that comes with mbdae
 PACKAGE = Path(__file__).resolve().parent
 
 
@@ -38,7 +38,7 @@ def plugins(group: str, fits: Callable[[Any], bool], what: str) -> dict[str, Any
         what: what it should be, in words.
     """
     out: dict[str, Any] = {}
-    for point in added(group):
+    for point in entry_points_of(group):
         where = f"entry point {point.name!r} of {group} in {point.dist.name if point.dist else 'a package'}"
         try:
             value = point.load()
@@ -52,7 +52,7 @@ def plugins(group: str, fits: Callable[[Any], bool], what: str) -> dict[str, Any
     return out
 
 
-def added(group: str) -> Any:
+def entry_points_of(group: str) -> Any:
     """Return the entry points of a group, see `plugins`, of which none is imported."""
     from importlib.metadata import entry_points  # slow to import, and seldom asked for
 
@@ -86,7 +86,7 @@ def models_directory() -> Path:
 
 def model_names() -> list[str]:
     """Names of the models that come with mbdae."""
-    return sorted({file.parent.name for own in OWN for file in models_directory().glob(f"*/{own}")})
+    return sorted({file.parent.name for own in LIBRARY_FILES for file in models_directory().glob(f"*/{own}")})
 
 
 def later(module: str, name: str) -> Callable[..., Any]:

@@ -8,8 +8,14 @@ from types import UnionType
 from typing import Any, TypeGuard
 from unicodedata import category
 
-MANY = 60  # names that a message lists
-ACTING = ("Cc", "Cf", "Cs", "Zl", "Zp")  # control, format (writing direction), halves of characters, line ends
+MAX_LISTED = 60  # names that a message lists
+CONTROL_CATEGORIES = (
+    "Cc",
+    "Cf",
+    "Cs",
+    "Zl",
+    "Zp",
+)  # control, format (writing direction), halves of characters, line ends
 STATUS = {
     "finished": "the end of the time span was reached",
     "event": "a terminal event occurred",
@@ -32,7 +38,7 @@ STATUS = {
 
 def printable(text: str) -> str:
     """A text whose control characters, but for line ends and tabs, are escapes: they could act on a terminal."""
-    return "".join(ascii(c)[1:-1] if category(c) in ACTING and c not in "\n\t" else c for c in text)
+    return "".join(ascii(c)[1:-1] if category(c) in CONTROL_CATEGORIES and c not in "\n\t" else c for c in text)
 
 
 class MbdaeError(Exception):
@@ -70,7 +76,7 @@ def is_number(x: object) -> TypeGuard[float]:
     return isinstance(x, Real) and not isinstance(x, bool) and isfinite(float(x))
 
 
-def several(values: Any, what: str) -> list[Any]:
+def as_list(values: Any, what: str) -> list[Any]:
     """Return an argument that lists names as a list; a bare name is a list of one.
 
     Raises:
@@ -97,9 +103,9 @@ class UnknownNameError(InputError):
         self.kind, self.name, self.valid = kind, name, tuple(valid)
         near = get_close_matches(str(name), self.valid, n=1)
         hint = f" (did you mean {near[0]!r}?)" if near else ""
-        all_of = f", ... ({len(self.valid)} in all)" if len(self.valid) > MANY else ""
+        all_of = f", ... ({len(self.valid)} in all)" if len(self.valid) > MAX_LISTED else ""
         self.what = f"unknown {kind} {name!r}{hint}"
-        self.choice = f"valid: {', '.join(self.valid[:MANY]) or 'none'}{all_of}"
+        self.choice = f"valid: {', '.join(self.valid[:MAX_LISTED]) or 'none'}{all_of}"
         super().__init__(f"{self.what}; {self.choice}")
 
 

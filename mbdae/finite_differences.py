@@ -19,18 +19,18 @@ from .system import Array
 
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}  # k: of f(k h) - f(-k h), over h
 ONE_SIDED = {1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}  # k: of f(k h) - f(0), over h
-PLACES = (-3, -2, -1, 1, 2, 3)  # all k
+STENCIL = (-3, -2, -1, 1, 2, 3)  # all k
 ABOVE, BELOW = (0, 1, 2, 3, 4, 5, 6), (0, -1, -2, -3, -4, -5, -6)  # those of one-sided differences
 NARROWER, TIMES = 8.0, 6  # how much, and how often a width shrinks
-AGREE = 1e-10  # of a slope: what two widths may differ by
+AGREEMENT = 1e-10  # of a slope: what two widths may differ by
 ROUNDING = 1e-15  # of the largest value: what closes is a difference of such ones
 
 
-def quotient(values: Mapping[int, Any], h: float) -> Any:
+def central_difference(values: Mapping[int, Any], h: float) -> Any:
     """Return the slope of numbers or arrays known at k h; exactly zero where they do not change.
 
     Args:
-        values: by k, all of `PLACES`, `ABOVE` or `BELOW`.
+        values: by k, all of `STENCIL`, `ABOVE` or `BELOW`.
         h: the width.
     """
     if 0 not in values:
@@ -41,20 +41,20 @@ def quotient(values: Mapping[int, Any], h: float) -> Any:
 
 def weights(places: Iterable[int], h: float) -> dict[int, float]:
     """Return the numbers by which `quotient` multiplies values at these places."""
-    return {k: float(quotient({i: float(i == k) for i in places}, h)) for k in places}
+    return {k: float(central_difference({i: float(i == k) for i in places}, h)) for k in places}
 
 
-def slope(value: Callable[[float], Any], h: float) -> Any:
+def numerical_derivative(value: Callable[[float], Any], h: float) -> Any:
     """Return the slope of value: x -> number or array at x = 0 from places h apart."""
-    return quotient({k: value(k * h) for k in PLACES}, h)
+    return central_difference({k: value(k * h) for k in STENCIL}, h)
 
 
-def slopes(value: Callable[[Array], Any], n: int, h: float) -> Array:
+def numerical_jacobian(value: Callable[[Array], Any], n: int, h: float) -> Array:
     """Return the slopes of value: x (n,) -> (...) at x = 0 along each coordinate, (..., n)."""
-    return np.stack([slope(lambda x, e=e: value(x * e), h) for e in np.eye(n)], axis=-1)  # type: ignore[misc]
+    return np.stack([numerical_derivative(lambda x, e=e: value(x * e), h) for e in np.eye(n)], axis=-1)  # type: ignore[misc]
 
 
-class Settled(NamedTuple):
+class ConvergedDifference(NamedTuple):
     """A slope (n, ...), the width of its differences, and how far another width is from it, relative to the largest."""
 
     slope: Array
@@ -62,9 +62,9 @@ class Settled(NamedTuple):
     apart: float
 
 
-def settled(
+def converged_difference(
     values: Callable[[float], Mapping[int, Array]], h: float, noise: float = 0.0, times: int = TIMES
-) -> Settled:
+) -> ConvergedDifference:
     """Return the slope of arrays with a width small enough for it: where narrower differences say the same.
 
     Args:
@@ -76,7 +76,7 @@ def settled(
     Raises:
         MbdaeError: what the narrowest values raise, where none can be computed.
     """
-    last, best, least = None, None, np.inf  # type: Settled | None, Settled | None, float
+    last, best, least = None, None, np.inf  # type: ConvergedDifference | None, ConvergedDifference | None, float
     for i in range(times + 1):
         try:
             found = values(h)
@@ -84,17 +84,17 @@ def settled(
             if i == times and last is None:
                 raise
         else:
-            slope = np.asarray(quotient(found, h))
+            slope = np.asarray(central_difference(found, h))
             if last:
                 gap, size, value = _rows(slope - last.slope), _rows(slope), np.abs([*found.values()]).max(initial=0.0)
                 excess = gap - (noise + ROUNDING * value) / h
                 miss = float(np.max(excess / np.where(size > 0, size, 1.0), initial=0.0))
                 apart = float(max(excess.max(initial=0.0), 0.0) / (size.max(initial=0.0) or 1.0))
-                if miss <= AGREE:
+                if miss <= AGREEMENT:
                     return last._replace(apart=apart)
                 if miss < least:
-                    best, least = Settled(slope, h, apart), miss
-            last = Settled(slope, h, np.inf)
+                    best, least = ConvergedDifference(slope, h, apart), miss
+            last = ConvergedDifference(slope, h, np.inf)
         h /= NARROWER
     assert last
     return best or last

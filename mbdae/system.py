@@ -222,7 +222,7 @@ class System(Protocol):
         """Return theta -> y (n,) on a step, of the wanted order, from y (n,) and y' (ny,) at both ends."""
 
 
-class StageVariation(Protocol):
+class StageSensitivity(Protocol):
     """How x' = F of a stage moves; m variations or cotangents stand side by side."""
 
     def forward(self, dx: Array, dxhat: Array, dy: Array, dp: Array, clock: Array | None = None) -> Array:
@@ -235,7 +235,7 @@ class StageVariation(Protocol):
         """Return the cotangents of x, xhat, y_n and the parameters, of that of x', (ny, m)."""
 
 
-class StageEquations(NamedTuple):
+class StagePartials(NamedTuple):
     """The slopes of the ny + m equations of a stage of a collocation method, each (ny + m, ...).
 
     Attributes:
@@ -255,7 +255,7 @@ class StageEquations(NamedTuple):
     t: Array
 
 
-class Variations(Protocol):
+class DiscreteSensitivity(Protocol):
     """The slopes of what a run is made of, with respect to (dy, dp): y in its tangent (ny,) and k parameters.
 
     Attributes:
@@ -272,10 +272,10 @@ class Variations(Protocol):
 
     def stage(
         self, chart: Any, times: tuple[float, float], x: Array, xhat: Array, factor: float, F: Array, lam: Array
-    ) -> StageVariation:
+    ) -> StageSensitivity:
         """Take the slopes of a stage at t and that that was just computed: x' (ny,) and the unknown z (m,)."""
 
-    def implicit(self, chart: Any, t: float, x: Array, F: Array, z: Array) -> StageEquations:
+    def implicit(self, chart: Any, t: float, x: Array, F: Array, z: Array) -> StagePartials:
         """Take the slopes of a stage of a collocation method at t, of x and x', (ny,), and the unknown z, (m,)."""
 
     def first(self, dy: Array, carry: Array) -> Array:

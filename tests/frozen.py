@@ -21,9 +21,9 @@ def quotient(run, value, width, mech=None):
     """Derivative of order six of run(value + k h), points (n, ...) or other numbers."""
     h = width * (abs(value) or 1.0)
     if mech is None:
-        return finite_differences.slope(lambda x: run(value + x), h)
+        return finite_differences.numerical_derivative(lambda x: run(value + x), h)
     base = run(value)
-    return finite_differences.slope(lambda x: difference(mech, base, run(value + x)), h)
+    return finite_differences.numerical_derivative(lambda x: difference(mech, base, run(value + x)), h)
 
 
 def best(found, run, value, widths=(3e-4, 1e-3, 3e-3), mech=None):

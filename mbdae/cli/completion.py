@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from click import Context, Parameter
 from click.shell_completion import CompletionItem
 
-from ..discovery import added, instances, model_names, public
+from ..discovery import entry_points_of, instances, model_names, public
 
 FORMULATIONS = ("index2", "ggl", "index1")
 COMPARED = ("index2", "project", "ggl")  # in which a comparison has half-explicit methods
@@ -21,7 +21,7 @@ def problems() -> list[str]:
 def methods() -> list[str]:
     """Names of all methods, those of installed packages too; scipy's are left out."""
     found = instances("mbdae.methods", "Tableau", "RadauIIA", "ExplicitMethod")
-    return sorted({*found, *(point.name for point in added("mbdae.methods"))})
+    return sorted({*found, *(point.name for point in entry_points_of("mbdae.methods"))})
 
 
 def completed(names: Callable[[], Iterable[str]], *, files: bool = True) -> Completion:

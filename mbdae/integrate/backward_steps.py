@@ -19,7 +19,7 @@ MOST = 100  # steps from one time to the next; twice what ever were needed
 
 
 @dataclass(frozen=True)
-class Retracer:
+class BackwardStepper:
     """Steps back from a run's last node.
 
     Attributes:
@@ -34,7 +34,7 @@ class Retracer:
     anywhere: bool
 
     @classmethod
-    def of(cls, run: RunState, rtol: float) -> "Retracer | None":
+    def of(cls, run: RunState, rtol: float) -> "BackwardStepper | None":
         """Return what steps back from a run's last node; None where forces cannot be followed back in time."""
         try:
             run.system.breakpoint(run.t, -run.sign)

@@ -8,7 +8,7 @@ from ..system import Array, State
 from .checkpoints import SHORT
 
 
-class Carried:
+class CarryRecord:
     """What is carried, node by node, and where it was found anew."""
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class Carried:
         return np.array([self.rows[i] for i in range(n - 1)]), sorted(i for i in self.renewed if i < n)
 
 
-class KeptStates:
+class RecordedStates:
     """The states of a run that kept what its method carried, see `mbdae.integrate.checkpoints`."""
 
     def __init__(self, ys: Array, carries: Array) -> None:

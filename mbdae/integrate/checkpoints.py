@@ -13,7 +13,7 @@ from ..system import Array, State
 
 SHORT = 1000  # steps of which all states are kept
 
-Walk = Callable[[int, int, State], list[State]]
+Recompute = Callable[[int, int, State], list[State]]
 
 
 class Checkpoints:
@@ -29,7 +29,7 @@ class Checkpoints:
         length: of a segment, in nodes: k.
     """
 
-    def __init__(self, n: int, start: State, walk: Walk) -> None:
+    def __init__(self, n: int, start: State, walk: Recompute) -> None:
         self.n, self.walk, self.length = n, walk, max(SHORT, isqrt(n))
         self.kept = [start]
         while len(self.kept) * self.length < n:

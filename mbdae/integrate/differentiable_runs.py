@@ -7,7 +7,7 @@ from ..methods.radau import RadauIIA
 from ..solution.solution import Solution
 
 
-def traceable(sol: Solution) -> Mechanism:
+def require_differentiable(sol: Solution) -> Mechanism:
     """The mechanism of a run whose steps can be gone along.
 
     Raises:
@@ -22,13 +22,15 @@ def traceable(sol: Solution) -> Mechanism:
         raise InputError(f"the run stopped before its end ({sol.status}): {sol.message}")
     if len(sol.modes) > 1 or sol.impacts:
         where = float(sol.nodes[0][sol.modes[1][0]]) if len(sol.modes) > 1 else sol.impacts[0].t
-        raise InputError(f"{_switched(sol)!r} switches at t = {where:.9g} s: no derivative of runs in which rows do")
+        raise InputError(
+            f"{_first_switch(sol)!r} switches at t = {where:.9g} s: no derivative of runs in which rows do"
+        )
     if sol.singular:
         raise InputError(f"the run passes a singular configuration at t = {sol.singular[0].t:.9g} s: no derivative")
     return mech
 
 
-def _switched(sol: Solution) -> str:
+def _first_switch(sol: Solution) -> str:
     """What opens, closes, sticks or slips first."""
     if sol.impacts:
         return sol.impacts[0].where[0]

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from ..errors import InputError
 from ..mechanism.callbacks import function_name
 from ..system import Array
-from .signal_events import TOUCH, SignalEvent, behind_jump
+from .signal_events import TANGENCY_TOLERANCE, SignalEvent, crossing_at_jump
 
 if TYPE_CHECKING:
     from ..system import Step
@@ -76,7 +76,7 @@ def as_events(events: Any) -> tuple[Event, ...]:
     return tuple(out)
 
 
-class EventWatch:
+class EventDetector:
     """Follows events from step to step and keeps what was found.
 
     What is zero at the start of the run, to rounding, is an event there, in the direction in which it leaves zero, but
@@ -139,7 +139,7 @@ class EventWatch:
     def step(self, step: "StepMap") -> tuple[float, Event] | None:
         """Look at a step; return the first terminal event in it, behind the share of the step there."""
         t, h = step.t, step.h
-        touch = None if t == self._seen else TOUCH if np.isnan(self._seen) else 0.0
+        touch = None if t == self._seen else TANGENCY_TOLERANCE if np.isnan(self._seen) else 0.0
         self._seen = step.t1
         hits: list[tuple[float, int, Array]] = []
         for i, event in self.functions.items():
@@ -166,7 +166,7 @@ class EventWatch:
     def _zeros(self, i: int, event: Event, step: "StepMap", touch: float | None) -> list[float]:
         zeros, theta0, g0 = [], 0.0, self._last[i]
         if touch is not None:
-            passes, g0 = behind_jump(g0, self.evaluate(event, step.t, step.y), event.direction, touch)
+            passes, g0 = crossing_at_jump(g0, self.evaluate(event, step.t, step.y), event.direction, touch)
             zeros = [0.0] if passes else []
         known = {0.0: g0}
 

@@ -14,11 +14,11 @@ import numpy as np
 from ..errors import InputError, StepError
 from ..system import System
 
-CROWD = 100  # jumps within roundings of one another that count as one
+MAX_CLUSTER = 100  # jumps within roundings of one another that count as one
 MARGIN = 8  # roundings of t by which a step stays before a jump: more than the times of its stages can err
 
 
-class Leg(NamedTuple):
+class SmoothInterval(NamedTuple):
     """The way to the next jump or the end of the span.
 
     Attributes:
@@ -51,7 +51,7 @@ class Jumps:
     ) -> None:
         self.system, self.times, self.t1, self.sign = system, sorted({*_checked(times), *knots}), t1, sign
 
-    def leg(self, t: float) -> Leg:
+    def leg(self, t: float) -> SmoothInterval:
         """Return the leg from t on. Jumps that differ by roundings only count as one.
 
         Raises:
@@ -60,12 +60,12 @@ class Jumps:
         s, margin = self.sign, MARGIN * float(np.spacing(max(abs(t), abs(self.t1))))
         first = self._next(self._last(t, 4 * margin))
         if s * (first - self.t1) > 4 * margin:
-            return Leg(self.t1, self.t1, None)
+            return SmoothInterval(self.t1, self.t1, None)
         stop = first - s * margin
         if s * (self.t1 - first) <= 4 * margin:
-            return Leg(stop, self.t1, None)
+            return SmoothInterval(stop, self.t1, None)
         last = self._last(first, 4 * margin)
-        return Leg(stop, stop, last if s > 0 else last - margin)
+        return SmoothInterval(stop, stop, last if s > 0 else last - margin)
 
     def _next(self, t: float) -> float:
         s = self.sign
@@ -75,7 +75,7 @@ class Jumps:
 
     def _last(self, t: float, near: float) -> float:
         """The last jump of those that follow t, and one another, within ``near``; t if none does."""
-        for _ in range(CROWD):
+        for _ in range(MAX_CLUSTER):
             later = self._next(t)
             if self.sign * (later - t) > near:
                 return t

@@ -17,18 +17,18 @@ from collections.abc import Callable
 import numpy as np
 
 from ..errors import STATUS, InputError, StepError
-from ..mechanism.hybrid.switches import words
+from ..mechanism.hybrid.switches import describe_mode
 from ..solution.solution import Problem
-from .mode_switching.step_truncation import ended, too_long
+from .mode_switching.step_truncation import reject_unresolved_step, truncate_at_guard
 from .run import RunState
 from .singularity_crossing import KNOWN
 from .step_map import StepMap
-from .termination import end_events, end_in_event
+from .termination import drop_later_events, terminate_at_event
 
 Progress = Callable[[float], None]
 
 
-def carry_out(run: RunState, max_steps: int | None, progress: Progress | None) -> tuple[str, str]:
+def run_to_end(run: RunState, max_steps: int | None, progress: Progress | None) -> tuple[str, str]:
     """Run to the end of the span or as far as can be; return status and message.
 
     Raises:
@@ -49,7 +49,7 @@ def carry_out(run: RunState, max_steps: int | None, progress: Progress | None) -
                 _check_drivers(run.problem, t0, run.t1)
             except StepError as wrong:
                 e = wrong
-        return e.status, _explained(run, e)
+        return e.status, _failure_message(run, e)
     except KeyboardInterrupt:
         return "interrupted", f"{STATUS['interrupted']} at t = {run.t:.6g}"
     if stopped:
@@ -59,7 +59,7 @@ def carry_out(run: RunState, max_steps: int | None, progress: Progress | None) -
     return ("driver", words) if words else ("finished", STATUS["finished"])
 
 
-def _explained(run: RunState, e: StepError) -> str:
+def _failure_message(run: RunState, e: StepError) -> str:
     """Say why a run stopped; of one that goes through modes also when, and in which of them."""
     if not run.modes:
         return str(e)
@@ -69,7 +69,11 @@ def _explained(run: RunState, e: StepError) -> str:
         order = "the order of the two is beyond what its place is known to"
         return f"{names} met within {KNOWN:g} rad or m of a singular configuration: {order} ({e})"
     when = "" if "t = " in str(e) else f", at t = {run.t:.17g}"
-    mode = f" ({words(run.modes.switches, run.modes.system.mode)})" if e.status in ("step_size", "singular") else ""
+    mode = (
+        f" ({describe_mode(run.modes.switches, run.modes.system.mode)})"
+        if e.status in ("step_size", "singular")
+        else ""
+    )
     return f"{e}{when}{mode}"
 
 
@@ -85,21 +89,21 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
         began = None if run.singular is not None and run.singular.leap(run) else start
         if began:
             run.stepper.advance(run, 1 if run.modes or not events.by_signal else left)
-        if len(run.ts) == before or too_long(run, began):
+        if len(run.ts) == before or reject_unresolved_step(run, began):
             continue
         if run.stiffness:
             run.stiffness.look(run)
         if events.stopped:
-            end_events(run)
+            drop_later_events(run)
             return True
-        fired = ended(run, began) if run.modes else []
+        fired = truncate_at_guard(run, began) if run.modes else []
         if run.modes and run.singular and began and len(run.ts) > before:
             run.singular.step(run, run.to_go() == 0, bool(fired))
         if events.events and not events.looked:
             step = StepMap(run, began)
             stop = events.step(step)
             if stop:
-                end_in_event(step, *stop)
+                terminate_at_event(step, *stop)
                 return True
         if run.modes and fired and run.to_go() > 0:
             run.modes.switch(run, fired)

@@ -5,20 +5,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import NotCompiled
-from ..mechanism.discrete_sensitivity.core_parameters import vary
-from ..mechanism.formulations.compiled_systems import Compiled
+from ..mechanism.discrete_sensitivity.core_parameters import bind_parameters
+from ..mechanism.formulations.compiled_systems import CompiledSystem
 from ..methods import Tableau
 from ..system import Array, State
-from .steppers.adaptive import NOTHING
+from .steppers.adaptive import SMALLEST_SCALE
 from .steppers.fixed import TOLERATED
 
 if TYPE_CHECKING:
-    from .trajectory import Trace
+    from .trajectory import Trajectory
 
 MANY = 1000  # steps of a call, between looks at Ctrl-C
 
 
-class Nodes(NamedTuple):
+class NodeRange(NamedTuple):
     """Some nodes of a trace: the steps that they are of, times (m + 1,), points, and what is carried there."""
 
     steps: range
@@ -27,7 +27,7 @@ class Nodes(NamedTuple):
     carries: Array
 
 
-class Walked(NamedTuple):
+class RecomputedStates(NamedTuple):
     """States behind some steps, whether what is carried was found anew there, and whether all could be repeated."""
 
     states: list[State]
@@ -35,7 +35,7 @@ class Walked(NamedTuple):
     complete: bool
 
 
-class CoreSteps:
+class NativeTrajectory:
     """The steps of a trace as the compiled core goes along them, from node i to node j > i with nothing between.
 
     Args:
@@ -45,16 +45,16 @@ class CoreSteps:
         NotCompiled: for what the core does not have.
     """
 
-    def __init__(self, trace: "Trace", system: Compiled) -> None:
+    def __init__(self, trace: "Trajectory", system: CompiledSystem) -> None:
         self.trace, self.core = trace, system.core
-        self.parameters = vary(system, trace.slopes.parameters)
+        self.parameters = bind_parameters(system, trace.slopes.parameters)
         self.method = system.method(trace.tableau)
         self.run = system.native.Run()
         self.run.project, self.run.adaptive, self.run.tolerated = trace.project, trace.controlled, TOLERATED
         if trace.controlled:
             control = self.run.control
             control.rtol, control.atol = trace.stepper.rtol, np.atleast_1d(trace.stepper.atol).tolist()
-            control.nothing = NOTHING
+            control.nothing = SMALLEST_SCALE
         self.blocked: set[int] = set()  # steps that the core could not go along
 
     def after(self, i: int, ends: bool = False) -> int:
@@ -82,21 +82,21 @@ class CoreSteps:
         """Say whether node i leads to the next by a step that the core takes, but for what is carried on from there."""
         return not (self.trace.jumped[i] or i + 1 in self.trace.changes or i in self.blocked)
 
-    def nodes(self, i: int, j: int) -> Nodes:
+    def nodes(self, i: int, j: int) -> NodeRange:
         """Nodes i .. j, the rows of whose steps are in use then."""
         trace, carries = self.trace, np.zeros((j - i + 1, self.trace.n_carry))
         if trace.walked:
             carries[:-1] = trace.walked.carried(i, j)
         trace.hold(i)
-        return Nodes(range(i, j), np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1]), carries)
+        return NodeRange(range(i, j), np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1]), carries)
 
-    def short(self, i: int, t: float) -> Nodes:
+    def short(self, i: int, t: float) -> NodeRange:
         """Node i and the end of a shorter step from there."""
         trace = self.trace
         _, ts, ys, carries = self.nodes(i, i + 1 if i + 1 < len(trace.ts) else i)
-        return Nodes(range(i, i + 1), np.array([ts[0], t]), np.array([ys[0], ys[0]]), np.array([carries[0]] * 2))
+        return NodeRange(range(i, i + 1), np.array([ts[0], t]), np.array([ys[0], ys[0]]), np.array([carries[0]] * 2))
 
-    def walk(self, i: int, j: int, state: State, near: tuple[float, float]) -> Walked | None:
+    def walk(self, i: int, j: int, state: State, near: tuple[float, float]) -> RecomputedStates | None:
         """Go on from node i to j, or as far as nothing but steps leads there.
 
         Only the last point is that where they end; before it those of the run stand for them.
@@ -115,9 +115,9 @@ class CoreSteps:
         carries, renewed, steps, end = found
         points = [*ys[1:steps], end] if steps else []
         states = [State(y, carry) for y, carry in zip(points, carries[1:], strict=False)]
-        return Walked(states, renewed[1 : steps + 1], i + steps == j)
+        return RecomputedStates(states, renewed[1 : steps + 1], i + steps == j)
 
-    def adjoint(self, nodes: Nodes, extra: Array, bar: Array) -> tuple[Array, Array] | None:
+    def adjoint(self, nodes: NodeRange, extra: Array, bar: Array) -> tuple[Array, Array] | None:
         """Return the cotangents of y and carry at the first node, (ny + nc,), and of the parameters, (k,).
 
         Args:
@@ -129,7 +129,7 @@ class CoreSteps:
         found = self.core.adjoint(*given, *nodes[1:], extra, bar)
         return self._tried(nodes.steps, found)
 
-    def tangent(self, nodes: Nodes, first: Array, dp: Array) -> Array | None:
+    def tangent(self, nodes: NodeRange, first: Array, dp: Array) -> Array | None:
         """Return the variations of y and carry at the nodes, (m + 1, d, ny + nc).
 
         Args:
@@ -147,13 +147,13 @@ class CoreSteps:
         return found
 
 
-def core_steps(trace: "Trace") -> CoreSteps | None:
+def native_trajectory(trace: "Trajectory") -> NativeTrajectory | None:
     """The steps of a trace in the core; None where Python goes along them."""
-    if not isinstance(trace.system, Compiled) or not isinstance(trace.tableau, Tableau):
+    if not isinstance(trace.system, CompiledSystem) or not isinstance(trace.tableau, Tableau):
         return None
     if trace.system.mechanism.switches or trace.system.sliding:  # the core has parameters in one mode, without friction
         return None
     try:
-        return CoreSteps(trace, trace.system)
+        return NativeTrajectory(trace, trace.system)
     except NotCompiled:
         return None

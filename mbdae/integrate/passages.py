@@ -9,13 +9,13 @@ from scipy.optimize import minimize_scalar
 
 from ..errors import StepError
 from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.singularity import Singular, open_limit, singular, tangent, turned, turning
+from ..mechanism.singularity import Singular, open_limit, singular, tangent, tangent_space_angle, tangent_space_rate
 from ..system import Array
 
 if TYPE_CHECKING:
     from .run import RunState
 
-ZONE = 0.2  # of the largest ratio: below, loops are closed and steps look ahead where it falls
+MONITORED_RATIO = 0.2  # of the largest ratio: below, loops are closed and steps look ahead where it falls
 BEND, EXPLAINED = 0.2, 3.0  # rad, and times the turning before: what tangent spaces may differ by
 EDGES = 1 / 2.0 ** np.arange(6, 0, -1)  # of the way from a singular configuration to a node: where the zone may end
 CLOSED = 1e-12  # m or rad: loops open by less, and branches apart by its root, are as good as kept closed
@@ -65,8 +65,11 @@ class Passages:
         if not passed:
             return
         before, after = (self._edge(run, passed.t, i, range(a, b)) for i in (a, b))
-        angle, way = turned(*(tangent(self.workspace, *end) for end in (before, after))), after[0] - before[0]
-        explained = EXPLAINED * abs(way) * turning(self.workspace, *before, way)
+        angle, way = (
+            tangent_space_angle(*(tangent(self.workspace, *end) for end in (before, after))),
+            after[0] - before[0],
+        )
+        explained = EXPLAINED * abs(way) * tangent_space_rate(self.workspace, *before, way)
         if angle > BEND + explained:
             text = f"{passed}: there the run went over to another branch, {angle:.2g} rad beside the one before"
             self.end(run, a, f"{text}; take a smaller rtol, or project=True")
@@ -80,7 +83,7 @@ class Passages:
         for share in EDGES:
             i = next(i for i in steps if (run.ts[i + 1] - t - share * to) * run.sign >= 0)
             point = self._path(run, i)((t + share * to - run.ts[i]) / (run.ts[i + 1] - run.ts[i]))
-            if self._ratio(*point) >= ZONE * self.largest:
+            if self._ratio(*point) >= MONITORED_RATIO * self.largest:
                 return point
         return run.ts[node], run.ys[node]
 

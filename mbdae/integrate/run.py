@@ -8,16 +8,16 @@ import numpy as np
 from ..errors import StepError
 from ..solution.solution import Problem, Solution
 from ..system import Array, State, Step, System
-from .carry_record import Carried
-from .events import EventWatch
+from .carry_record import CarryRecord
+from .events import EventDetector
 from .growing_array import GrowingArray
 from .jumps import Jumps
-from .mode_switching.mode_monitor import ModeWatch
-from .singularity_monitor import SingularWatch
-from .stiffness_detection import StiffnessWatch
+from .mode_switching.mode_monitor import ModeMonitor
+from .singularity_monitor import SingularityMonitor
+from .stiffness_detection import StiffnessDetector
 
 if TYPE_CHECKING:
-    from .backward_steps import Retracer
+    from .backward_steps import BackwardStepper
     from .steppers.stepper import Stepper
 
 
@@ -43,12 +43,12 @@ class RunState:
         self.anew = False  # what the method carries was found anew when the last step was brought back
         self.ts, self.ys, self.zs = [t0], GrowingArray(start), GrowingArray(np.full(self.system.nz, np.nan))
         self.in_use: list[tuple[int, tuple[int, ...]]] = []  # from which node on which rows are solved for
-        self.carried = Carried()
-        self.events = EventWatch((), lambda *_: 0.0)
-        self.back: Retracer | None = None
-        self.singular: SingularWatch | None = None
-        self.stiffness: StiffnessWatch | None = None
-        self.modes: ModeWatch | None = None
+        self.carried = CarryRecord()
+        self.events = EventDetector((), lambda *_: 0.0)
+        self.back: BackwardStepper | None = None
+        self.singular: SingularityMonitor | None = None
+        self.stiffness: StiffnessDetector | None = None
+        self.modes: ModeMonitor | None = None
         self.settings: dict[str, Any] = {}  # what is recorded with the solution
         self.fallback = ""  # what keeps the run from the compiled core, in words
         self._record: Solution | None = None

@@ -10,16 +10,16 @@ from ..mechanism.reactions import scaled
 from ..solution.columns import balance
 from ..solution.solution import Solution
 
-OPEN = 0.01  # rad, or of a length: what would have to move by as much to close the loops
-SLIPPING = 1e-6  # |G v + g_t| over all rows, of 1 + |v|
-LOST = 0.1  # of the energy that moves
-PRESSED = 1e-6  # of the largest N: what is negative by less counts as 0
-APART = 1e-5  # of the largest row: rows that are projected depend on each other but for less
+POSITION_TOLERANCE = 0.01  # rad, or of a length: what would have to move by as much to close the loops
+VELOCITY_TOLERANCE = 1e-6  # |G v + g_t| over all rows, of 1 + |v|
+ENERGY_TOLERANCE = 0.1  # of the energy that moves
+LIFT_OFF_TOLERANCE = 1e-6  # of the largest N: what is negative by less counts as 0
+DEPENDENCE_TOLERANCE = 1e-5  # of the largest row: rows that are projected depend on each other but for less
 SAMPLES = 8  # steps at which the energy is looked at
 WATCHED = 400  # nodes at which preconditions of closures are checked
 
 
-def doubts(sol: Solution, system: Index2System) -> str:
+def accuracy_warnings(sol: Solution, system: Index2System) -> str:
     """Say in words what speaks against a run, and what to do; empty for nothing.
 
     Args:
@@ -33,20 +33,20 @@ def doubts(sol: Solution, system: Index2System) -> str:
     if system.ng:
         g, G = system.closures(q, ts[-1])
         reach = float(np.abs(G).max())
-        if not system.largest_g <= OPEN * (reach or 1.0):
+        if not system.largest_g <= POSITION_TOLERANCE * (reach or 1.0):
             which = largest_error(mech, g)
             opened = f"closures stood open by {system.largest_g:.2g}, on arms of {reach:.2g} m"
             found.append(f"{opened} ({which.name!r} by {which.text} at the end)")
-        if formulation != "index1" and not system.largest_rate <= SLIPPING:
+        if formulation != "index1" and not system.largest_rate <= VELOCITY_TOLERANCE:
             which = largest_error(mech, G @ v + system.g_t(ts[-1]), "/s")
             slipped = f"rows that depended on others are not kept: |G v| reached {system.largest_rate:.2g} (1 + |v|)"
             found.append(f"{slipped} ({which.name!r} {'slips' if which.slips else 'opens'} by {which.text} at the end)")
-    lost = _lost(sol, system)
-    if not lost <= LOST:
+    lost = relative_energy_error(sol, system)
+    if not lost <= ENERGY_TOLERANCE:
         found.append(f"the energy balance is lost: {lost:.2g} of the energy that moves")
     some = np.unique(np.linspace(0, len(ts) - 1, WATCHED).astype(int))
     unfit = lost_precondition(system, ts[some], ys[some, : system.nq])
-    more = [text for text in (departed(sol, system), lifts(sol), unfit) if text]
+    more = [text for text in (dependent_rows_changed(sol, system), lift_off(sol), unfit) if text]
     if not found:
         return "; ".join(more)
     fixed, kept = "step" in sol.settings, sol.settings["project"] or formulation == "ggl" or not system.ng
@@ -54,7 +54,7 @@ def doubts(sol: Solution, system: Index2System) -> str:
     return "; ".join([f"{'; '.join(found)}: {advice}", *more])
 
 
-def departed(sol: Solution, system: Index2System) -> str:
+def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
     """Say which closure was kept by others at the start and is not at the end of a projected run; empty for none.
 
     Wheels that steer in parallel, say: projection goes on to close all rows, and brakes what the mechanism cannot do.
@@ -66,13 +66,13 @@ def departed(sol: Solution, system: Index2System) -> str:
     G = scaled(system, ts[-1], system.split(ys[-1])[0])
     Q = np.linalg.qr(G[used].T)[0]
     size, left = np.linalg.norm(G, axis=1).max(), np.linalg.norm(G - G @ Q @ Q.T, axis=1)
-    if not left.max() > APART * size:
+    if not left.max() > DEPENDENCE_TOLERANCE * size:
         return ""
     name = sol.mechanism.row_names[int(left.argmax())]
     return f"{name!r} depended on other closures at the start and does not now: they cannot all be kept while it moves"
 
 
-def lifts(sol: Solution) -> str:
+def lift_off(sol: Solution) -> str:
     """Say which rolling bodies the surface would have to pull at, from when on; empty for none.
 
     The method's own multipliers tell where to look, those of the hidden constraint whether it is so.
@@ -90,14 +90,14 @@ def lifts(sol: Solution) -> str:
                 normal[i - 1] = sol.multipliers(ts[i - 1])[row]
                 break
         start = first_negative(ts, normal)
-        if start is not None and normal.min() < -PRESSED * np.abs(normal).max():
+        if start is not None and normal.min() < -LIFT_OFF_TOLERANCE * np.abs(normal).max():
             found.append(
                 f"{closure.name!r} is held on its surface from t = {start:.6g} s on, where N < 0: it would lift"
             )
     return "; ".join(found)
 
 
-def _lost(sol: Solution, system: Index2System) -> float:
+def relative_energy_error(sol: Solution, system: Index2System) -> float:
     """Largest |E - E_0 - W| at some steps over the largest of |W|, kinetic energy and the range of potential energy."""
     ys = sol.nodes[1]
     some = ys[np.unique(np.linspace(0, len(ys) - 1, SAMPLES + 1).astype(int))]

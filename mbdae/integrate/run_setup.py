@@ -13,21 +13,21 @@ from ..mechanism.formulations.index2 import Index2System
 from ..methods import EXPLICIT, METHODS, ExplicitMethod, Tableau
 from ..solution.solution import Problem
 from ..system import Array, System
-from .backward_steps import Retracer
+from .backward_steps import BackwardStepper
 from .binding import bind
-from .events import Event, EventWatch, as_events
+from .events import Event, EventDetector, as_events
 from .jumps import Jumps
-from .mode_switching.mode_monitor import ModeWatch
+from .mode_switching.mode_monitor import ModeMonitor
 from .run import RunState
 from .signal_events import SignalEvent
-from .singularity_monitor import SingularWatch
+from .singularity_monitor import SingularityMonitor
 from .span import checked_span
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 from .steppers.native import NativeStepper
-from .steppers.scipy_ivp import Baseline, Scipy, find
+from .steppers.scipy_ivp import Scipy, ScipySolver, find
 from .steppers.stepper import PythonStepper, Stepper
-from .stiffness_detection import StiffnessWatch
+from .stiffness_detection import StiffnessDetector
 from .termination import event_value
 
 DRIFTED = 100.0  # times rtol: how far loops may stand open at the start, as after a run that let them drift
@@ -62,7 +62,7 @@ def prepare(
     system, fallback = bind(problem, formulation, baumgarte, backend)
     inner = _stepper(system, tableau, formulation, step, control, t0, t1)
     stepper: Stepper = inner
-    if system.native and not isinstance(tableau, Baseline):
+    if system.native and not isinstance(tableau, ScipySolver):
         stepper = NativeStepper(inner, system, tableau, project)
     end = _reached(problem, t0, t1)
     ahead = Jumps(system, jumps, end, 1.0 if t1 >= t0 else -1.0, _knots(problem, system, t0, end))
@@ -81,11 +81,11 @@ def prepare(
     if isinstance(tableau, Tableau) and METHODS.get(tableau.name) is not tableau:
         run.settings["tableau"] = tableau.to_dict()
     wanted = as_events(events)
-    run.events = EventWatch(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
+    run.events = EventDetector(wanted, lambda e, t, y: event_value(system, e, t, y), _signals(problem, system, wanted))
     _set_watches(run, inner, formulation)
     if isinstance(problem, Mechanism) and isinstance(system, Index2System) and problem.switches:
         _refuse_modes(problem.switches[0].name, formulation, tableau, run.sign)
-        run.modes, run.events.by_signal = ModeWatch(system), False
+        run.modes, run.events.by_signal = ModeMonitor(system), False
     return run
 
 
@@ -116,7 +116,7 @@ def _knots(problem: Problem, system: System, t0: float, t1: float) -> Sequence[f
 
 
 def _refuse_modes(name: str, formulation: str, tableau: Any, sign: float) -> None:
-    if formulation != "index2" or isinstance(tableau, Baseline):
+    if formulation != "index2" or isinstance(tableau, ScipySolver):
         raise InputError(f"{name!r}: what opens, closes or steps needs formulation 'index2', got {formulation!r}")
     if sign < 0:
         raise InputError(f"{name!r}: modes are followed forward in time, impacts cannot be undone")
@@ -125,7 +125,7 @@ def _refuse_modes(name: str, formulation: str, tableau: Any, sign: float) -> Non
 def _stepper(
     system: System, tableau: Any, formulation: str, step: float | None, control: Control, t0: float, t1: float
 ) -> PythonStepper:
-    if isinstance(tableau, Baseline):
+    if isinstance(tableau, ScipySolver):
         return Scipy(tableau, system, step, *control)
     if step:
         return Fixed(step, t0, t1)
@@ -155,12 +155,12 @@ def _set_watches(run: RunState, stepper: PythonStepper, formulation: str) -> Non
         return
     control = stepper if isinstance(stepper, Adaptive) and formulation != "index1" else None
     if control and isinstance(run.tableau, Tableau):
-        run.stiffness = StiffnessWatch(run.system, run.tableau, control)
+        run.stiffness = StiffnessDetector(run.system, run.tableau, control)
     if run.system.ng:
         kept = run.project or formulation == "ggl"
-        run.singular = SingularWatch(run.system, kept, control, formulation == "index2")
+        run.singular = SingularityMonitor(run.system, kept, control, formulation == "index2")
         if control:
-            run.back = Retracer.of(run, float(control.rtol))
+            run.back = BackwardStepper.of(run, float(control.rtol))
 
 
 def positive(**values: Any) -> None:

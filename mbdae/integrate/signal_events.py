@@ -25,12 +25,14 @@ TEXT = re.compile(r"(?P<signal>.*?)\s*(?P<sign>[=<>])\s*(?P<level>[^=<>]*)")
 DIRECTIONS = {"=": 0, ">": 1, "<": -1}
 SHARP = 2  # roundings of t: how sharply the time of an event is found
 SHARE = 4 * float(np.finfo(float).eps)  # the same as a share of the step, relative
-TOUCH = 1e-12  # of 1 + |level|: as near before and behind an impact the signal is at its level, and turns round there
+TANGENCY_TOLERANCE = (
+    1e-12  # of 1 + |level|: as near before and behind an impact the signal is at its level, and turns round there
+)
 ITERATIONS = 100  # of Brent's method, which halves at the worst
-Hit = tuple[float, Array]
+EventRoot = tuple[float, Array]
 
 
-class Passage(NamedTuple):
+class LevelCrossing(NamedTuple):
     """What a text asks for: a signal, the level that it passes, and the direction: 1 rising, -1 falling, 0 both."""
 
     signal: str
@@ -38,7 +40,7 @@ class Passage(NamedTuple):
     direction: int
 
 
-def parse(text: str) -> Passage:
+def parse(text: str) -> LevelCrossing:
     """Read ``"signal"``, whose zeros are meant, ``"signal = level"``, ``"signal > level"`` or ``"signal < level"``.
 
     Raises:
@@ -46,17 +48,17 @@ def parse(text: str) -> Passage:
     """
     found = TEXT.fullmatch(text.strip())
     if not found:
-        return Passage(text.strip(), 0.0, 0)
+        return LevelCrossing(text.strip(), 0.0, 0)
     try:
         level = float(found["level"])
     except ValueError:
         level = np.nan
     if not np.isfinite(level) or not found["signal"]:
         raise InputError(f"an event is a signal, or a signal, one of = > <, and a number, got {text!r:.80}")
-    return Passage(found["signal"], level, DIRECTIONS[found["sign"]])
+    return LevelCrossing(found["signal"], level, DIRECTIONS[found["sign"]])
 
 
-def behind_jump(before: float, behind: float, direction: int, touch: float) -> tuple[bool, float]:
+def crossing_at_jump(before: float, behind: float, direction: int, touch: float) -> tuple[bool, float]:
     """Say whether a value passes zero, or turns round there, in a jump; return the value from which it goes on.
 
     Args:
@@ -118,17 +120,17 @@ class SignalEvent:
         t0, f0, w0 = self.node
         return f + TURN * float(np.round((f0 + (t - t0) * (w0 + self._speed(y)) / 2 - f) / TURN))
 
-    def zeros(self, step: "StepMap", touch: float | None) -> list[Hit]:
+    def zeros(self, step: "StepMap", touch: float | None) -> list[EventRoot]:
         """Return the shares of a step at which the signal passes its level, and the points there; go on behind it.
 
         Args:
             step: the step.
-            touch: of `behind_jump` and a level of zero, where a jump lies between the last step and this one.
+            touch: of `crossing_at_jump` and a level of zero, where a jump lies between the last step and this one.
         """
-        hits: list[Hit] = []
+        hits: list[EventRoot] = []
         if touch is not None:
             touch *= 1 + abs(self.level)
-            passes, f = behind_jump(self.node[1], self.value(step.t, step.y), self.direction, touch)
+            passes, f = crossing_at_jump(self.node[1], self.value(step.t, step.y), self.direction, touch)
             hits += [(0.0, step.y)] if passes else []
             self.move(step.t, step.y, f)
         f0, f1 = self.node[1], self.value(step.t1, step.y1)
@@ -143,7 +145,7 @@ class SignalEvent:
         return hits
 
     def _passage(
-        self, hits: list[Hit], a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap"
+        self, hits: list[EventRoot], a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap"
     ) -> None:
         """Add the passage between two points of a step, with the values there, if there is one."""
         (theta0, y0, f0), (theta1, y1, f1) = a, b
@@ -156,7 +158,7 @@ class SignalEvent:
         elif f1 == 0 and f0 != 0:
             hits.append((theta1, y1))
 
-    def _locate(self, a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap") -> Hit:
+    def _locate(self, a: tuple[float, Array, float], b: tuple[float, Array, float], step: "StepMap") -> EventRoot:
         """Find a zero between two shares of a step by Brent's method; each value is one step of the method."""
         known = {a[0]: (a[2], a[1]), b[0]: (b[2], b[1])}
 

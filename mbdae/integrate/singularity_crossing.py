@@ -14,21 +14,21 @@ from scipy.optimize import minimize_scalar
 
 from ..errors import StepError
 from ..mechanism.formulations.index2 import Index2System
-from ..mechanism.singularity import Singular, crossing, singular
+from ..mechanism.singularity import Singular, singular, singular_crossing
 from ..system import Array
 
 OFFSETS = (2.0, 5.0, 9.0)  # times the way to the singular configuration: where further states are taken from
-REACH = 4.0  # times the way: how far ahead a singular configuration is looked for
+SEARCH_RANGE = 4.0  # times the way: how far ahead a singular configuration is looked for
 SAMPLES = 24  # points of the way
 DEPTH = 0.05  # of the ratio of pivots here: what it must fall below to be a singular configuration
-BEHIND = 1.3  # times the way, at least: how far the end of a leap lies
+OVERSHOOT = 1.3  # times the way, at least: how far the end of a leap lies
 AHEAD = 0.7  # times the way: where the end of a run is as near that a leap leads to it
 KNOWN = 1e-5  # rad or m: how well the place of a singular configuration must be known
 CLOSE = 1e-9  # of the size of G: residual of closures in a singular configuration; bars with a gap keep a larger one
-SHARP = 1e-10  # of the way: how sharply the smallest ratio is located
+ROOT_TOLERANCE = 1e-10  # of the way: how sharply the smallest ratio is located
 
 
-class Leap(NamedTuple):
+class SingularityCrossing(NamedTuple):
     """A way over a singular configuration.
 
     Attributes:
@@ -42,13 +42,13 @@ class Leap(NamedTuple):
 
     t: float
     y: Array
-    path: "Path"
+    path: "ContinuationPolynomial"
     error: Array
     move: Array
     passed: Singular
 
 
-class Path:
+class ContinuationPolynomial:
     """The motion continued from a state by the polynomial of u = (v, s, w) through it and earlier ones.
 
     Args:
@@ -91,7 +91,7 @@ class Path:
         return np.concatenate([s.manifold.integrate(self.y[: s.nq], x), self.tail(dt)])
 
 
-def leap(system: Index2System, run: Any, way: float, first: int) -> Leap | None:
+def cross_singularity(system: Index2System, run: Any, way: float, first: int) -> SingularityCrossing | None:
     """Find the way over a singular configuration that lies about ``way`` seconds ahead; None where there is none.
 
     Args:
@@ -103,12 +103,12 @@ def leap(system: Index2System, run: Any, way: float, first: int) -> Leap | None:
     Raises:
         StepError: if states before cannot be found, or the point behind not be brought onto the closures.
     """
-    ts, ys, rates = _before(run, way, first)
+    ts, ys, rates = _earlier_states(run, way, first)
     if len(ts) < 2:
         return None
     us, rates = ys[:, system.nq :], rates[:, system.nv :]
-    reach, y = run.sign * REACH * way, run.ys[-1]
-    path = Path(system, ts, y, us, rates, reach)
+    reach, y = run.sign * SEARCH_RANGE * way, run.ys[-1]
+    path = ContinuationPolynomial(system, ts, y, us, rates, reach)
     here = system.pivot_ratio(run.t, y)
 
     def value(dt: float) -> float:
@@ -119,12 +119,12 @@ def leap(system: Index2System, run: Any, way: float, first: int) -> Leap | None:
         return None
     dt = found[0]
     end = min(2 * abs(dt), run.left())
-    beside = end < BEHIND * abs(dt)
+    beside = end < OVERSHOOT * abs(dt)
     if beside and (end < AHEAD * abs(dt) or run.leg.restart is not None):
         return None
-    lower = Path(system, ts[:-1], y, us[:-1], rates[:-1], reach)
+    lower = ContinuationPolynomial(system, ts[:-1], y, us[:-1], rates[:-1], reach)
     moved = float(np.abs(system.difference(path(dt), lower(dt))[: system.nv]).max())
-    if moved > KNOWN or not crossing(system, run.t + dt, path(dt), DEPTH * here, CLOSE):
+    if moved > KNOWN or not singular_crossing(system, run.t + dt, path(dt), DEPTH * here, CLOSE):
         return None
     t = run.leg.end if end == run.left() else run.t + run.sign * end
     there = path(run.sign * end)
@@ -133,10 +133,10 @@ def leap(system: Index2System, run: Any, way: float, first: int) -> Leap | None:
     passed = singular(system, run.t + dt, path(dt), (run.t, y), DEPTH * here)
     if passed is None:
         return None
-    return Leap(t, closed, path, error, system.difference(there, closed), passed)
+    return SingularityCrossing(t, closed, path, error, system.difference(there, closed), passed)
 
 
-def _before(run: Any, way: float, first: int) -> tuple[Array, Array, Array]:
+def _earlier_states(run: Any, way: float, first: int) -> tuple[Array, Array, Array]:
     """Times, points and rates of the last node and of states about `OFFSETS` times the way before it.
 
     Where the run can step back they are found anew from the last node: those on the way to it have errors of the steps
@@ -165,7 +165,7 @@ def _lowest(value: Any, dts: Array) -> tuple[float, float] | None:
     for k in range(1, len(dts) - 1):
         if values[k] <= values[k - 1] and values[k] <= values[k + 1]:
             lo, hi = sorted((dts[k - 1], dts[k + 1]))
-            options = {"xatol": SHARP * (hi - lo)}
+            options = {"xatol": ROOT_TOLERANCE * (hi - lo)}
             best = minimize_scalar(value, bounds=(lo, hi), method="bounded", options=options)
             return float(best.x), float(best.fun)
     return None

@@ -8,17 +8,19 @@ import numpy as np
 from ..errors import StepError
 from ..mechanism.formulations.index2 import Index2System
 from ..system import Array
-from .passages import ZONE, Passages
-from .singularity_crossing import KNOWN, leap
+from .passages import MONITORED_RATIO, Passages
+from .singularity_crossing import KNOWN, cross_singularity
 
 if TYPE_CHECKING:
     from .run import RunState
     from .steppers.adaptive import Adaptive
 
-SUSPECT = 0.6  # of the largest ratio so far: minima above are no singular configurations, stages come near enough
+SUSPICIOUS_RATIO = (
+    0.6  # of the largest ratio so far: minima above are no singular configurations, stages come near enough
+)
 SMALL, NOTCH = 0.1, 0.7  # of the largest ratio, of the larger neighbour: it falls to zero linearly, over a step or two
 AHEAD = 20.0  # steps: a ratio that would take longer to fall to zero is small for other reasons
-NEAR = 0.1  # of the largest ratio: below, a leap is tried
+CROSSING_RATIO = 0.1  # of the largest ratio: below, a leap is tried
 NEXT = 0.5 * KNOWN  # likewise, in rad or m about: below, the place of a singular configuration is not known better
 APPROACH = 0.5  # of the way to the singular configuration: the longest step
 NEARER = 0.75  # of the way of the leap tried before: how much nearer the next one begins
@@ -26,13 +28,13 @@ MET, PATIENCE = 0.5, 2  # of the last one's error: who does not fall to it so of
 TRUSTED = 1e3  # times the tolerance: up to where such an error may stand for theirs
 MOVED = 100.0  # times the tolerance: how far a leap may end beside the closures
 ENDED = 1e-6  # of the largest ratio: velocities at an end as near as that have lost six digits
-LANDED = 1e-3  # of the ratio a step before: so near to a singular configuration is in it
+SINGULAR_RATIO = 1e-3  # of the ratio a step before: so near to a singular configuration is in it
 BACK = 0.02  # of the ratio where a leg begins: what it may change by on a way back along which it is a line
 
 
 def _suspicious(before: Any, here: Any, after: Any, largest: Any) -> Any:
     """Say whether the ratio may vanish around a step: where it is smallest, and small or at the bottom of a notch."""
-    lowest = (here < before) & (here <= after) & (here < SUSPECT * largest)
+    lowest = (here < before) & (here <= after) & (here < SUSPICIOUS_RATIO * largest)
     return lowest & ((here < SMALL * largest) | (here < NOTCH * np.maximum(before, after)))
 
 
@@ -41,7 +43,7 @@ def _falls(before: Any, here: Any) -> Any:
     return AHEAD * (before - here) > here
 
 
-class SingularWatch(Passages):
+class SingularityMonitor(Passages):
     """Follows how far the rows of the closures are from depending on each other, step by step.
 
     The solves of the stages tell: the ratio of their pivots, for nothing. Where it becomes small, a run under control
@@ -91,8 +93,8 @@ class SingularWatch(Passages):
             StepError: with the time where the step ends.
         """
         nearest = min(float(np.sqrt(self.system.least_pivot_ratio)), self.ratios[-1])
-        limit = LANDED * min(self.largest, self.ratios[-1])
-        if nearest < limit or (nearest < SUSPECT * self.largest and self._ratio(t, y) < limit):
+        limit = SINGULAR_RATIO * min(self.largest, self.ratios[-1])
+        if nearest < limit or (nearest < SUSPICIOUS_RATIO * self.largest and self._ratio(t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
 
     def refuse_beginning(self, t: float, y: Array) -> None:
@@ -109,8 +111,8 @@ class SingularWatch(Passages):
         return self._ratio(t, y) < NEXT * self.largest
 
     def limits(self) -> tuple[float, float, float, float, float, float]:
-        """Return the largest ratio and the last one, `SUSPECT`, `LANDED`, `ZONE` and `AHEAD`."""
-        return self.largest, self.ratios[-1], SUSPECT, LANDED, ZONE, AHEAD
+        """Return the largest ratio and the last one, `SUSPICIOUS_RATIO`, `SINGULAR_RATIO`, `MONITORED_RATIO` and `AHEAD`."""
+        return self.largest, self.ratios[-1], SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO, AHEAD
 
     def quiet(self, least_pivot_ratio: Array) -> int:
         """Pass over steps with nothing to look at, given their smallest ratios of pivots; return how many."""
@@ -120,7 +122,7 @@ class SingularWatch(Passages):
         largest = np.maximum(np.maximum.accumulate(new), self.largest)
         every = np.concatenate([[0.0], self.ratios[-2:], new])  # before the first step there is none to look at
         earlier, before = every[-len(new) - 2 : -2], every[-len(new) - 1 : -1]
-        loud = _suspicious(earlier, before, new, largest) | ((new < ZONE * largest) & _falls(before, new))
+        loud = _suspicious(earlier, before, new, largest) | ((new < MONITORED_RATIO * largest) & _falls(before, new))
         n = int(loud.argmax()) if loud.any() else len(new)
         self.ratios += new[:n].tolist()
         self.largest = float(largest[n - 1]) if n else self.largest
@@ -146,15 +148,17 @@ class SingularWatch(Passages):
         self.largest = max(self.largest, self.ratios[-1])
         self._look(run, len(self.ratios) - 2)
         if last:
-            near = self.ratios[-1] < SUSPECT * self.largest
+            near = self.ratios[-1] < SUSPICIOUS_RATIO * self.largest
             if near and self._ratio(run.ts[-1], run.ys[-1]) < ENDED * self.largest:
                 text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding decides"
                 self.end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
             self.ratios.append(np.inf)
             self._look(run, len(self.ratios) - 2)
         before, here = self.ratios[-2:]
-        near = here < ZONE * self.largest and (_falls(before, here) or (self.entered is not None and here >= before))
-        near = near and self._ratio(run.ts[-1], run.ys[-1]) < ZONE * self.largest
+        near = here < MONITORED_RATIO * self.largest and (
+            _falls(before, here) or (self.entered is not None and here >= before)
+        )
+        near = near and self._ratio(run.ts[-1], run.ys[-1]) < MONITORED_RATIO * self.largest
         if near:
             if self.entered is None:
                 self.entered = len(run.ts) - 2
@@ -193,11 +197,11 @@ class SingularWatch(Passages):
         if self.entered is None:
             self.entered = self.first
         self.control.cap = APPROACH * way
-        if here > NEAR * self.largest or way > NEARER * self.tried[0]:
+        if here > CROSSING_RATIO * self.largest or way > NEARER * self.tried[0]:
             return False
         found = None
         with suppress(StepError):
-            found = leap(self.workspace, run, way, self.first)
+            found = cross_singularity(self.workspace, run, way, self.first)
         if found is None:
             self.tried = way, np.inf
             return False
@@ -212,7 +216,7 @@ class SingularWatch(Passages):
         self.control.cap, self.control.h = np.inf, APPROACH * way
         self.tried, self.stalled = (np.inf, np.inf), 0
         self._begin(len(run.ts) - 1)
-        if self._ratio(found.t, found.y) >= (ZONE if run.to_go() else LANDED) * self.largest:
+        if self._ratio(found.t, found.y) >= (MONITORED_RATIO if run.to_go() else SINGULAR_RATIO) * self.largest:
             self.compare(run, self.entered, len(run.ts) - 1)
             self.entered = None
         return True
@@ -227,7 +231,7 @@ class SingularWatch(Passages):
             dt, before = abs(run.t - run.ts[-2]), self._ratio(run.ts[-2], run.ys[-2])
         else:
             dt, before = float((self.control and self.control.h) or 0.0), np.inf
-            if not (dt and here < ZONE * self.largest):
+            if not (dt and here < MONITORED_RATIO * self.largest):
                 return here, np.inf
             while abs(before - here) > BACK * here:
                 dt /= 2
@@ -236,7 +240,7 @@ class SingularWatch(Passages):
 
     def beside(self, t: float, y: Array) -> bool:
         """Say whether a point lies next to a singular configuration, where a step's end is not to be trusted."""
-        return self._ratio(t, y) < NEAR * self.largest
+        return self._ratio(t, y) < CROSSING_RATIO * self.largest
 
     def along(self, h: float, theta: float) -> Array:
         """Return the point after a share of the leap of size h that was taken last."""

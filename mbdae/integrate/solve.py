@@ -8,10 +8,10 @@ from typing import Any
 from ..solution.problem import problem_of
 from ..solution.solution import Problem, Solution
 from ..system import Array
-from .loop import Progress, carry_out
+from .loop import Progress, run_to_end
 from .run_setup import positive, prepare, within
 from .settings import completed
-from .termination import report
+from .termination import make_solution
 
 
 def solve(
@@ -99,5 +99,5 @@ def solve(
     )  # fmt: skip
     times = None if t_eval is None else within(t_eval, run.t, run.t1)
     started = perf_counter()
-    status, message = carry_out(run, c["max_steps"], progress)
-    return report(run, status, message, perf_counter() - started, times)
+    status, message = run_to_end(run, c["max_steps"], progress)
+    return make_solution(run, status, message, perf_counter() - started, times)

@@ -12,7 +12,7 @@ from ..errors import StepError
 from ..mechanism.formulations.index2 import Index2System
 from ..methods import Tableau
 from ..system import Array
-from .steppers.adaptive import NOTHING, Adaptive
+from .steppers.adaptive import SMALLEST_SCALE, Adaptive
 
 if TYPE_CHECKING:
     from .run import RunState
@@ -46,7 +46,7 @@ class Stiff:
         return f'{steps}, the motion is smooth over {WINDOW} of them: try -m radau5 (method="radau5")'
 
 
-class StiffnessWatch:
+class StiffnessDetector:
     """Looks now and then whether stability limits the steps of a half-explicit method under step-size control.
 
     It does where two things come together. One polynomial of degree 4 follows the velocities of the last fifty steps
@@ -97,7 +97,9 @@ class StiffnessWatch:
         v = run.ys[n - WINDOW : n + 1][:, nq : nq + nv + ns]
         weights = _lagrange([t[i] for i in NODES], [t[i] for i in BETWEEN])
         atol = self.control.atol[nv : 2 * nv + ns] if self.control.atol.ndim else self.control.atol
-        gap = (v[list(BETWEEN)] - weights @ v[list(NODES)]) / (atol + self.control.rtol * np.abs(v[-1]) + NOTHING)
+        gap = (v[list(BETWEEN)] - weights @ v[list(NODES)]) / (
+            atol + self.control.rtol * np.abs(v[-1]) + SMALLEST_SCALE
+        )
         return bool(np.vdot(gap, gap) <= ROUGH**2 * gap.size)
 
 

@@ -13,11 +13,11 @@ from ..solution.solution import Solution
 from ..system import Array, State, Step, System
 from .events import Event
 from .run import RunState
-from .run_diagnostics import doubts
+from .run_diagnostics import accuracy_warnings
 from .step_map import StepMap
 
 
-def end_in_event(at: StepMap, theta: float, event: Event) -> None:
+def terminate_at_event(at: StepMap, theta: float, event: Event) -> None:
     """End in a terminal event with a step of the method: closures hold there as at any other node.
 
     Where no shorter step can be taken it is the point of the dense output, projected on the closures. It is that point
@@ -49,17 +49,17 @@ def end_in_event(at: StepMap, theta: float, event: Event) -> None:
         run.land(t + theta * h, there, last=True)
     elif t + theta * h != t:
         run.accept(t + theta * h, step)
-    end_events(run)
+    drop_later_events(run)
 
 
-def end_events(run: RunState) -> None:
+def drop_later_events(run: RunState) -> None:
     """Let nothing stand behind the end of a run."""
     if run.singular:
         run.singular.cut(run)
     run.events.end(run.t, run.ys[-1], run.sign)
 
 
-def report(run: RunState, status: str, message: str, seconds: float, times: Array | None) -> Solution:
+def make_solution(run: RunState, status: str, message: str, seconds: float, times: Array | None) -> Solution:
     """Make the solution of a run, at the times asked for; one that came to its end is looked at with doubt."""
     stats: dict[str, Any] = {"steps": run.steps, "rejected": run.rejected, **run.system.counts.to_dict()}
     stats |= {"seconds": seconds, "backend": run.stepper.backend}
@@ -84,7 +84,7 @@ def report(run: RunState, status: str, message: str, seconds: float, times: Arra
         rest |= {"modes": [(i, mode) for i, mode in run.modes.modes if i < n], "impacts": run.modes.impacts}
         stats |= {"transitions": len(run.modes.modes) - 1, "impacts": len(run.modes.impacts)}
     full = Solution(run.problem, t, y, z, status, message, stats, settings, **rest)
-    if full.success and isinstance(run.system, Index2System) and (words := doubts(full, run.system)):
+    if full.success and isinstance(run.system, Index2System) and (words := accuracy_warnings(full, run.system)):
         full.status, full.message = status, message = "doubtful", words
     if times is None:
         return full

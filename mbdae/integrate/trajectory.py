@@ -13,19 +13,19 @@ import numpy as np
 
 from .. import backend
 from ..errors import InputError, StepError
-from ..mechanism.discrete_sensitivity.ggl_sensitivity import StabilisedVariations
-from ..mechanism.discrete_sensitivity.index2_sensitivity import IndexTwoVariations
+from ..mechanism.discrete_sensitivity.ggl_sensitivity import GGLSensitivity
+from ..mechanism.discrete_sensitivity.index2_sensitivity import Index2Sensitivity
 from ..mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ..methods import Method, Tableau, method_of
-from ..methods.collocation_sensitivity import CollocationSlopes
-from ..methods.step_sensitivity import StepSlopes
+from ..methods.collocation_sensitivity import CollocationSensitivity
+from ..methods.step_sensitivity import StepSensitivity
 from ..solution.solution import Solution
 from ..system import Array, State, System
-from .carry_record import KeptStates
+from .carry_record import RecordedStates
 from .checkpoints import Checkpoints
-from .differentiable_runs import traceable
+from .differentiable_runs import require_differentiable
 from .jumps import MARGIN
-from .native_trajectory import core_steps
+from .native_trajectory import native_trajectory
 from .steppers.adaptive import Adaptive
 from .steppers.fixed import Fixed
 
@@ -34,14 +34,14 @@ REPEATED = 1e-7  # of 1 + |y|: what a step that is repeated may differ from the 
 SYNCHRONOUS = 1e-10  # of 1 + |y|: more than that, roundings have grown so far that the run's own point counts
 
 
-class _Standing(NamedTuple):
+class _RunView(NamedTuple):
     """What a stepper asks of a run to judge a projection."""
 
     system: System
     state: State
 
 
-class LinearPart(NamedTuple):
+class LinearMap(NamedTuple):
     """A part of a run that is linear in (dy, dp), a matrix (ny, ny + k) of y, or of the carry."""
 
     matrix: Array
@@ -59,11 +59,11 @@ class LinearPart(NamedTuple):
         return (y + back[:ny], np.zeros_like(carry), back[ny:]) if self.renews else (back[:ny], carry, back[ny:])
 
 
-StepPart = StepSlopes | CollocationSlopes
-Part = StepPart | LinearPart
+StepSensitivityPart = StepSensitivity | CollocationSensitivity
+TrajectoryPart = StepSensitivityPart | LinearMap
 
 
-class Trace:
+class Trajectory:
     """A run of a half-explicit or a collocation method, to be gone along again.
 
     Args:
@@ -84,7 +84,7 @@ class Trace:
     """
 
     def __init__(self, sol: Solution, parameters: Parameters) -> None:
-        mech, settings = traceable(sol), sol.settings
+        mech, settings = require_differentiable(sol), sol.settings
         self.sol, self.project = sol, bool(settings.get("project"))
         self.tableau = cast(Method, method_of(settings))
         self.ts, self.ys, _ = (np.asarray(a) for a in sol.nodes)
@@ -101,7 +101,7 @@ class Trace:
             self.system.sliding.refuse(f"a gradient of {settings['method']!r} in {settings['formulation']!r}")
         if self.system.sliding.grips:
             self.system.sliding.refuse("a gradient of wheels that slide")
-        self.slopes = (StabilisedVariations if stabilised else IndexTwoVariations)(self.system, parameters)
+        self.slopes = (GGLSensitivity if stabilised else Index2Sensitivity)(self.system, parameters)
         self.controlled = "step" not in settings
         if self.controlled:
             self.stepper: Any = Adaptive(1, settings["rtol"], np.array(settings["atol"]), None, np.inf)
@@ -112,10 +112,10 @@ class Trace:
         self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
         self.n_carry = self.slopes.width - self.system.nv if self.tableau.carries else 0
         self.renewed = np.zeros(len(self.ts), bool)
-        self.walked: Checkpoints | KeptStates | None = None
-        self.core = core_steps(self)
+        self.walked: Checkpoints | RecordedStates | None = None
+        self.core = native_trajectory(self)
         if self.n_carry and sol.carried:
-            self.walked = KeptStates(self.ys, sol.carried[0])
+            self.walked = RecordedStates(self.ys, sol.carried[0])
             self.renewed[sol.carried[1]] = True
         elif self.n_carry:
             self.hold(0)
@@ -138,22 +138,22 @@ class Trace:
         """Where the step from node i starts."""
         return State(self.ys[i], self.walked[i].carry if self.walked else None)
 
-    def start(self) -> Iterator[Part]:
+    def start(self) -> Iterator[TrajectoryPart]:
         """What leads from a given start to the first node."""
         self.hold(0)
         t, y = float(self.ts[0]), self.given
         if len(self.system.mechanism.states):
-            yield LinearPart(self.slopes.jumped(t, y), False)
+            yield LinearMap(self.slopes.jumped(t, y), False)
             y = self.system.jump(t, y)
         if self.system.mechanism.switches:
             y, struck = self.at_start("struck", lambda: self.slopes.struck(t, y))
-            yield LinearPart(struck, False)
+            yield LinearMap(struck, False)
         if self.project:
-            yield LinearPart(self.at_start("restored", lambda: self.slopes.restored(t, y)), False)
+            yield LinearMap(self.at_start("restored", lambda: self.slopes.restored(t, y)), False)
         if self.project and (y != self.ys[0]).any():  # runs beside it may take one Gauss-Newton step more
-            yield LinearPart(self.at_start("closed", lambda: self.slopes.restored(t, self.ys[0])), False)
+            yield LinearMap(self.at_start("closed", lambda: self.slopes.restored(t, self.ys[0])), False)
         if self.n_carry:
-            yield LinearPart(self.at_start("renewal", lambda: self.slopes.renewed(t, self.ys[0])), True)
+            yield LinearMap(self.at_start("renewal", lambda: self.slopes.renewed(t, self.ys[0])), True)
 
     def at_start(self, name: str, find: Callable[[], Any]) -> Any:
         """Slopes at the first node, found once for runs from one start with the same parameters."""
@@ -161,35 +161,35 @@ class Trace:
         key = type(s), s.in_use, self.ts[0], self.ys[0].tobytes(), self.given.tobytes()
         return self.slopes.parameters.once(name, key, find)
 
-    def parts(self, i: int) -> Iterator[Part]:
+    def parts(self, i: int) -> Iterator[TrajectoryPart]:
         """What leads from node i to the next one, each part with the slopes where it was."""
         self.hold(i)
         t, t1, y, y1 = float(self.ts[i]), float(self.ts[i + 1]), self.ys[i], self.ys[i + 1]
         if self.jumped[i]:
-            yield LinearPart(self.slopes.jumped(t1, y), False)
+            yield LinearMap(self.slopes.jumped(t1, y), False)
             y = self.system.jump(t1, y)
         else:
             for part in self.steps(i, t1 - t):
                 yield part
                 y = part.state.y
             if self.project:
-                yield LinearPart(self.slopes.restored(t1, y), False)
+                yield LinearMap(self.slopes.restored(t1, y), False)
                 y = self.system.restore(t1, y)
                 if self.renewed[i + 1]:
                     yield from self._renewal(t1, y)
         if i + 1 in self.changes:
             self.hold(i + 1)
-            yield LinearPart(self.slopes.settled(t1, y), False)
+            yield LinearMap(self.slopes.settled(t1, y), False)
         if i + 1 in self.changes or self.jumped[i]:
             yield from self._renewal(t1, y1)
 
-    def trailing(self, i: int) -> Iterator[Part]:
+    def trailing(self, i: int) -> Iterator[TrajectoryPart]:
         """What follows behind a step to node i and its projection, where nothing else leads there."""
         if self.renewed[i]:
             self.hold(i)
             yield from self._renewal(float(self.ts[i]), self.ys[i])
 
-    def steps(self, i: int, h: float) -> list[StepPart]:
+    def steps(self, i: int, h: float) -> list[StepSensitivityPart]:
         """The step of size h from node i; two half ones where the method has no error estimate of its own."""
         t, state = float(self.ts[i]), self.state(i)
         at = self.system, self.slopes
@@ -202,13 +202,13 @@ class Trace:
         except StepError as e:
             raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
 
-    def short(self, i: int, h: float) -> tuple[Array, list[Part]]:
+    def short(self, i: int, h: float) -> tuple[Array, list[TrajectoryPart]]:
         """The point (n,) where a step of size h from node i ends, brought back where the run is, and its parts."""
         steps = self.steps(i, h)
         y, t = steps[-1].state.y, float(self.ts[i]) + h
         if not self.project:
             return y, list(steps)
-        return self.system.restore(t, y), [*steps, LinearPart(self.slopes.restored(t, y), False)]
+        return self.system.restore(t, y), [*steps, LinearMap(self.slopes.restored(t, y), False)]
 
     def between(self, i: int, t: float) -> Array:
         """The point (n,) where a shorter step from node i ends."""
@@ -222,9 +222,9 @@ class Trace:
         """Whether a step is two of half the size."""
         return self.controlled and not self.tableau.b_embedded
 
-    def _renewal(self, t: float, y: Array) -> Iterator[Part]:
+    def _renewal(self, t: float, y: Array) -> Iterator[TrajectoryPart]:
         if self.n_carry:
-            yield LinearPart(self.slopes.renewed(t, y), True)
+            yield LinearMap(self.slopes.renewed(t, y), True)
 
     def _walk(self, i: int, j: int, state: State) -> list[State]:
         """The states at nodes i, ..., j."""
@@ -271,7 +271,7 @@ class Trace:
             state = self._taken(t, h, start)
             if not self.project:
                 return State(state.y, state.carry), False
-            closed, standing = self.system.restore(t + h, state.y), _Standing(self.system, start)
+            closed, standing = self.system.restore(t + h, state.y), _RunView(self.system, start)
             if self.stepper.tolerates(standing, closed, self.system.difference(state.y, closed)):
                 return State(closed, state.carry), False
             return State(closed, self._anew(i + 1, closed)), True

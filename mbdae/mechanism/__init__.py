@@ -12,8 +12,8 @@ from .formats.description import describe, restore
 from .formats.joint_tree import depth_first
 from .formats.load import load
 from .formats.mjcf.states import from_mujoco, to_mujoco
-from .formulations.compiled_systems import Compiled
-from .joint_wrenches import joint_reaction, loaded, loads, point_loads
+from .formulations.compiled_systems import CompiledSystem
+from .joint_wrenches import joint_reaction, point_reactions, reaction_names, reaction_wrenches
 from .mechanism import Mechanism
 from .reactions import Effort, Reaction, effort, reaction, redundant
 from .singularity import Singular
@@ -24,7 +24,7 @@ globals().update(NAMES)  # every force is public, found and not listed
 __all__ = [
     "Clutch",
     "Closure",
-    "Compiled",
+    "CompiledSystem",
     "Contact",
     "Driver",
     "Effort",
@@ -41,10 +41,10 @@ __all__ = [
     "from_mujoco",
     "joint_reaction",
     "load",
-    "loaded",
-    "loads",
+    "reaction_names",
+    "reaction_wrenches",
     "model_names",
-    "point_loads",
+    "point_reactions",
     "reaction",
     "redundant",
     "restore",

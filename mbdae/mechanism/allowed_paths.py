@@ -18,7 +18,7 @@ MANIFEST = "package.xml"
 LAYOUT = ("urdf", "mjcf", "xml", "meshes", "mesh", "visual", "visuals", "collision", "assets")
 
 
-class Places(NamedTuple):
+class AllowedPaths(NamedTuple):
     """Folders in which a model's further files are looked up.
 
     Attributes:
@@ -33,7 +33,7 @@ class Places(NamedTuple):
     trusted: tuple[Path, ...] | None = None
 
     @classmethod
-    def of(cls, path: Path, packages: Sequence[Path | str] = ()) -> "Places":
+    def of(cls, path: Path, packages: Sequence[Path | str] = ()) -> "AllowedPaths":
         """The places of a model file."""
         return cls(path.resolve().parent, tuple(Path(p).resolve() for p in packages))
 
@@ -62,7 +62,7 @@ class Places(NamedTuple):
             known = "meshes of a saved run are read from below its folder and from installed packages"
             raise InputError(f"{name!r} is {outside}: {known}; others are named by meshes=[...] or --meshes")
         if outside is not None:
-            raise refused(name, outside, self.root)
+            raise access_error(name, outside, self.root)
         raise InputError(f"{name!r} is not found in {', '.join(map(str, (self.root, *self.packages)))}")
 
     def holds(self, path: Path) -> bool:
@@ -103,6 +103,6 @@ def package_of(folder: Path) -> Path:
     return folder
 
 
-def refused(name: str, found: Path, root: Path) -> InputError:
+def access_error(name: str, found: Path, root: Path) -> InputError:
     """What is said of a file outside."""
     return InputError(f"{name!r} is {found}, outside of {root}: `packages` of a mechanism file adds folders")

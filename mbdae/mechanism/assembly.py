@@ -14,7 +14,7 @@ from ..errors import AssemblyError, InputError, StepError
 from ..system import Array
 from .closures.closure_error import ClosureError, largest_error
 from .closures.preconditions import refuse_unfit
-from .flipped_frames import Residuals, closures, turned_over, with_directions
+from .flipped_frames import Residuals, closures, flipped_closures, with_directions
 from .model_settings import normalized
 from .pinocchio_data import make_data
 
@@ -104,7 +104,7 @@ def close_position(system: "Index2System", q: Array, held: Array, t: float) -> A
         return _slide(system, q, min(closed, key=lambda x: _distance(mech, q, x)), free, t)
     best = min(tries, key=lambda x: _open(system, x, t))
     if _open(system, best, t) <= ACCEPT:
-        name = turned_over(system)
+        name = flipped_closures(system)
         raise InputError(f"closure {name!r} closes with its second frame turned over: change the guess")
     raise open_closure(mech, largest_error(mech, system.closures(best, t)[0]), held, "configuration")
 
@@ -179,7 +179,7 @@ def _open(system: "Index2System", q: Array, t: float) -> float:
 
 def is_closed(system: "Index2System", q: Array, t: float) -> bool:
     """Whether all loops are closed, with no frame turned over."""
-    return _open(system, q, t) <= ACCEPT and not turned_over(system)
+    return _open(system, q, t) <= ACCEPT and not flipped_closures(system)
 
 
 def close_velocity(system: "Index2System", q: Array, v: Array, held: Array, t: float) -> Array:
@@ -208,7 +208,7 @@ def close_velocity(system: "Index2System", q: Array, v: Array, held: Array, t: f
     return v
 
 
-def refuse_inconsistent(mech: "Mechanism", q: Array, v: Array, t: float, most: float = START) -> None:
+def require_consistent(mech: "Mechanism", q: Array, v: Array, t: float, most: float = START) -> None:
     """Refuse a start at time t that leaves a closure or a driver open by more than ``most``, 1e-6 when left out.
 
     Of g this is in rad and characteristic lengths; of G v + g_t relative to 1/s and the largest velocity.

@@ -8,8 +8,8 @@ import numpy as np
 from ..errors import UnknownNameError
 from ..system import Array
 from .closures.closure import Closure
-from .closures.contact import ConvexBody, Grip, Height
-from .closures.line_rows import still
+from .closures.contact import ContactHeightRow, ConvexBody, NoSlipRows
+from .closures.line_rows import at_rest
 from .reactions import NONE, NOT_UNIQUE, null_rows, sampled
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def contact(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Con
     """
     points = path(mech, name, q)
     system, owned = mech.system(), mech.rows_of(name)
-    turn = force_shares(system, name)
+    turn = force_ratios(system, name)
     force = np.asarray(lam)[:, owned] @ turn.T
     if not turn[0].any():
         force[:, 0] = np.nan
@@ -125,15 +125,15 @@ def contact(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array) -> Con
     return Contact(name, np.asarray(t), normal, ahead, left, points, known)
 
 
-def force_shares(system: "Index2System", name: str) -> Array:
+def force_ratios(system: "Index2System", name: str) -> Array:
     """What the multipliers of a rolling closure are of its normal, longitudinal and lateral force, (3, m)."""
     owned = system.constraints.spans[name]
     out = np.zeros((3, owned.stop - owned.start))
     for rows, kind, _ in system.constraints.frame_parts[name].rows:
         at = slice(rows.start - owned.start, rows.stop - owned.start)
-        if isinstance(kind, Height):
+        if isinstance(kind, ContactHeightRow):
             out[0, at] = 1.0
-        elif isinstance(kind, Grip):
+        elif isinstance(kind, NoSlipRows):
             out[1:, at] = kind.share
     return out
 
@@ -150,5 +150,5 @@ def path(mech: "Mechanism", name: str, q: Array) -> Array:
     out = np.empty((len(q), 3))
     for i, row in enumerate(q):
         system.jacobian(row)
-        out[i] = body.touch(still(pair)).p[:, 0]
+        out[i] = body.touch(at_rest(pair)).p[:, 0]
     return out

@@ -13,7 +13,7 @@ from .frames import place
 from .pinocchio_data import make_data
 
 
-class Quantities:
+class DynamicsTerms:
     """The terms of M(q) v' + nle(q, v) = tau + G(q)^T lam at a configuration (nq,) and a velocity (nv,)."""
 
     @cached_property

@@ -70,14 +70,14 @@ def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[s
         values: list[float] = []
         for law, law_alone in zip(laws, alone, strict=True):
             tau, _ = law_alone.torque(time, configuration, velocity, state[at[id(law)]])
-            values += _given(law, float(time), velocity, tau)
+            values += _force_outputs(law, float(time), velocity, tau)
             values.append(float(tau @ velocity))
             values += law.deflection(configuration).tolist()
         row[:] = values
     return dict(zip(names, out.T, strict=True))
 
 
-def drive_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
+def driver_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
     """Return ``power.<driver>``, effort times u'(t), in W, (n,) each."""
     constraints = mech.system().constraints
     rates = np.array([constraints.motion(float(x))[1] for x in t]).reshape(len(t), -1)
@@ -85,7 +85,7 @@ def drive_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
     return {f"power.{name}": lam[:, i] * rates[:, i] for name, i in rows.items()}
 
 
-def _given(law: ForceElement, t: float, v: Array, tau: Array) -> list[float]:
+def _force_outputs(law: ForceElement, t: float, v: Array, tau: Array) -> list[float]:
     """The forces and torques of a law, as they are named."""
     if not isinstance(law, PairElement):
         return [float(tau[i]) for i in law.acts(len(tau))]

@@ -14,10 +14,10 @@ import pinocchio as pin
 from ..errors import InputError
 from ..system import Array
 
-Part = tuple[pin.JointModel, pin.SE3]
+FactorJoint = tuple[pin.JointModel, pin.SE3]
 
 
-def parts(joint: pin.JointModel) -> list[Part]:
+def factor_joints(joint: pin.JointModel) -> list[FactorJoint]:
     """The joints with steady axes that a joint is a chain of, each with its placement behind the one before.
 
     Raises:
@@ -33,10 +33,10 @@ def parts(joint: pin.JointModel) -> list[Part]:
         return [(one(), here) for one in (pin.JointModelRZ, pin.JointModelRY, pin.JointModelRX)]
     if kind != "JointModelComposite":
         return [(joint, here)]
-    out: list[Part] = []
+    out: list[FactorJoint] = []
     composite = joint.extract()
     for one, place in zip(composite.joints, composite.jointPlacements, strict=True):
-        (first, inner), *rest = parts(one)
+        (first, inner), *rest = factor_joints(one)
         out += [(first, place * inner), *rest]
     return out
 
@@ -44,7 +44,7 @@ def parts(joint: pin.JointModel) -> list[Part]:
 def expand(model: pin.Model) -> pin.Model:
     """The expanded tree of a model; the model itself where there is nothing to expand."""
     joints = list(model.joints)[1:]
-    chains = [parts(joint) for joint in joints]
+    chains = [factor_joints(joint) for joint in joints]
     if all(chain[0][0] is joint for chain, joint in zip(chains, joints, strict=True)):
         return model
     out, last = pin.Model(), [0]
@@ -81,7 +81,7 @@ def branches(model: pin.Model, a: int, b: int) -> Branches:
     for sign, joints in ((-1.0, above_a - above_b), (1.0, above_b - above_a)):
         for j in sorted(joints):
             at = model.idx_vs[j]
-            for part, _ in parts(model.joints[j]):
+            for part, _ in factor_joints(model.joints[j]):
                 found += [(at + i, sign, number) for i in range(part.nv)]
                 at, number = at + part.nv, number + 1
     at, signs, numbers = np.array(found).reshape(-1, 3).T

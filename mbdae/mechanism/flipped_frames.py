@@ -40,7 +40,7 @@ def with_directions(system: "Index2System", q: Array, t: float) -> tuple[Array, 
     return np.concatenate(values), np.vstack(slopes)
 
 
-def turned_over(system: "Index2System") -> str:
+def flipped_closures(system: "Index2System") -> str:
     """Name of a closure whose products of axes vanish because a frame is turned over; empty for none.
 
     The kinematics of the workspace stand.

@@ -15,7 +15,7 @@ from .frames import WORLD
 from .model_settings import Motor, Start
 
 NAMED = 4  # names before "and n more"
-LIMITS, FRICTION = "limits of joints", "friction of joints"  # how `Part.left_out` calls them
+LIMITS, FRICTION = "limits of joints", "friction of joints"  # how `ImportedModel.left_out` calls them
 EFFORTS, LOST = "limits of effort and velocity of joints", "mimicry of joints that do not move by"
 T = TypeVar("T", bound=BaseModel)
 
@@ -30,7 +30,7 @@ class Mimic(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Part:
+class ImportedModel:
     """One source, read.
 
     Attributes:
@@ -67,7 +67,7 @@ class Part:
     normals: Mapping[str, Axis] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
 
-    def prefixed(self, prefix: str) -> "Part":
+    def prefixed(self, prefix: str) -> "ImportedModel":
         """Put a prefix before every name outside the tree, as `Tree.graft` does inside it."""
         if not prefix:
             return self
@@ -99,7 +99,7 @@ def prefixed(table: T, prefix: str) -> T:
     return table.model_copy(update={k: renamed(getattr(table, k)) for k in keys if getattr(table, k, None)})
 
 
-def follow(
+def mimic_couplings(
     mimics: tuple[Mimic, ...], locked: dict[str, Any], joints: list[str]
 ) -> tuple[list[Closure], dict[str, Any]]:
     """Return couplings for mimic joints, and the locked joints: what follows a locked joint is locked too.
@@ -126,12 +126,12 @@ def follow(
     ], locked
 
 
-def listed(what: str, names: Iterable[str]) -> str:
+def name_list(what: str, names: Iterable[str]) -> str:
     """One phrase: what, and all names."""
     return f"{what} {', '.join(names)}".strip()
 
 
-def shortened(phrase: str) -> str:
+def short_name_list(phrase: str) -> str:
     """A phrase of `listed` with its first names only: ``mbdae info`` has them all."""
     names = phrase.split(", ")
     more = len(names) - NAMED
@@ -140,4 +140,4 @@ def shortened(phrase: str) -> str:
 
 def not_carried_over(name: str, phrases: Iterable[str]) -> str:
     """The warning that names what files say and a mechanism does not have."""
-    return f"{name}: not carried over: {'; '.join(map(shortened, phrases))}"
+    return f"{name}: not carried over: {'; '.join(map(short_name_list, phrases))}"

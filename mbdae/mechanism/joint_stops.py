@@ -10,7 +10,7 @@ from .closures.unilateral_constraint import Stop
 from .frames import find_joint, joint_names
 
 
-def ends(model: pin.Model, stops: Sequence[Stop]) -> tuple[Stop, ...]:
+def resolve_stops(model: pin.Model, stops: Sequence[Stop]) -> tuple[Stop, ...]:
     """Return the stops with the limits that the model has.
 
     Raises:

@@ -84,7 +84,7 @@ def joint_reaction(mech: "Mechanism", name: str, *motion: Array) -> Reaction:
         name: of the joint; its axes are those of the body behind it.
         motion: t, q, v, v' and lam as `loads` takes them.
     """
-    world, own = (x[:, loaded(mech).index(name)] for x in loads(mech, *motion))
+    world, own = (x[:, reaction_names(mech).index(name)] for x in reaction_wrenches(mech, *motion))
     t, q, v, vdot, _ = motion
     system, j, known = mech.system(), joint_names(mech.model).index(name), np.ones(6, bool)
     for i in sampled(len(t)) if mech.ng else ():
@@ -94,7 +94,7 @@ def joint_reaction(mech: "Mechanism", name: str, *motion: Array) -> Reaction:
     return Reaction(name, np.asarray(t), own[:, :3], own[:, 3:], world[:, :3], world[:, 3:], tuple(known.tolist()))
 
 
-def loaded(mech: "Mechanism") -> list[str]:
+def reaction_names(mech: "Mechanism") -> list[str]:
     """Names of what passes on forces: the joints of the tree, and closures and drivers between frames.
 
     A closure counts where a joint has the same name.
@@ -103,7 +103,7 @@ def loaded(mech: "Mechanism") -> list[str]:
     return [name for name in joint_names(mech.model) if name not in between] + between
 
 
-def loads(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array]:
+def reaction_wrenches(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array]:
     """Force and torque in all that `loaded` names, (n, k, 6), along the world's axes and along their own.
 
     A joint's acts on the body behind it, at the joint's origin, its own axes are those of that body; a closure's acts
@@ -118,16 +118,18 @@ def loads(mech: "Mechanism", t: Array, q: Array, v: Array, vdot: Array, lam: Arr
         lam: multipliers of all rows, (n, ng).
     """
     system = mech.system()
-    world, own = np.full((2, len(t), len(loaded(mech)), 6), np.nan)
+    world, own = np.full((2, len(t), len(reaction_names(mech)), 6), np.nan)
     for i in range(len(t)):
         if np.isfinite(lam[i]).all() and np.isfinite(vdot[i]).all():
-            world[i], own[i] = point_loads(system, t[i], q[i], v[i], vdot[i], lam[i])
+            world[i], own[i] = point_reactions(system, t[i], q[i], v[i], vdot[i], lam[i])
     return world, own
 
 
-def point_loads(system: "Index2System", t: float, q: Array, v: Array, vdot: Array, lam: Array) -> tuple[Array, Array]:
+def point_reactions(
+    system: "Index2System", t: float, q: Array, v: Array, vdot: Array, lam: Array
+) -> tuple[Array, Array]:
     """Return what `loads` does at one point, (k, 6) each."""
-    names = loaded(system.mechanism)
+    names = reaction_names(system.mechanism)
     parts, joints = system.constraints.frame_parts, joint_names(system.model)
     world, own = np.zeros((2, len(names), 6))
     wrenches = joint_wrenches(system, t, q, v, vdot, lam)

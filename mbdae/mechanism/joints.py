@@ -71,7 +71,7 @@ def lengths(model: pin.Model) -> np.ndarray:
     return out
 
 
-def turning(model: pin.Model) -> np.ndarray:
+def angle_components(model: pin.Model) -> np.ndarray:
     """Which tangent components are angles that stand for the same pose after a full turn, (nv,)."""
     out = np.zeros(model.nv, bool)
     for joint in list(model.joints)[1:]:

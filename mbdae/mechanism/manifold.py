@@ -20,11 +20,11 @@ import pinocchio as pin
 from scipy.special import zeta
 
 from ..errors import StepError
-from ..finite_differences import slopes
+from ..finite_differences import numerical_jacobian
 from .frames import skew
 
 TERMS = 40
-LARGEST_TURN = 3.0  # rad within one step: below pi, so that both ends of a step determine it
+MAX_ROTATION = 3.0  # rad within one step: below pi, so that both ends of a step determine it
 SERIES = [-2 * (-1) ** k * float(zeta(2 * k)) / (2 * np.pi) ** (2 * k) for k in range(1, TERMS)]  # B_2k/(2k)!
 SAME_POINT = 1e-15  # of 1 + |q|: configurations so near are one
 SERIES_END = 1e-17  # of a sum: smaller terms end it
@@ -56,7 +56,7 @@ BLOCKS: dict[str, tuple[Ad, slice]] = {  # joint: ad_x, and where the rotation s
 }
 
 
-class Turned(NamedTuple):
+class IntegratePartials(NamedTuple):
     """How a step in coordinates x turns variations: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (nv, nv) each.
 
     A = Ad(exp -x) and R = J^-1 is the right Jacobian of exp.
@@ -143,8 +143,8 @@ class Manifold:
         """
         for name, s, _, turn in self.blocks:
             angles = x[s][turn]
-            if angles.dot(angles) > LARGEST_TURN**2:
-                raise StepError("chart", f"joint {name!r} turns by more than {LARGEST_TURN} rad in one step")
+            if angles.dot(angles) > MAX_ROTATION**2:
+                raise StepError("chart", f"joint {name!r} turns by more than {MAX_ROTATION} rad in one step")
 
     def size(self, q: np.ndarray) -> np.ndarray:
         """Magnitude of the tangent components, (nv,): |q| for lengths and bounded angles, 1 for rotations."""
@@ -179,12 +179,12 @@ class Manifold:
                 out[s] += b * dterm
         return out
 
-    def turned(self, x: np.ndarray, v: np.ndarray) -> Turned:
+    def turned(self, x: np.ndarray, v: np.ndarray) -> IntegratePartials:
         """Return the slopes of q (+) x and of J(x) v."""
         unit = np.eye(len(v))
         if not self.blocks:
-            return Turned(unit, unit, unit, np.zeros_like(unit))
-        out = Turned(unit.copy(), unit.copy(), unit.copy(), np.zeros_like(unit))
+            return IntegratePartials(unit, unit, unit, np.zeros_like(unit))
+        out = IntegratePartials(unit.copy(), unit.copy(), unit.copy(), np.zeros_like(unit))
         for _, s, ad, _ in self.blocks:
             X, one = ad(x[s]), unit[s, s]
             out.R[s, s] = right_jacobian(X)
@@ -205,7 +205,7 @@ class Manifold:
         """Return the slopes of the numbers of q (+) x with respect to x at x = 0, (nq, nv)."""
         if self.flat:
             return np.eye(self.model.nv)
-        return slopes(lambda x: pin.integrate(self.model, q, x), self.model.nv, WIDTH)
+        return numerical_jacobian(lambda x: pin.integrate(self.model, q, x), self.model.nv, WIDTH)
 
     def velocity(self, x: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """Return v = J(x)^-1 x', (nv,)."""

@@ -12,7 +12,7 @@ from ..discovery import later
 from ..errors import InputError, UnknownNameError
 from ..system import Array
 from .appearance import appearance
-from .assembly import START, assemble, refuse_inconsistent
+from .assembly import START, assemble, require_consistent
 from .closures.brake import Brake
 from .closures.closure import Closure
 from .closures.closure_error import ClosureError, largest_error
@@ -20,17 +20,17 @@ from .closures.clutch import Clutch
 from .closures.constraints import Constraints, Spec, anchors
 from .closures.driver import Driver
 from .closures.unilateral_constraint import Stop
-from .dynamics_terms import Quantities
-from .forces import bind_forces, held_joints, named_force
+from .dynamics_terms import DynamicsTerms
+from .forces import bind_forces, named_force, stiction_joints
 from .forces.elements import ForceElements
-from .formulations.closure_friction import Sliding
+from .formulations.closure_friction import ClosureFriction
 from .formulations.compiled_systems import COMPILED
 from .formulations.ggl import GGLSystem
 from .formulations.index1 import Index1System
 from .formulations.index2 import Index2System
 from .frames import find_joint, joint_names
 from .hybrid.switches import switches_of
-from .joint_stops import ends
+from .joint_stops import resolve_stops
 from .joints import is_depth_first
 from .manifold import Manifold
 from .model_settings import Motor, OrderSettings, SolveSettings, Start, coordinates, vector
@@ -41,7 +41,7 @@ Coordinates = Mapping[str, float | Sequence[float]]
 SYSTEMS: dict[str, Callable[..., Index2System]] = {s.formulation: s for s in (Index2System, GGLSystem, Index1System)}
 
 
-class Mechanism(Quantities):
+class Mechanism(DynamicsTerms):
     """A constrained mechanism in index-2 descriptor form.
 
         q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G(q) v + g_t(t)
@@ -94,9 +94,9 @@ class Mechanism(Quantities):
         self.model, self.visuals, self.source, self.settings = model, visuals, source, settings or SolveSettings()
         self.title, self.duration, self.order = title or model.name, duration, order or OrderSettings()
         self.motors, self.left_out, self.remarks = tuple(motors), tuple(left_out), tuple(remarks)
-        self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), ends(model, stops)
+        self.closures, self.drivers, self.stops = tuple(closures), tuple(drivers), resolve_stops(model, stops)
         self.forces = tuple(named_force(f, i) for i, f in enumerate(forces))
-        self.clutches, brakes = tuple(clutches), tuple(Brake(*held) for held in held_joints(model, self.forces))
+        self.clutches, brakes = tuple(clutches), tuple(Brake(*held) for held in stiction_joints(model, self.forces))
         self.constraints: tuple[Spec, ...] = (*self.closures, *self.drivers, *self.stops, *self.clutches, *brakes)
         if len({c.name for c in self.constraints}) < len(self.constraints):
             names = ", ".join(c.name for c in self.constraints)
@@ -114,7 +114,7 @@ class Mechanism(Quantities):
         self.row_units, self.positional = bound.units(), bound.positional
         self.switches = switches_of(self)
         self.manifold = Manifold(model)
-        Sliding(self.forces, self.closures, bound)  # wrong names are refused here
+        ClosureFriction(self.forces, self.closures, bound)  # wrong names are refused here
         self.states = self.bind_forces(data).states()  # wrong names are refused here
         self.start_values = start or Start()
         self._starts: dict[float, tuple[Array, Array]] = {}
@@ -257,7 +257,7 @@ class Mechanism(Quantities):
         if t not in self._starts:
             values, driven = self.start_values, {d.joint for d in self.drivers}
             if not values.assemble:
-                refuse_inconsistent(self, *self.given, t)
+                require_consistent(self, *self.given, t)
                 return self.given
             q, v = ({n: x for n, x in table.items() if n not in driven} for table in (values.q, values.v))
             self._starts[t] = assemble(self, q, v, None, values.guess_v, t)
@@ -292,7 +292,7 @@ class Mechanism(Quantities):
         v0 = self.start_at(t)[1] if v is None else vector(self.title, "v", v, self.nv)
         if not pin.isNormalized(self.model, q0, 1e-8):
             raise InputError("q is not on the manifold: normalise its quaternions, or pass it through assemble(q, v)")
-        refuse_inconsistent(self, q0, v0, t, gap)
+        require_consistent(self, q0, v0, t, gap)
         return np.concatenate([q0, v0, s0, [0.0]])
 
     def vector(self, name: str, value: Any, n: int) -> Array:

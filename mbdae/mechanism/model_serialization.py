@@ -87,7 +87,7 @@ class _Model(Table):
     arrays: dict[str, tuple[Limit, ...]]
 
 
-def written(model: pin.Model) -> dict[str, Any]:
+def model_to_data(model: pin.Model) -> dict[str, Any]:
     """Write a model down as JSON data.
 
     Raises:
@@ -117,7 +117,7 @@ def written(model: pin.Model) -> dict[str, Any]:
     }
 
 
-def made(data: Mapping[str, Any]) -> pin.Model:
+def model_from_data(data: Mapping[str, Any]) -> pin.Model:
     """Make the model again that `written` wrote.
 
     Raises:

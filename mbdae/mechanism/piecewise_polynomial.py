@@ -20,7 +20,7 @@ Beyond = Literal["hold", "linear", "periodic"]
 CROWD = 100_000  # pieces within a run: what repeats more often belongs into a harmonic, or another model
 
 
-class Pieces:
+class PiecewisePolynomial:
     """u(t) = sum_p c_ip (t - t_i)^(d - p) from t_i on; the first piece counts before t_0, too.
 
     Args:
@@ -46,7 +46,9 @@ class Pieces:
             self._derivatives.append([_derivative(row) for row in self._derivatives[k]])
 
     @classmethod
-    def of(cls, c: "PPoly", breaks: Sequence[float] = (), period: float = 0.0, rise: float = 0.0) -> "Pieces":
+    def of(
+        cls, c: "PPoly", breaks: Sequence[float] = (), period: float = 0.0, rise: float = 0.0
+    ) -> "PiecewisePolynomial":
         """The pieces of a scipy curve."""
         return cls(c.x[:-1], c.c.T, breaks, period, rise)
 
@@ -93,7 +95,7 @@ def _derivative(row: list[float]) -> list[float]:
     return [c * (degree - p) for p, c in enumerate(row[:-1])] or [0.0]
 
 
-def increasing(points: Sequence[Point]) -> tuple[Point, ...]:
+def require_increasing(points: Sequence[Point]) -> tuple[Point, ...]:
     """Check that the first numbers of points increase.
 
     Raises:
@@ -105,7 +107,9 @@ def increasing(points: Sequence[Point]) -> tuple[Point, ...]:
     return tuple(points)
 
 
-def curve(points: Sequence[Point], interpolation: Interpolation, beyond: Beyond, *, at_rest: bool = False) -> "PPoly":
+def interpolant_of_points(
+    points: Sequence[Point], interpolation: Interpolation, beyond: Beyond, *, at_rest: bool = False
+) -> "PPoly":
     """A smooth curve through points: a natural cubic spline, or a monotone one (Fritsch, Butland 1984).
 
     Beyond its ends it is held, or goes on as a straight line; `PPoly.antiderivative` integrates it exactly. A periodic

@@ -92,7 +92,7 @@ def open_limit(system: "Index2System", t: float, y: Array, usual: float, gap: fl
     return usual * min(NEARLY, SINGULAR + ROUND * np.sqrt(gap / size))
 
 
-def crossing(system: "Index2System", t: float, y: Array, limit: float, allowed: float) -> bool:
+def singular_crossing(system: "Index2System", t: float, y: Array, limit: float, allowed: float) -> bool:
     """Say whether closed loops meet a singular configuration near (t, y), where their rows nearly do.
 
     Bars that lie in a line with a gap pass it on a bend of radius sqrt(gap): the combination of rows that vanishes
@@ -129,17 +129,17 @@ def tangent(system: "Index2System", t: float, y: Array) -> Array:
     return np.linalg.svd(G)[2][rank:].T
 
 
-def turned(before: Array, after: Array) -> float:
+def tangent_space_angle(before: Array, after: Array) -> float:
     """The largest angle between two tangent spaces, in rad."""
     return float(np.arccos(np.clip(np.linalg.svd(before.T @ after, compute_uv=False).min(initial=1.0), 0.0, 1.0)))
 
 
-def turning(system: "Index2System", t: float, y: Array, dt: float) -> float:
+def tangent_space_rate(system: "Index2System", t: float, y: Array, dt: float) -> float:
     """How fast the tangent space turns along the motion, in rad/s."""
     q, v = system.split(y)
     d = dt * TURN
     moved = np.concatenate([system.manifold.integrate(q, d * v), y[system.nq :]])
-    return turned(tangent(system, t, y), tangent(system, t + d, moved)) / abs(d)
+    return tangent_space_angle(tangent(system, t, y), tangent(system, t + d, moved)) / abs(d)
 
 
 def _shares(G: Array, rank: int) -> Array:

@@ -17,12 +17,19 @@ from .. import finite_differences
 from ..errors import InputError
 from .callbacks import called, checked, function_name
 from .checked_table import Table
-from .piecewise_polynomial import Beyond, Interpolation, Pieces, Point, curve, increasing
+from .piecewise_polynomial import (
+    Beyond,
+    Interpolation,
+    PiecewisePolynomial,
+    Point,
+    interpolant_of_points,
+    require_increasing,
+)
 
 SPACING = 3e-3  # s, of differences
 
 
-class _Signal(Table):
+class _TimeFunction(Table):
     """A function of time."""
 
     @abstractmethod
@@ -33,7 +40,7 @@ class _Signal(Table):
         """Return the derivative of the k-th derivative: a difference of order six where it is not given."""
         if k < 2 and self.known(k + 1):
             return self.at(t, k + 1)
-        return float(finite_differences.slope(lambda x: self.at(t + x, k), SPACING))
+        return float(finite_differences.numerical_derivative(lambda x: self.at(t + x, k), SPACING))
 
     def known(self, k: int) -> bool:
         """Whether the k-th derivative is given, k = 0, 1, 2."""
@@ -62,12 +69,12 @@ class _Signal(Table):
         """What the core takes."""
 
 
-class _Piecewise(_Signal):
+class _Piecewise(_TimeFunction):
     """A function of time that consists of polynomials."""
 
     @cached_property
     @abstractmethod
-    def pieces(self) -> Pieces:
+    def pieces(self) -> PiecewisePolynomial:
         """The polynomials."""
 
     def at(self, t: float, k: int = 0) -> float:
@@ -105,15 +112,15 @@ class Constant(_Piecewise):
         return 0.0 if k else self.value
 
     @cached_property
-    def pieces(self) -> Pieces:  # noqa: D102
-        return Pieces([0.0], [[self.value]])
+    def pieces(self) -> PiecewisePolynomial:  # noqa: D102
+        return PiecewisePolynomial([0.0], [[self.value]])
 
     @model_serializer
     def _plain(self) -> float:
         return self.value
 
 
-class Harmonic(_Signal):
+class Harmonic(_TimeFunction):
     """offset + amplitude sin(omega t + phase).
 
     Attributes:
@@ -151,8 +158,8 @@ class Polynomial(_Piecewise):
     coefficients: tuple[float, ...] = Field(min_length=1)
 
     @cached_property
-    def pieces(self) -> Pieces:  # noqa: D102
-        return Pieces([0.0], [self.coefficients[::-1]])
+    def pieces(self) -> PiecewisePolynomial:  # noqa: D102
+        return PiecewisePolynomial([0.0], [self.coefficients[::-1]])
 
 
 class _Points(_Piecewise):
@@ -161,7 +168,7 @@ class _Points(_Piecewise):
     @field_validator("points", check_fields=False)
     @classmethod
     def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
-        return increasing(points)
+        return require_increasing(points)
 
 class TimeTable(_Points):
     """A smooth curve through points (t, value), t increasing.
@@ -184,20 +191,20 @@ class TimeTable(_Points):
     beyond: Beyond | None = None
 
     @cached_property
-    def pieces(self) -> Pieces:  # noqa: D102
+    def pieces(self) -> PiecewisePolynomial:  # noqa: D102
         return self._made(self.beyond or "hold", (self.points[0][0], self.points[-1][0]))
 
     @cached_property
-    def motion(self) -> Pieces:
+    def motion(self) -> PiecewisePolynomial:
         """The polynomials of a motion: held at rest; straight on where nothing is said, where no run goes."""
         jumps = self.points if self.interpolation == "monotone" else (self.points[0], self.points[-1])  # of u''
         return self._made(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
 
-    def _made(self, beyond: Beyond, breaks: Sequence[float], *, at_rest: bool = False) -> Pieces:
-        c = curve(self.points, self.interpolation, beyond, at_rest=at_rest)
+    def _made(self, beyond: Beyond, breaks: Sequence[float], *, at_rest: bool = False) -> PiecewisePolynomial:
+        c = interpolant_of_points(self.points, self.interpolation, beyond, at_rest=at_rest)
         if beyond != "periodic":
-            return Pieces.of(c, breaks)
-        return Pieces.of(c, (), self.points[-1][0] - self.points[0][0], self.rise)
+            return PiecewisePolynomial.of(c, breaks)
+        return PiecewisePolynomial.of(c, (), self.points[-1][0] - self.points[0][0], self.rise)
 
     @property
     def rise(self) -> float:
@@ -221,12 +228,12 @@ class Steps(_Points):
     points: tuple[Point, ...] = Field(min_length=1)
 
     @cached_property
-    def pieces(self) -> Pieces:  # noqa: D102
+    def pieces(self) -> PiecewisePolynomial:  # noqa: D102
         times, values = zip(*self.points, strict=True)
-        return Pieces(times, [[value] for value in values], times[1:])
+        return PiecewisePolynomial(times, [[value] for value in values], times[1:])
 
 
-class Function(_Signal):
+class Function(_TimeFunction):
     """A Python function of time, with its derivatives where they are needed.
 
     A saved solution records it by name; what needs its values then refuses.
@@ -274,13 +281,13 @@ class Function(_Signal):
         return {"kind": "python", "call": self.at}
 
 
-SIGNALS: tuple[type[_Signal], ...] = (Constant, Harmonic, Polynomial, TimeTable, Steps, Function)
+SIGNALS: tuple[type[_TimeFunction], ...] = (Constant, Harmonic, Polynomial, TimeTable, Steps, Function)
 
 
 def _coerce(value: Any) -> Any:
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         return Constant(value=float(value))
-    return Function(function=value) if callable(value) and not isinstance(value, _Signal) else value
+    return Function(function=value) if callable(value) and not isinstance(value, _TimeFunction) else value
 
 
 def _returns(signal: Any) -> Any:
@@ -297,4 +304,4 @@ Motion = Annotated[
     ],
     BeforeValidator(_coerce),
 ]
-Signal = Annotated[Motion, AfterValidator(_returns)]
+TimeFunction = Annotated[Motion, AfterValidator(_returns)]

@@ -21,11 +21,11 @@ from ..system import Array
 from .frames import Pair, motion_cross, skew, unit_gap, wrench_matrix
 
 Rate = Callable[[Pair], Array]
-TINY = 1e-30  # a complex step
+COMPLEX_STEP = 1e-30  # a complex step
 _SKEW = np.array([skew(e).ravel() for e in np.eye(3)])
 
 
-class PairSlopes:
+class PairPartials:
     """What the columns do at a point.
 
     Args:
@@ -85,33 +85,33 @@ class PairSlopes:
         dw, A_rel = rate(at), A.dot(sign)
         turned = self.moved(A_rel.dot(Da), A_rel.dot(Db)) + dw.T.dot(sign * self.dV) + w.T.dot(sign * dA_q)
         for m, (d, dV) in enumerate(zip(J.T, self.dV.T, strict=True)):
-            turned[:, m] += self.V.dot(_rate_slope(rate, at, d, dV, to_b=bool(b[m])))
+            turned[:, m] += self.V.dot(_rate_partial(rate, at, d, dV, to_b=bool(b[m])))
         by_v = self.moved(self.V.dot(Da), self.V.dot(Db)) + dw.T.dot(sign * J) + w.T.dot(sign * dA_v)
         return turned, by_v
 
 
-def _rate_slope(rate: Rate, at: Pair, d: Array, dV: Array, *, to_b: bool) -> Array:
+def _rate_partial(rate: Rate, at: Pair, d: Array, dV: Array, *, to_b: bool) -> Array:
     """Slope of dw/dt (6, m) when one frame moves by d (6,) and its velocity changes by dV (6,): a complex step."""
-    moved, step = copy(at), 1j * TINY
+    moved, step = copy(at), 1j * COMPLEX_STEP
     if to_b:
         moved.Rb, moved.pb = at.Rb + step * skew(d[3:]).dot(at.Rb), at.pb + step * (d[:3] + skew(d[3:]).dot(at.pb))
         moved.Vb = at.Vb + step * dV
     else:
         moved.Ra, moved.pa = at.Ra + step * skew(d[3:]).dot(at.Ra), at.pa + step * (d[:3] + skew(d[3:]).dot(at.pa))
         moved.Va = at.Va + step * dV
-    return rate(moved).imag / TINY
+    return rate(moved).imag / COMPLEX_STEP
 
 
-def line_slopes(pair: Pair) -> tuple[Array, Array, Array]:
+def line_wrench_partials(pair: Pair) -> tuple[Array, Array, Array]:
     """Return w = (n, p_b x n) (6,) with the unit vector n from a to b, and Da, Db (6, 6): dw = Da d_a + Db d_b."""
     distance, n = unit_gap(pair)
     N, P = (np.eye(3) - np.outer(n, n)) / distance, skew(pair.pb)
     at = np.concatenate([np.eye(3), P])
     Da, Db = (at.dot(np.hstack([N, -N.dot(p)])) for p in (skew(pair.pa), P))
-    return at.dot(n), -Da, Db + carried(pair.pb, n[:, None])[0]
+    return at.dot(n), -Da, Db + moved_line_partials(pair.pb, n[:, None])[0]
 
 
-def carried(p: Array, n: Array) -> Array:
+def moved_line_partials(p: Array, n: Array) -> Array:
     """Slopes (m, 6, 6) of the wrenches (n, p x n) of constant forces n (3, m) when their point p (3,) moves."""
     out = np.zeros((n.shape[1], 6, 6))
     out[:, 3:, :3] = turn = -skews(n)

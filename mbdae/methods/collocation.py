@@ -25,18 +25,20 @@ from ..system import Array, Chart, Linearization, Solver, State, Step, System
 from .radau_coefficients import RadauArrays, lagrange
 
 TOLERANCE = 1e-16  # Newton error that is aimed at, relative to the size of y: rounding
-NEAR = 1e-11  # changes below this are so near to rounding that what is left to do follows from those before
-FURTHER = 8  # iterations, at most, from there on
+NEAR_ROUNDING = 1e-11  # changes below this are so near to rounding that what is left to do follows from those before
+EXTRA_ITERATIONS = 8  # iterations, at most, from there on
 FIRST = 3  # iterations that follow where the first change is as small already: their rate is not seen
-EXPECTED = 0.1  # how changes shrink, before anything is known; above REUSE: slopes whose rate is not known are not kept
+EXPECTED_RATE = (
+    0.1  # how changes shrink, before anything is known; above REUSE: slopes whose rate is not known are not kept
+)
 SHARE = 1e-3  # of the largest component: none counts for less
 REUSE = 0.03  # slopes and factors serve the next step of the same h while the iteration converges faster than this
-MIXED = 10  # changes that are mixed where an iteration with slopes of one point does not converge
+ANDERSON_DEPTH = 10  # changes that are mixed where an iteration with slopes of one point does not converge
 FAR = 0.5  # of the size of y and of its move: a guess whose first change is larger leads anywhere
 HALVINGS = 6  # of a step that is solved once more, for a guess
 
 
-class Memory(NamedTuple):
+class StageMemory(NamedTuple):
     """What a step leaves to the next one: stage values for a first guess, and the slopes with their rate."""
 
     unknowns: Any
@@ -53,7 +55,7 @@ def collocation_step(
 ) -> Step:
     """Advance (t, y) to t + h.
 
-    The state's carry is the `Memory` of the step before; anything else counts as none.
+    The state's carry is the `StageMemory` of the step before; anything else counts as none.
 
     The equations are solved to rounding: a step knows no tolerance, and the order of a method and G v = 0 shall not
     end at one. Jacobians are taken in the middle of the step, at the stages foreseen there, which halves their distance
@@ -74,7 +76,7 @@ def collocation_step(
     """
     chart = system.chart(t, state.y)
     memory, s = state.carry, len(a.c)
-    if isinstance(memory, Memory) and memory.unknowns == chart.unknowns and len(memory.K) == s:
+    if isinstance(memory, StageMemory) and memory.unknowns == chart.unknowns and len(memory.K) == s:
         F = chart.first(system.carry(memory.K[-1], memory.Z[-1]))[0]
         onward = lagrange(a.c, 1 + a.c * h / memory.h)
         K, Z = onward @ memory.K, onward @ memory.Z
@@ -97,7 +99,7 @@ def collocation_step(
 
 def repeated_step(
     system: System, a: RadauArrays, t: float, h: float, y: Array, patience: int, halvings: int = HALVINGS
-) -> tuple[Chart, Memory]:
+) -> tuple[Chart, StageMemory]:
     """Solve the stages of a step once more, from y alone.
 
     Where x' = y'_n is no guess from which the iteration converges, the polynomial of the step of half the size is one.
@@ -122,7 +124,7 @@ def _factorize(slopes: Linearization, a: RadauArrays, h: float) -> list[Solver]:
     return [slopes.factorize(h * mode.value) for mode in a.modes]
 
 
-def _errors(a: RadauArrays, F: Array, found: Memory) -> Array:
+def _errors(a: RadauArrays, F: Array, found: StageMemory) -> Array:
     """Error estimates e, (1 or 2, ny), from F = y'_n and the collocation polynomial u.
 
         (E - h gamma (E f)_x) e - (E f)_z * = E h gamma (y'_n - u'(t_n)),   g_x e = 0.
@@ -141,7 +143,11 @@ def _left(size: float, rate: float) -> int:
     """Iterations that are left after a change by ``size``, until the next one would be below the tolerance."""
     if rate * size <= TOLERANCE:
         return 0
-    return FURTHER if rate >= 1 else min(FURTHER, int(np.ceil(np.log(TOLERANCE / size) / np.log(rate))) - 1)
+    return (
+        EXTRA_ITERATIONS
+        if rate >= 1
+        else min(EXTRA_ITERATIONS, int(np.ceil(np.log(TOLERANCE / size) / np.log(rate))) - 1)
+    )
 
 
 class _Stages:
@@ -153,7 +159,7 @@ class _Stages:
         self.chart, self.a, self.t, self.h, self.patience = chart, a, t, h, patience
         self.counts, self.measured, self.size = system.counts, system.measured, size
 
-    def solve(self, K: Array, Z: Array, slopes: Linearization, solvers: list[Solver]) -> Memory:
+    def solve(self, K: Array, Z: Array, slopes: Linearization, solvers: list[Solver]) -> StageMemory:
         """Iterate from a guess of K (s, ny) and Z (s, m).
 
         Changes of X shrink by ``rate`` (Hairer, Wanner II, section IV.8), as seen over pairs of iterations: errors of X
@@ -163,7 +169,7 @@ class _Stages:
         Raises:
             StepError: if the iteration diverges or is too slow.
         """
-        scale, last, rate, left = self._scale(K), np.inf, EXPECTED, 0
+        scale, last, rate, left = self._scale(K), np.inf, EXPECTED_RATE, 0
         for k in range(self.patience):
             dK, dZ = self._correction(K, Z, solvers)
             K, Z = K + dK, Z + dZ
@@ -171,26 +177,26 @@ class _Stages:
             self.counts.newton += 1
             if not np.isfinite(size):
                 break
-            if last > NEAR:
+            if last > NEAR_ROUNDING:
                 if k:
                     rate = size / last if k == 1 else float(np.sqrt(rate * size / last))
                 left = _left(size, rate) if k else FIRST
             else:
                 left -= 1
-            if size <= NEAR and (left <= 0 or k == self.patience - 1):
-                return Memory(self.chart.unknowns, self.h, K, Z, slopes, solvers, rate)
-            if k > 1 and last > NEAR and (rate >= 1 or rate ** (self.patience - 1 - k) * size > NEAR):
+            if size <= NEAR_ROUNDING and (left <= 0 or k == self.patience - 1):
+                return StageMemory(self.chart.unknowns, self.h, K, Z, slopes, solvers, rate)
+            if k > 1 and last > NEAR_ROUNDING and (rate >= 1 or rate ** (self.patience - 1 - k) * size > NEAR_ROUNDING):
                 break
             last = size
         raise self._diverges()
 
-    def afresh(self, K: Array, Z: Array) -> Memory:
+    def afresh(self, K: Array, Z: Array) -> StageMemory:
         """Iterate from a guess with the slopes of its middle."""
         i, X = self.a.middle, self.h * (self.a.A @ K)
         slopes = self.chart.linearize(X[i], K[i], Z[i])
         return self.solve(K, Z, slopes, _factorize(slopes, self.a, self.h))
 
-    def found(self, K: Array, Z: Array) -> Memory:
+    def found(self, K: Array, Z: Array) -> StageMemory:
         """Iterate from a guess with the slopes of its middle, and where that does not converge, as `mixed` does."""
         try:
             return self.afresh(K, Z)
@@ -200,7 +206,7 @@ class _Stages:
             except StepError:
                 raise failed from None
 
-    def mixed(self, K: Array, Z: Array) -> Memory:
+    def mixed(self, K: Array, Z: Array) -> StageMemory:
         """Iterate from a guess where bodies turn so far within a step that slopes of one point serve badly.
 
         Each point is that combination of the last ones whose change would be least, plus this change (Anderson's
@@ -220,11 +226,11 @@ class _Stages:
             self.counts.newton += 1
             if not size <= FAR:
                 break
-            if size <= TOLERANCE or last <= size <= NEAR:
-                return Memory(self.chart.unknowns, self.h, K + dK, Z + dZ, slopes, solvers, np.inf)
+            if size <= TOLERANCE or last <= size <= NEAR_ROUNDING:
+                return StageMemory(self.chart.unknowns, self.h, K + dK, Z + dZ, slopes, solvers, np.inf)
             change = np.concatenate([dK.ravel(), dZ.ravel()])
-            points = np.vstack([points, np.concatenate([K.ravel(), Z.ravel()])])[-MIXED - 1 :]
-            changes, last = np.vstack([changes, change])[-MIXED - 1 :], size
+            points = np.vstack([points, np.concatenate([K.ravel(), Z.ravel()])])[-ANDERSON_DEPTH - 1 :]
+            changes, last = np.vstack([changes, change])[-ANDERSON_DEPTH - 1 :], size
             moves, turns = np.diff(points, axis=0), np.diff(changes, axis=0)
             share = np.linalg.lstsq((turns * weight).T, change * weight)[0]
             at = points[-1] + change - share @ (moves + turns)

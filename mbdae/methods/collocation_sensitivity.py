@@ -1,7 +1,7 @@
 """How a step of a collocation method moves with where it starts, with parameters and with its size.
 
 Its stages solve their equations to rounding, so that the implicit function theorem holds for the computed numbers:
-with the slopes of the equations of each stage (`mbdae.system.StageEquations`) at the solution,
+with the slopes of the equations of each stage (`mbdae.system.StagePartials`) at the solution,
 
     F_i dF_i + X_i dX_i + Z_i dZ_i = -(Y_i dy + P_i dp + T_i dt_i),   dX_i = h sum_j a_ij dF_j + dh sum_j a_ij F_j
     dy_1 = Y dy + X dX_s
@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from ..errors import StepError
-from ..system import Array, State, System, Variations
+from ..system import Array, DiscreteSensitivity, State, System
 from .collocation import repeated_step
 
 if TYPE_CHECKING:
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 BEHIND = 1e-12  # of 1 + |z|: what moves slopes by less than quotients of runs show
 
 
-class CollocationSlopes:
-    """The slopes of a step from (t, y) to t + h, see `mbdae.methods.step_sensitivity.StepSlopes`, whose arguments are these.
+class CollocationSensitivity:
+    """The slopes of a step from (t, y) to t + h, see `mbdae.methods.step_sensitivity.StepSensitivity`, whose arguments are these.
 
     Raises:
         StepError: if the stages cannot be solved.
     """
 
     def __init__(
-        self, system: System, slopes: Variations, method: "RadauIIA", t: float, h: float, state: State
+        self, system: System, slopes: DiscreteSensitivity, method: "RadauIIA", t: float, h: float, state: State
     ) -> None:
         self.slopes, self.h, self.a = slopes, h, (a := method.arrays)
         chart, found = repeated_step(system, a, t, h, state.y, method.patience)

@@ -43,7 +43,7 @@ def half_explicit_step(system: System, tableau: "Tableau | ExplicitMethod", t: f
     return Step(State(y, carry, system.lost(state.y, x, y)), chart.all_multipliers(z), errors)
 
 
-def doubled_step(
+def step_doubling(
     step: Callable[[System, float, float, State], Step],
     order: int,
     system: System,

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ..system import State, Step, System, Variations
+from ..system import DiscreteSensitivity, State, Step, System
 from . import collocation
 from .collocation import collocation_step
-from .collocation_sensitivity import CollocationSlopes
+from .collocation_sensitivity import CollocationSensitivity
 from .controller import PI
 from .radau_coefficients import RadauArrays, coefficients
 from .tableau import Row, Tableau
@@ -155,8 +155,8 @@ class RadauIIA:
         real = -1 if a.real is None else a.real
         return native.Radau(
             a.c, a.A, modes, real, a.gamma, a.start, a.middle,
-            patience=PATIENCE, short_patience=SHORT_PATIENCE, tolerance=collocation.TOLERANCE, near=collocation.NEAR,
-            further=collocation.FURTHER, first=collocation.FIRST, expected=collocation.EXPECTED,
+            patience=PATIENCE, short_patience=SHORT_PATIENCE, tolerance=collocation.TOLERANCE, near=collocation.NEAR_ROUNDING,
+            further=collocation.EXTRA_ITERATIONS, first=collocation.FIRST, expected=collocation.EXPECTED_RATE,
             reuse=collocation.REUSE, share=collocation.SHARE,
         )  # fmt: skip
 
@@ -166,9 +166,11 @@ class RadauIIA:
             system, self.arrays, t, h, state, PATIENCE, estimate=False
         )
 
-    def slopes(self, system: System, slopes: Variations, t: float, h: float, state: State) -> CollocationSlopes:
+    def slopes(
+        self, system: System, slopes: DiscreteSensitivity, t: float, h: float, state: State
+    ) -> CollocationSensitivity:
         """The slopes of a step."""
-        return CollocationSlopes(system, slopes, self, t, h, state)
+        return CollocationSensitivity(system, slopes, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate, or give up where the iteration converges slowly."""

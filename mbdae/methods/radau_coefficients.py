@@ -26,7 +26,7 @@ DIGITS = 40
 Polynomial = list[Decimal]  # coefficients of 1, x, x^2, ...
 
 
-class Mode(NamedTuple):
+class EigenMode(NamedTuple):
     """An eigenvalue of A with its eigenvector ``column`` (s,) and the matching ``row`` (s,) of the inverse.
 
     One mode stands for a complex pair (its column is doubled), so that A x = Re sum column * value * (row . x).
@@ -53,9 +53,9 @@ class Coefficients:
         modes = []
         for value, column, row in zip(values, T.T, rows, strict=True):
             if value.imag == 0:
-                modes.append(Mode(float(value.real), column.real, row.real))
+                modes.append(EigenMode(float(value.real), column.real, row.real))
             elif value.imag > 0:
-                modes.append(Mode(complex(value), 2 * column, row))
+                modes.append(EigenMode(complex(value), 2 * column, row))
         real = next((i for i, mode in enumerate(modes) if isinstance(mode.value, float)), None)
         gamma = float(np.linalg.det(A) ** (1 / len(c))) if real is None else modes[real].value.real
         start = [lagrange(c, np.zeros(1))[0]]
@@ -81,7 +81,7 @@ class RadauArrays:
 
     c: Array
     A: Array
-    modes: tuple[Mode, ...]
+    modes: tuple[EigenMode, ...]
     real: int | None
     gamma: float
     start: Array

@@ -6,7 +6,7 @@ stages as the step did; the adjoint goes back through them with the transposed s
     dX_i = h sum_{j<i} a_ij dF_j,   dXhat_i = h sum_{j<i} ahat_ij dF_j,   dF_i = stage(dX_i, dXhat_i, dy, dp)
     dy_1 = Y dy + X h sum b_i dF_i
 
-so that <w, J u> = <J^T w, u> to rounding. What a stage is, the system knows (`mbdae.system.Variations`).
+so that <w, J u> = <J^T w, u> to rounding. What a stage is, the system knows (`mbdae.system.DiscreteSensitivity`).
 
 Source: Hager, Numer. Math. 87 (2000), for explicit methods; here for the linear systems of half-explicit stages.
 """
@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..system import Array, State, System, Variations
+from ..system import Array, DiscreteSensitivity, State, System
 
 if TYPE_CHECKING:
     from .tableau import Tableau
 
 
-class StepSlopes:
+class StepSensitivity:
     """The slopes of a step from (t, y) to t + h, whose stages are computed again.
 
     Args:
@@ -41,7 +41,7 @@ class StepSlopes:
     """
 
     def __init__(
-        self, system: System, slopes: Variations, tableau: "Tableau", t: float, h: float, state: State
+        self, system: System, slopes: DiscreteSensitivity, tableau: "Tableau", t: float, h: float, state: State
     ) -> None:
         self.slopes, self.h, self.carries, self.a = slopes, h, tableau.explicit_first, tableau.arrays
         a, first = self.a, int(tableau.explicit_first)

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..system import State, Step, System, Variations
+from ..system import DiscreteSensitivity, State, Step, System
 from .controller import PI
 from .exact_numbers import Number, exact
-from .half_explicit_step import doubled_step, half_explicit_step
-from .step_sensitivity import StepSlopes
+from .half_explicit_step import half_explicit_step, step_doubling
+from .step_sensitivity import StepSensitivity
 
 Row = list[Number]
 Text = tuple[str, ...]
@@ -178,15 +178,15 @@ class Tableau:
         """Take one step; see `mbdae.methods.half_explicit_step.half_explicit_step`."""
         return system.whole_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
 
-    def slopes(self, system: System, slopes: Variations, t: float, h: float, state: State) -> StepSlopes:
+    def slopes(self, system: System, slopes: DiscreteSensitivity, t: float, h: float, state: State) -> StepSensitivity:
         """The slopes of a step, see `mbdae.methods.step_sensitivity`."""
-        return StepSlopes(system, slopes, self, t, h, state)
+        return StepSensitivity(system, slopes, self, t, h, state)
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate: the embedded formula's, or that of two half steps."""
         if self.b_embedded:
             return self.step(system, t, h, state)
-        return doubled_step(self.step, self.order, system, t, h, state)
+        return step_doubling(self.step, self.order, system, t, h, state)
 
     @cached_property
     def arrays(self) -> "ButcherArrays":

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..mechanism import Reaction, joint_reaction, loaded, loads, reaction
+from ..mechanism import Reaction, joint_reaction, reaction, reaction_names, reaction_wrenches
 from ..mechanism.contacts import contact, path, rolling
 from ..mechanism.coordinate_units import parts
 from ..mechanism.forces.coulomb_friction import CoulombFriction
@@ -150,13 +150,15 @@ def reaction_of(sol: "Solution", name: str) -> Reaction:
 def load_units(mech: "Mechanism") -> dict[str, str]:
     """Units of the columns of forces and torques of joints and closures: magnitude, world's axes, own axes."""
     ends = ("", *(f".{axis}" for axis in (*WORLD_AXES, *OWN_AXES)))
-    return {f"{word}.{name}{end}": unit for name in loaded(mech) for word, unit in LOADS.items() for end in ends}
+    return {
+        f"{word}.{name}{end}": unit for name in reaction_names(mech) for word, unit in LOADS.items() for end in ends
+    }
 
 
 def load_columns(sol: "Solution") -> dict[str, Array]:
-    """Columns of forces and torques of joints and closures, see `mbdae.mechanism.joint_wrenches.loads`."""
+    """Columns of forces and torques of joints and closures, see `mbdae.mechanism.joint_wrenches.reaction_wrenches`."""
     n, mech = len(sol.t), sol.mechanism
-    world, own = (x.reshape(n, -1, 3) for x in loads(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
+    world, own = (x.reshape(n, -1, 3) for x in reaction_wrenches(mech, sol.t, sol.q, sol.v, sol.vdot, sol.lam))
     all_of = np.concatenate([np.linalg.norm(world, axis=2)[:, :, None], world, own], axis=2)
     return dict(zip(load_units(mech), all_of.reshape(n, -1).T, strict=True))
 

@@ -18,7 +18,7 @@ def _opening(mech: "Mechanism") -> list[Unilateral]:
     return [s for s in mech.switches if isinstance(s, Unilateral)]
 
 
-def _struck(mech: "Mechanism") -> list[Switch]:
+def _impact_switches(mech: "Mechanism") -> list[Switch]:
     return [s for s in mech.switches if s.struck]
 
 
@@ -26,7 +26,9 @@ def mode_units(mech: "Mechanism") -> dict[str, str]:
     """Names of the columns of `mode_columns`, and their units."""
     out = {f"gap.{s.name}": mech.row_units[s.row] for s in _opening(mech)}
     out |= {f"mode.{s.name}": "1" for s in mech.switches}
-    return out | {f"impulse.{s.name}": "N s" if mech.row_units[s.row] == "m" else "N m s" for s in _struck(mech)}
+    return out | {
+        f"impulse.{s.name}": "N s" if mech.row_units[s.row] == "m" else "N m s" for s in _impact_switches(mech)
+    }
 
 
 def mode_columns(sol: "Solution") -> dict[str, Array]:
@@ -44,7 +46,7 @@ def mode_columns(sol: "Solution") -> dict[str, Array]:
     points = [ModePoint(system, rows, float(t), y) for t, y in zip(sol.t, sol.y, strict=True)]
     out = {f"gap.{s.name}": np.array([s.gap(p) for p in points]) for s in opening}
     out |= {f"mode.{s.name}": modes[:, s.at] for s in mech.switches}
-    for s in _struck(mech):
+    for s in _impact_switches(mech):
         column = out[f"impulse.{s.name}"] = np.zeros(len(sol.t))
         for x in sol.impacts:
             if s.name in x.where:

@@ -6,11 +6,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..errors import UnknownNameError, several
+from ..errors import UnknownNameError, as_list
 from ..mechanism import Driver
 from ..mechanism.contacts import rolling
 from ..mechanism.coordinate_units import acceleration_units, coordinate_units
-from ..mechanism.effort_signals import drive_powers, effort_units, efforts
+from ..mechanism.effort_signals import driver_powers, effort_units, efforts
 from ..mechanism.momentum import MOMENTUM, momentum
 from ..system import Array
 from .columns import (
@@ -87,7 +87,7 @@ def _drive_units(mech: "Mechanism") -> Units:
 
 def _drives(sol: "Solution") -> dict[str, Array]:
     out = {f"effort.{name}": sol.lam[:, i] for name, i in driven(sol.mechanism).items()}
-    return out | drive_powers(sol.mechanism, sol.t, sol.lam)
+    return out | driver_powers(sol.mechanism, sol.t, sol.lam)
 
 
 def _energies(sol: "Solution") -> dict[str, Array]:
@@ -137,11 +137,11 @@ def signals(sol: "Solution", names: Collection[str] | None = None) -> dict[str, 
 
     ``lam.<closure>.<row>`` with rows counted from 1 (N, N m; from the hidden constraint); ``force.<name>`` and
     ``torque.<name>`` (N, N m) of joints, closures and driven distances: the magnitude, and with ``.x .y .z`` behind it
-    the components along the world's axes, with ``.1 .2 .3`` along its own, see `mbdae.mechanism.joint_wrenches.loads`;
-    ``effort.<name>`` of couplings and drivers (N, N m), ``power.<driver>`` (W); of forces ``torque``, ``force``,
-    ``power`` and ``deflection.<force>``, see `mbdae.mechanism.effort_signals`; of rolling bodies
-    ``contact.<closure>.x`` in m, ``normal``, ``longitudinal`` and ``lateral.<closure>`` in N, and
-    ``friction.<closure>``, the coefficient that it takes not to slip.
+    the components along the world's axes, with ``.1 .2 .3`` along its own, see
+    `mbdae.mechanism.joint_wrenches.reaction_wrenches`; ``effort.<name>`` of couplings and drivers (N, N m),
+    ``power.<driver>`` (W); of forces ``torque``, ``force``, ``power`` and ``deflection.<force>``, see
+    `mbdae.mechanism.effort_signals`; of rolling bodies ``contact.<closure>.x`` in m, ``normal``, ``longitudinal`` and
+    ``lateral.<closure>`` in N, and ``friction.<closure>``, the coefficient that it takes not to slip.
 
     ``position``, ``velocity`` and ``acceleration.<frame>.x`` of the origins of frames in the world (m, per s, per s^2),
     the magnitudes of the last two without ``.x``; ``com.x`` in m, the centre of mass of all that moves, ``momentum.x``
@@ -182,7 +182,7 @@ def find(mech: "Mechanism", names: str | Iterable[str]) -> list[str]:
     """
     known = units(mech)
     out: dict[str, None] = {}
-    for name in several(names, "signals are a list of names"):
+    for name in as_list(names, "signals are a list of names"):
         if name not in known and not any(x.startswith(f"{name}.") for x in known):
             raise UnknownNameError("signal", name, choices(mech))
         out |= {name: None} if name in known else {x: None for x in known if x.startswith(f"{name}.")}

@@ -50,7 +50,7 @@ STYLE: Any = {  # of matplotlib's keys
     "svg.hashsalt": "mbdae",
     "pdf.fonttype": 42,
 }
-LOOKS = {  # a hue for a family, a shade and a marker for a method
+STYLES = {  # a hue for a family, a shade and a marker for a method
     "herk1": ("#9ecae1", "."), "herk2": ("#6baed6", "<"), "herk3": ("#3182bd", "v"), "herk4": ("#2c6fbb", "p"),
     "herk5": ("#08306b", "s"),
     "pherk3": ("#fdae6b", ">"), "pherk4": ("#f16913", "H"), "pherk5": ("#d94801", "o"), "pherk6": ("#7f2704", "D"),
@@ -73,10 +73,10 @@ FEW = 4.0  # an axis whose ends have a smaller ratio may have one multiple of a 
 LINES: dict[str, Any] = {"": "-", "project": (0, (6, 1.5)), "ggl": (0, (3, 1.5)), "index1": ":", "baumgarte": "-."}
 
 
-def look(name: str) -> dict[str, Any]:
+def line_style(name: str) -> dict[str, Any]:
     """Colour, marker and line style of a method in a formulation, ``"pherk5"`` or ``"ggl:pherk5"``."""
     prefix, _, method = name.rpartition(":")
-    colour, marker = LOOKS.get(method, OTHER)
+    colour, marker = STYLES.get(method, OTHER)
     face = colour if not prefix else "white"
     line = LINES[prefix.partition("=")[0]]
     return {"color": colour, "marker": marker, "markerfacecolor": face, "linestyle": line}

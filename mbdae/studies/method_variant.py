@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..errors import InputError, UnknownNameError, several
+from ..errors import InputError, UnknownNameError, as_list
 from ..integrate.run_setup import projected
 from ..integrate.settings import completed
 from ..integrate.steppers.scipy_ivp import SCIPY, find
@@ -94,8 +94,8 @@ def variants(methods: str | Iterable[str | Variant], formulations: str | Iterabl
         UnknownNameError: for a formulation or a method that does not exist.
     """
     out: list[Variant] = []
-    before = several(formulations or "index2", "formulations is a list of names")
-    for m in several(methods, "methods is a list of names"):
+    before = as_list(formulations or "index2", "formulations is a list of names")
+    for m in as_list(methods, "methods is a list of names"):
         if isinstance(m, Variant):
             out.append(m)
         elif isinstance(m, Tableau):

@@ -9,7 +9,7 @@ import pytest
 import mbdae
 from mbdae.integrate import checkpoints
 from mbdae.integrate.checkpoints import Checkpoints
-from mbdae.integrate.trajectory import Trace
+from mbdae.integrate.trajectory import Trajectory
 from mbdae.studies.sensitivity.run_parameters import bound
 
 
@@ -44,16 +44,16 @@ def test_the_same_bits(model, T, options, monkeypatch):
     """Backwards and in pieces as all at once; Bricard's rows change on the way. A short run has kept them all."""
     run = mbdae.solve(mbdae.load(model), (0.0, T), **options)
     sol = replace(run, carried=None)
-    at_once = Trace(sol, bound(sol, [], None)[1])
+    at_once = Trajectory(sol, bound(sol, [], None)[1])
     monkeypatch.setattr(checkpoints, "SHORT", 5)
-    pieces = Trace(sol, bound(sol, [], None)[1])
+    pieces = Trajectory(sol, bound(sol, [], None)[1])
     for i in reversed(range(len(sol.t))):
         np.testing.assert_array_equal(pieces.state(i).carry, at_once.state(i).carry)
     found = [mbdae.sensitivity(sol, start=True).dy]
     monkeypatch.setattr(checkpoints, "SHORT", 1000)
     found.append(mbdae.sensitivity(sol, start=True).dy)
     np.testing.assert_array_equal(*found)
-    kept = Trace(run, bound(run, [], None)[1])
+    kept = Trajectory(run, bound(run, [], None)[1])
     assert kept.renewed.tolist() == at_once.renewed.tolist()
     for i in range(len(run.t) - 1):
         np.testing.assert_allclose(kept.state(i).carry, at_once.state(i).carry, rtol=1e-8, atol=1e-10)

@@ -50,7 +50,7 @@ def test_the_point_behind_meets_all_rows(loops):
 
 def test_an_end_far_beside_where_the_way_led_is_not_taken(monkeypatch):
     """Bringing the point behind onto the closures may lead elsewhere: here a thousandth of a second on."""
-    mech, honest, tried = mbdae.load("n_four_bar", N=1), singularity_monitor.leap, []
+    mech, honest, tried = mbdae.load("n_four_bar", N=1), singularity_monitor.cross_singularity, []
 
     def counted(system, *args):
         found = honest(system, *args)
@@ -65,12 +65,12 @@ def test_an_end_far_beside_where_the_way_led_is_not_taken(monkeypatch):
         y = np.concatenate([system.manifold.integrate(q, 1e-3 * v), found.y[system.nq :]])
         return found._replace(y=y, move=found.move + system.difference(found.y, y))
 
-    monkeypatch.setattr(singularity_monitor, "leap", counted)
+    monkeypatch.setattr(singularity_monitor, "cross_singularity", counted)
     expected = crossed(mech, rtol=1e-8)
     accepted = len(tried)
     assert tried[-1].t in expected.nodes[0]
     tried.clear()
-    monkeypatch.setattr(singularity_monitor, "leap", beside)
+    monkeypatch.setattr(singularity_monitor, "cross_singularity", beside)
     sol = crossed(mech, rtol=1e-8)
     assert len(tried) > accepted
     assert sol.singular[0].t == pytest.approx(expected.singular[0].t, abs=1e-7)

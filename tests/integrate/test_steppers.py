@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mbdae.errors import StepError
-from mbdae.integrate.jumps import MARGIN, Jumps, Leg
+from mbdae.integrate.jumps import MARGIN, Jumps, SmoothInterval
 from mbdae.integrate.steppers.adaptive import Adaptive
 from mbdae.integrate.steppers.fixed import Fixed
 from mbdae.methods.controller import Controller
@@ -41,7 +41,7 @@ class Rates:
 
 def at(t, stop, end=None, sign=1.0, y=(1.0, 1.0, 1.0), system=None, t1=None):
     """A run at time t, on a leg."""
-    leg = Leg(stop, stop if end is None else end, None)
+    leg = SmoothInterval(stop, stop if end is None else end, None)
     run = SimpleNamespace(t=t, t1=leg.end if t1 is None else t1, leg=leg, sign=sign, state=State(np.array(y)))
     run.system, run.tableau, run.singular = system or Rates(), SimpleNamespace(noise=0.5, blend=1.0), None
     run.left, run.F = lambda: abs(leg.stop - run.t), system.f(run.state.y) if system and system.f else None
@@ -255,7 +255,7 @@ def test_a_leg_ends_a_few_roundings_before_a_jump_and_the_next_begins_at_it(sign
     assert first.stop == first.end == sign * (0.5 - margin)
     # a point belongs to what comes after the jump in time: backwards, the next leg begins before it
     assert first.restart == (0.5 if sign > 0 else -0.5 - margin)
-    assert ahead.leg(first.restart) == Leg(sign, sign, None)
+    assert ahead.leg(first.restart) == SmoothInterval(sign, sign, None)
 
 
 @pytest.mark.parametrize("off", [-1e-15, 0.0, 1e-15])

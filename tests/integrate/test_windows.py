@@ -5,7 +5,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.mechanism.closures.active_range import Within
+from mbdae.mechanism.closures.active_range import ActiveRange
 
 RATIO = np.sqrt(0.5)  # of the pin's radius to the distance of the centres
 
@@ -52,15 +52,15 @@ def test_a_window_that_begins_takes_speeds_away_that_do_not_fit(rtol):
 
 
 def test_depth_of_windows():
-    some = Within(joint="a", windows=((-1, 1), (3, 4)), period=10)
+    some = ActiveRange(joint="a", windows=((-1, 1), (3, 4)), period=10)
     places = {0: 1, 0.75: 0.25, 10.75: 0.25, -9.5: 0.5, 2: -1, 3.5: 0.5, 5: -1}
     assert {x: some.depth(x) for x in places} == pytest.approx(places)
     assert some.shortest == 1
-    assert Within(joint="a", windows=((0, 5),)).shortest == 5
+    assert ActiveRange(joint="a", windows=((0, 5),)).shortest == 5
 
 
 def test_wrong_windows_are_refused():
     with pytest.raises(InputError, match=r"a window is a pair .lower, upper., lower below upper"):
-        Within(joint="a", windows=((1, 0),))
+        ActiveRange(joint="a", windows=((1, 0),))
     with pytest.raises(InputError, match="a window is shorter than the period"):
-        Within(joint="a", windows=((0, 7),), period=6)
+        ActiveRange(joint="a", windows=((0, 7),), period=6)

@@ -76,7 +76,7 @@ def test_tangent_is_the_derivative_of_difference(kind, angle):
     for _ in range(3):
         x, v = increment(model, angle, rng), rng.standard_normal(model.nv)
         moved = manifold.integrate(q, x)
-        rate = finite_differences.slope(
+        rate = finite_differences.numerical_derivative(
             lambda s, q=q, moved=moved, v=v: manifold.difference(q, manifold.integrate(moved, s * v)), 2e-3
         )
         # Pinocchio's logarithm of the plane loses half its digits at small angles
@@ -90,7 +90,7 @@ def test_tangent_rate(kind):
     manifold = Manifold(model)
     for angle in (1e-3, 0.5, 2.0):
         x, v, dx = increment(model, angle, rng), rng.standard_normal(model.nv), rng.standard_normal(model.nv)
-        rate = finite_differences.slope(lambda s, x=x, v=v, dx=dx: manifold.tangent(x + s * dx, v), 1e-2)
+        rate = finite_differences.numerical_derivative(lambda s, x=x, v=v, dx=dx: manifold.tangent(x + s * dx, v), 1e-2)
         np.testing.assert_allclose(manifold.tangent_rate(x, dx, v), rate, rtol=0, atol=1e-8)
 
 

@@ -10,7 +10,7 @@ from chains import random_q, tree
 import mbdae
 from mbdae import Closure, DCMotor, Driver, Hessenberg, JointDamping, Mechanism, SpringDamper, check_order
 from mbdae.methods import method
-from mbdae.methods.collocation import Memory
+from mbdae.methods.collocation import StageMemory
 from mbdae.methods.radau import RadauIIA
 from mbdae.system import State
 from mbdae.textbook.problems import hessenberg_a
@@ -241,7 +241,7 @@ def test_memory_is_kept_only_where_it_fits():
     mech = mbdae.load("four_bar")
     system = mech.system()
     state = steps("radau5", system, State(mech.point()), 3)
-    assert isinstance(state.carry, Memory)
+    assert isinstance(state.carry, StageMemory)
     plain = steps("radau5", system, State(state.y), 1)
     for carry in (state.carry, state.carry._replace(unknowns=(7, 8)), steps("radau3", system, state, 1).carry, "other"):
         other = steps("radau5", system, State(state.y, carry), 1)

@@ -8,7 +8,7 @@ import mbdae
 from mbdae.errors import StepError
 from mbdae.methods import METHODS
 from mbdae.methods.exact_numbers import exact
-from mbdae.methods.half_explicit_step import doubled_step
+from mbdae.methods.half_explicit_step import step_doubling
 from mbdae.methods.tableau import Tableau
 from mbdae.system import Counts, State, Step, System
 from mbdae.textbook.problems import hessenberg_a
@@ -209,7 +209,7 @@ def test_a_step_takes_over_what_was_lost_and_hands_on_what_it_loses(tableau):
 def test_two_half_steps_lose_nothing_either():
     eps = np.finfo(float).eps
     state = State(np.ones(1), np.ones(1), np.array([0.1 * eps]))
-    step = doubled_step(METHODS["herk1"].step, 1, Sum(1), 0.0, 0.8 * eps, state)
+    step = step_doubling(METHODS["herk1"].step, 1, Sum(1), 0.0, 0.8 * eps, state)
     np.testing.assert_array_equal(step.state.y, [1 + eps])  # 1 + 0.5 eps is 1, and 1 + 0.9 eps then is not
     np.testing.assert_allclose(step.state.compensation, -0.1 * eps, rtol=1e-14)
 
@@ -220,7 +220,7 @@ def test_the_difference_of_half_steps_and_a_whole_one_is_2_to_the_p_less_one_err
     def step(system, t, h, state):
         return Step(State(state.y + (t + h) ** 2 - t**2 + h**3), np.full(1, t), np.zeros((1, 1)))
 
-    doubled = doubled_step(step, 2, Sum(1), 3.0, 0.5, State(np.full(1, 9.0)))
+    doubled = step_doubling(step, 2, Sum(1), 3.0, 0.5, State(np.full(1, 9.0)))
     np.testing.assert_allclose(doubled.state.y, 3.5**2 + 2 * 0.25**3, rtol=1e-15)
     np.testing.assert_allclose(np.abs(doubled.errors), [[2 * 0.25**3]], rtol=1e-13)
     np.testing.assert_array_equal(doubled.z, [3.25])

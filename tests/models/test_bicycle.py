@@ -12,7 +12,7 @@ from scipy.optimize import brentq, fsolve
 
 import mbdae
 from mbdae.mechanism.closures.contact import ConvexBody
-from mbdae.mechanism.formulations.equation_partials import hidden_slopes, jacobians
+from mbdae.mechanism.formulations.equation_partials import equation_partials, gamma_partials
 from mbdae.mechanism.frames import motion_cross
 
 WEAVE = {  # m/s: real and imaginary part
@@ -38,9 +38,9 @@ def roots(speed, mech=None):
     (q, v), s, nv = mech.start, mech.system(), mech.nv
     F, lam = s.derivative(0.0, mech.point())
     assert np.abs(F[nv:]).max() < 1e-11
-    at = jacobians(s, 0.0, q, np.append(v, 0.0), np.zeros(nv), lam, np.arange(mech.ng))
+    at = equation_partials(s, 0.0, q, np.append(v, 0.0), np.zeros(nv), lam, np.arange(mech.ng))
     M, K, D, G, B = at.E[:nv, :nv], at.K[:nv], at.D[:nv, :nv], at.G, at.B
-    gamma_q, gamma_v = hidden_slopes(s, q, v)
+    gamma_q, gamma_v = gamma_partials(s, q, v)
     saddle = np.block([[M, -G.T], [G, np.zeros((mech.ng, mech.ng))]])
     dvdot = np.linalg.solve(saddle, np.block([[K, D], [-gamma_q, -gamma_v]]))[:nv]
     turning = np.zeros((nv, nv))

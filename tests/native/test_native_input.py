@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import mbdae
 from mbdae import backend
-from mbdae.mechanism.formulations.core_description import constraints_of, laws_of, limits_of
+from mbdae.mechanism.formulations.core_description import constraints_of, core_tolerances, laws_of
 from mbdae.methods import METHODS
 
 pytestmark = pytest.mark.native
@@ -38,7 +38,7 @@ def make_core(model, *rest, more=0):
         "coordinate_scales": getattr(model, "nv", 0),
     }
     scales = SimpleNamespace(**{name: np.ones(n + more) for name, n in sizes.items()})
-    return native.Core(model, limits_of(native, scales), *rest)
+    return native.Core(model, core_tolerances(native, scales), *rest)
 
 
 def tableau_arrays(name="pherk5"):
@@ -128,7 +128,7 @@ def test_wrong_limits_are_refused():
     """Missing ones, others, and numbers that are none: a core never computes with what nobody said."""
     make = backend.load().Limits
     seen = {}
-    limits_of(SimpleNamespace(Limits=lambda **given: seen.update(given)), mbdae.load("four_bar"))
+    core_tolerances(SimpleNamespace(Limits=lambda **given: seen.update(given)), mbdae.load("four_bar"))
     make(**seen)
     for wrong in ({k: x for k, x in seen.items() if k != "grown"}, seen | {"grow": 1.0}, seen | {"open": "wide"}):
         with pytest.raises(REFUSED):

@@ -11,7 +11,7 @@ from mechanism.formulations.test_derivatives import CLOSURES, DRIVERS
 
 from mbdae import Mechanism, backend, load
 from mbdae.errors import StepError
-from mbdae.mechanism.formulations.equation_partials import jacobians
+from mbdae.mechanism.formulations.equation_partials import equation_partials
 
 pytestmark = pytest.mark.native
 IN_PYTHON = {type(test_force_runs.ON_FOUR_BAR[name]).__name__ for name in test_force_runs.IN_PYTHON}
@@ -31,7 +31,7 @@ def compare(mech, tolerance=1e-12, states=4):
         rows, vdot = np.array(native.core.rows, int), rng.uniform(-1, 1, mech.nv)
         lam = np.zeros(native.ng)
         lam[rows] = rng.uniform(-3, 3, len(rows))
-        expected = jacobians(native, t, q, y[mech.model.nq :], vdot, lam[rows], rows)
+        expected = equation_partials(native, t, q, y[mech.model.nq :], vdot, lam[rows], rows)
         M, K, D, G, B, g_t = native.core.slopes(t, q, y[mech.model.nq :], vdot, lam)
         compared += 1
         nv = mech.nv

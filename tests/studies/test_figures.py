@@ -14,10 +14,10 @@ from mbdae.solution.signals import units
 from mbdae.studies import figures
 from mbdae.studies.comparison.comparison import Comparison
 from mbdae.studies.comparison.figure import work_precision
-from mbdae.studies.comparison.run_result import Point
+from mbdae.studies.comparison.run_result import RunResult
 from mbdae.studies.drift.figure import drifts
 from mbdae.studies.order.figure import convergence
-from mbdae.studies.order.result import OrderStudy, Slope
+from mbdae.studies.order.result import ObservedOrder, OrderStudy
 from mbdae.studies.run.figure import motion
 from mbdae.studies.sweep.figure import spread
 
@@ -37,9 +37,11 @@ def comparison(uncertainty=1e-11):
         for k in range(1, 6):
             error, work = 10.0 ** (-2 * k - 0.5 * i), int(200 * 10 ** (0.4 * k))
             points.append(
-                Point(name, 10.0**-k, None, "finished", dict.fromkeys(QVLAM, error), solves=work, times=(work * 1e-4,))
+                RunResult(
+                    name, 10.0**-k, None, "finished", dict.fromkeys(QVLAM, error), solves=work, times=(work * 1e-4,)
+                )
             )
-    points.append(Point("herk1", 1e-3, None, "max_steps"))
+    points.append(RunResult("herk1", 1e-3, None, "max_steps"))
     return Comparison("Test", (0.0, 1.0), tuple(points), "a", "b", dict.fromkeys(QVLAM, uncertainty))
 
 
@@ -49,8 +51,8 @@ def orders():
     for name, p in (("herk3", 3), ("pherk5", 5)):
         n = tuple(int(x) for x in 1 / h)
         seen = (n, tuple(h ** (p + 0.02)), (1e-12,) * 6, (1, 6))
-        fits = [Slope(quantity, p, p + 0.02, "holds", *seen) for quantity in ("q", "v", "own lam")]
-        slopes[name] = (*fits, Slope("lam", p, None, "cannot be judged: x", n, tuple(h**p), (1.0,) * 6))
+        fits = [ObservedOrder(quantity, p, p + 0.02, "holds", *seen) for quantity in ("q", "v", "own lam")]
+        slopes[name] = (*fits, ObservedOrder("lam", p, None, "cannot be judged: x", n, tuple(h**p), (1.0,) * 6))
     return OrderStudy("Test", 1.0, slopes)
 
 
@@ -116,20 +118,20 @@ def test_other_formats_are_refused(drawn, tmp_path):
 
 def test_every_method_has_a_look_of_its_own():
     names = [*mbdae.METHODS, *(f"index1:{name}" for name in SCIPY)]
-    looks = {name: figures.look(name) for name in names}
+    looks = {name: figures.line_style(name) for name in names}
     pairs = {(s["color"], s["marker"]) for s in looks.values()}
     assert len(pairs) == len(names)
     assert figures.OTHER not in pairs, "a method of the list is drawn like an unknown one"
-    lines = {str(figures.look(f)["linestyle"]) for f in ("herk5", "project:herk5", "ggl:herk5", "index1:RK45")}
+    lines = {str(figures.line_style(f)["linestyle"]) for f in ("herk5", "project:herk5", "ggl:herk5", "index1:RK45")}
     assert len(lines) == 4
-    assert figures.look("ggl:herk5")["color"] == figures.look("herk5")["color"]
-    assert figures.look("radau13")["marker"], "methods on demand are drawn too"
+    assert figures.line_style("ggl:herk5")["color"] == figures.line_style("herk5")["color"]
+    assert figures.line_style("radau13")["marker"], "methods on demand are drawn too"
 
 
 def test_the_default_methods_differ_in_grey():
     from mbdae.studies.comparison.compare import METHODS
 
-    styles = [figures.look(name) for name in METHODS]
+    styles = [figures.line_style(name) for name in METHODS]
     assert len({(s["marker"], s["markerfacecolor"] == "white", str(s["linestyle"])) for s in styles}) == len(METHODS)
 
 
@@ -174,7 +176,7 @@ def test_unknown_errors_are_bounds_and_not_joined():
 
 def test_times_that_were_not_taken_are_not_drawn():
     runs = [(r, dict.fromkeys(QVLAM, r)) for r in (1e-2, 1e-3)]
-    points = tuple(Point("herk3", r, None, "finished", errors, solves=int(1 / r)) for r, errors in runs)
+    points = tuple(RunResult("herk3", r, None, "finished", errors, solves=int(1 / r)) for r, errors in runs)
     result = Comparison("Test", (0.0, 1.0), points, "a", "b", dict.fromkeys(QVLAM, 1e-12))
     solves, seconds = work_precision(result).axes
     assert len(solves.lines[0].get_xdata()) == 2

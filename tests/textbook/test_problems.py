@@ -25,7 +25,7 @@ def test_start_and_slopes(name):
         "f_y": (problem.f_y and problem.f_y(t, y, z) @ dy, lambda s: problem.f(t, y + s * dy, z)),
     }.values():
         if slope is not None:
-            assert slope == pytest.approx(finite_differences.slope(path, h), rel=1e-8, abs=1e-8)
+            assert slope == pytest.approx(finite_differences.numerical_derivative(path, h), rel=1e-8, abs=1e-8)
 
 
 @pytest.mark.parametrize("name", TEXTBOOK)

@@ -11,7 +11,7 @@ from ...errors import StepError
 from ...mechanism.hybrid.switch import Guard
 from ...system import Array
 from ..signal_events import ITERATIONS, SHARE, SHARP
-from .load_resolution import QUARTERS, At, places
+from .load_resolution import QUARTERS, At, sample_points
 
 if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
@@ -24,7 +24,7 @@ HALVINGS = 40  # towards the start of a step
 NEWTON = 12  # iterations, of which three or four are needed
 
 
-class FollowedGuard:
+class TrackedGuard:
     """A guard that is followed from step to step.
 
     Attributes:
@@ -58,8 +58,8 @@ class FollowedGuard:
         return BAND * (1 + self.size)
 
 
-def first(
-    guards: Sequence[FollowedGuard], step: "StepMap", at: At, thetas: Array = QUARTERS
+def first_guard_root(
+    guards: Sequence[TrackedGuard], step: "StepMap", at: At, thetas: Array = QUARTERS
 ) -> tuple[float, list[Guard]]:
     """Return the share of a step at which the first guards pass zero, and these; 2 and none where none does.
 
@@ -92,11 +92,11 @@ def _sharp(step: "StepMap") -> float:
     return SHARP * float(np.spacing(max(abs(step.t), abs(step.t1)))) / abs(step.h)
 
 
-def _below(followed: FollowedGuard, step: "StepMap", at: At, thetas: Array) -> float | None:
+def _below(followed: TrackedGuard, step: "StepMap", at: At, thetas: Array) -> float | None:
     """A share of the step at which a guard is negative, of loads the first one found; None where it is not."""
     band, guard = followed.band, followed.guard
     if guard.loads:
-        for theta in places(guard, at, thetas)[1:]:
+        for theta in sample_points(guard, at, thetas)[1:]:
             with suppress(StepError):
                 if followed.value(at(float(theta))) < -band:
                     return float(theta)
@@ -127,7 +127,7 @@ def _least(f0: float, f1: float, m0: float, m1: float) -> float:
     return float(values.min())
 
 
-def _locate(followed: FollowedGuard, step: "StepMap", at: At, high: float) -> float:
+def _locate(followed: TrackedGuard, step: "StepMap", at: At, high: float) -> float:
     """The zero of a guard before a share of the step at which it is negative.
 
     Where the rate is known Newton's iteration begins at the zero of the cubic through values and rates; else, and where

@@ -17,7 +17,7 @@ from ...system import Array
 
 if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
-    from .guard_location import FollowedGuard
+    from .guard_location import TrackedGuard
 
 QUARTERS = np.linspace(0.0, 1.0, 5)  # of a step: where loads are looked at
 QUARTIC = np.linalg.inv(np.vander(QUARTERS))  # coefficients of the quartic through five samples
@@ -32,7 +32,7 @@ BESIDE = 0.1  # of five samples: how far beside them an extremum is looked at
 At = Callable[[float], "ModePoint"]
 
 
-def unresolved(guards: Sequence["FollowedGuard"], at: At, thetas: Array, step_size: float) -> float:
+def loads_unresolved(guards: Sequence["TrackedGuard"], at: At, thetas: Array, step_size: float) -> float:
     """Return how far loads go beyond what is resolved by samples; above 1 they are too few.
 
     Samples that may pass a guard twice are too few, too. The measure falls with the fourth power of their distance.
@@ -58,16 +58,16 @@ def unresolved(guards: Sequence["FollowedGuard"], at: At, thetas: Array, step_si
     return worst
 
 
-def resolving(guards: Sequence["FollowedGuard"], at: At, step_size: float) -> Array:
+def resolving_step(guards: Sequence["TrackedGuard"], at: At, step_size: float) -> Array:
     """Return shares of a step of fixed size at which loads are looked at: as many as resolve them."""
     thetas = QUARTERS
     with suppress(StepError):
-        while len(thetas) <= FINEST and unresolved(guards, at, thetas, step_size) > 1:
+        while len(thetas) <= FINEST and loads_unresolved(guards, at, thetas, step_size) > 1:
             thetas = np.linspace(0.0, 1.0, 2 * len(thetas) - 1)
     return thetas
 
 
-def places(guard: Guard, at: At, thetas: Array) -> Array:
+def sample_points(guard: Guard, at: At, thetas: Array) -> Array:
     """Return the samples, and where a load comes nearest to its limit between them by quartics through five each."""
     found = list(thetas)
     with suppress(StepError):

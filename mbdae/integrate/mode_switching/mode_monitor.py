@@ -6,11 +6,11 @@ from ...errors import InputError, StepError
 from ...mechanism.closures.independent_rows import UNDERWAY
 from ...mechanism.hybrid.mode_point import ModePoint
 from ...mechanism.hybrid.switch import Guard, Switch
-from ...mechanism.hybrid.switches import words
+from ...mechanism.hybrid.switches import describe_mode
 from ...solution.impact_record import Impact
 from ...system import Array
-from .guard_location import FollowedGuard, first
-from .load_resolution import QUARTERS, At, resolving, unresolved
+from .guard_location import TrackedGuard, first_guard_root
+from .load_resolution import QUARTERS, At, loads_unresolved, resolving_step
 from .transition import Transition
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ SHORT = 1e-7  # of the span: a load that no longer step resolves jumps
 MANY = 100  # transitions, and as many for each switch: if they all fall into the time of a rest, they have no end
 
 
-class ModeWatch:
+class ModeMonitor:
     """The modes of a run.
 
     Args:
@@ -52,13 +52,13 @@ class ModeWatch:
         self.system.enter(mode)
         for signal in run.events.signals.values() if run else ():
             signal.system.enter(mode)
-        self.guards: list[FollowedGuard] = []
+        self.guards: list[TrackedGuard] = []
 
     def begin(self, t: float, y: Array) -> None:
         """Follow the guards of the mode from a point on."""
         at, mode = self.transition.point(t, y), self.system.mode
         self.system.beside = UNDERWAY
-        self.guards = [FollowedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
+        self.guards = [TrackedGuard(g, at) for s in self.switches for g in s.guards(mode[s.at])]
 
     def start(self, run: "RunState", y: Array) -> Array:
         """Choose the mode of a start; return the point, behind an impact where something approaches what it touches.
@@ -95,7 +95,9 @@ class ModeWatch:
         """Return the share of a step at which the mode ends, and the guards that say so; 2 and none where it lasts."""
         at = self._points(step)
         fixed = run.stepper.any_size and not run.stepper.controls
-        theta, fired = first(self.guards, step, at, resolving(self.guards, at, abs(step.h)) if fixed else QUARTERS)
+        theta, fired = first_guard_root(
+            self.guards, step, at, resolving_step(self.guards, at, abs(step.h)) if fixed else QUARTERS
+        )
         if not fired:
             for guard in self.guards:
                 guard.move(at(1.0))
@@ -106,7 +108,7 @@ class ModeWatch:
         if not run.stepper.controls or not run.stepper.any_size:
             return False
         h, least = abs(step.h), SHORT * abs(run.t1 - run.ts[0])
-        worst = unresolved(self.guards, self._points(step), QUARTERS, h)
+        worst = loads_unresolved(self.guards, self._points(step), QUARTERS, h)
         if worst > 0:
             run.stepper.bound(max(least, h * max(SHRINK, SAFETY * worst**-0.25)))
         return worst > 1 and h > 2 * least
@@ -167,5 +169,5 @@ class ModeWatch:
         self.times = [*self.times[-most:], t]
         if len(self.times) > most and abs(t - self.times[0]) <= max(self.rest, 1e-9 * abs(t)):
             names = " and ".join(repr(g.name) for g in fired)
-            mode = words(self.switches, self.system.mode)
+            mode = describe_mode(self.switches, self.system.mode)
             raise StepError("switching", f"{names}: modes switch without an end at t = {t:.17g} ({mode})")

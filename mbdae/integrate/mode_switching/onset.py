@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import StepError
-from ...mechanism.hybrid.switch import HELD
+from ...mechanism.hybrid.switch import ACTIVE_STATE
 from ...system import Array, State
 
 if TYPE_CHECKING:
     from ...mechanism.hybrid.mode_point import ModePoint
-    from ...mechanism.hybrid.switch import Candidate
+    from ...mechanism.hybrid.switch import LoadCandidate
     from ...mechanism.hybrid.switches import Mode
     from ..run import RunState
 
@@ -53,7 +53,7 @@ def later(run: "RunState", at: "ModePoint") -> Later:
     return step
 
 
-def pressing(mode: "Mode", undecided: dict[int, "Candidate"], step: Later) -> set[int]:
+def pressing(mode: "Mode", undecided: dict[int, "LoadCandidate"], step: Later) -> set[int]:
     """Return the switches that press from now on, of those that are undecided.
 
     Args:
@@ -71,11 +71,11 @@ def pressing(mode: "Mode", undecided: dict[int, "Candidate"], step: Later) -> se
     return set()
 
 
-def _loads(mode: "Mode", held: dict[int, "Candidate"], step: Later) -> dict[int, float]:
+def _loads(mode: "Mode", held: dict[int, "LoadCandidate"], step: Later) -> dict[int, float]:
     """Return the loads of switches that are held, positive where they press; 0 where there is none."""
     trial, loads = list(mode), dict.fromkeys(held, 0.0)
     for i in held:
-        trial[i] = HELD
+        trial[i] = ACTIVE_STATE
     with suppress(StepError):
         for share in SHARES:
             lam, rounding = step(tuple(trial), float(share))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ..run import RunState
 
 
-def too_long(run: "RunState", start: State | None) -> bool:
+def reject_unresolved_step(run: "RunState", start: State | None) -> bool:
     """Take the last step back where loads of what sticks come and go within it, and say so."""
     if not run.modes or start is None or not run.modes.blind(run, StepMap(run, start)):
         return False
@@ -24,7 +24,7 @@ def too_long(run: "RunState", start: State | None) -> bool:
     return True
 
 
-def ended(run: "RunState", start: State | None) -> list[Guard]:
+def truncate_at_guard(run: "RunState", start: State | None) -> list[Guard]:
     """Let the last step end where the first guards pass zero, and return these; the run stands there.
 
     Args:

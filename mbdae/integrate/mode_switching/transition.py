@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import StepError
-from ...mechanism.hybrid.friction_lcp import Limit, choose_with_friction
-from ...mechanism.hybrid.impact_law import RANK, Rub, strike
+from ...mechanism.hybrid.friction_lcp import FrictionBound, solve_friction_lcp
+from ...mechanism.hybrid.impact_law import RANK, FrictionRow, solve_impact
 from ...mechanism.hybrid.mode_point import ROUNDING, AllRows, ModePoint
-from ...mechanism.hybrid.switch import Candidate, Strike
+from ...mechanism.hybrid.switch import ImpactRow, LoadCandidate
 from ...solution.impact_record import Impact
 from ...system import Array
 from .onset import later, pressing
@@ -56,7 +56,7 @@ class Transition:
         found = {i: strikes for i, strikes in found.items() if strikes}
         rate, still = at.rate, at.standstill
         hit = [i for i, strikes in found.items() if strikes[0].sign * rate[strikes[0].row] <= still or mode[i]]
-        touched: list[tuple[int, Strike]] = [(i, s) for i in hit for s in found[i] if s.sign]
+        touched: list[tuple[int, ImpactRow]] = [(i, s) for i in hit for s in found[i] if s.sign]
         approaching = [i for i, s in touched if s.sign * rate[s.row] < -still]
         bound = [s.row for i in hit if not found[i][0].sign for s in found[i]]
         speeds = 1 + float(np.abs(at.v).max())
@@ -79,9 +79,9 @@ class Transition:
         G, g_t = at.values[1:]
         U = np.triu(system.inertia(at.t, at.q))
         by = [next(k for k, (j, _) in enumerate(both) if j == i) for i, _ in rubbing]
-        rubs_of = [Rub(k, G[s.row], float(g_t[s.row]), s.share) for k, (_, s) in zip(by, rubbing, strict=True)]
+        rubs_of = [FrictionRow(k, G[s.row], float(g_t[s.row]), s.share) for k, (_, s) in zip(by, rubbing, strict=True)]
         try:
-            blow = strike(U, G[kept], g_t[kept], signs[:, None] * G[rows], signs * g_t[rows], e, at.v, rubs_of)
+            blow = solve_impact(U, G[kept], g_t[kept], signs[:, None] * G[rows], signs * g_t[rows], e, at.v, rubs_of)
         except StepError as reason:
             raise self._named(reason, at.t, (i for i, _ in both)) from None
         y = at.y.copy()
@@ -112,7 +112,7 @@ class Transition:
         """
         before = self.system.mode
         at = self.point(t, y)
-        found: dict[int, tuple[Candidate, ...]] = {}
+        found: dict[int, tuple[LoadCandidate, ...]] = {}
         for s in self.switches:
             candidates = s.candidate(at, before[s.at], NEAR)
             if candidates and abs(at.rate[candidates[0].row]) <= at.standstill:
@@ -152,7 +152,7 @@ class Transition:
                 mode[i] = self.switches[i].settled(at, lam[[x.row]].tolist(), rates[[x.row]].tolist(), i in presses)
         return tuple(mode)
 
-    def _undecided(self, at: ModePoint, c: Candidate, lam: Array, rates: Array, near: float) -> bool:
+    def _undecided(self, at: ModePoint, c: LoadCandidate, lam: Array, rates: Array, near: float) -> bool:
         """Say whether a row neither presses nor separates, to the rounding of the forces at the point."""
         row = at.G[c.row]
         along = np.linalg.solve(np.triu(self.system.inertia(at.t, at.q)).T, row)
@@ -163,17 +163,17 @@ class Transition:
         names = " and ".join(repr(self.switches[i].name) for i in dict.fromkeys(which))
         return StepError(reason.status, f"{names}: {reason}, at t = {t:.17g}")
 
-    def _held(self, c: Candidate, lam: Array, rates: Array, scale: Array, near: float) -> bool:
+    def _held(self, c: LoadCandidate, lam: Array, rates: Array, scale: Array, near: float) -> bool:
         if c.slips:  # some of those that depend on each other may stand at a limit, and all of them hold
             return bool(abs(rates[c.row]) <= HELD * scale[c.row])
         return bool(c.lower + near < lam[c.row] < c.upper - near)
 
-    def _approaches(self, at: ModePoint, c: Candidate, rates: Array) -> bool:
+    def _approaches(self, at: ModePoint, c: LoadCandidate, rates: Array) -> bool:
         inward = -rates[c.row] if np.isfinite(c.lower) else rates[c.row]
         return bool(inward > 1e-9 * (1 + float(np.abs(rates).max())))
 
     def _loads(
-        self, at: ModePoint, mode: list[int], found: dict[int, tuple[Candidate, ...]]
+        self, at: ModePoint, mode: list[int], found: dict[int, tuple[LoadCandidate, ...]]
     ) -> tuple[Array, Array, Array]:
         """Multipliers, accelerations G v' + gamma and their sizes of all rows, (ng,) each, with loads on candidates."""
         system, before = self.system, self.system.mode
@@ -197,12 +197,12 @@ class Transition:
             Q = left[:, sizes > RANK * sizes[:1]]
             C = C - Q @ (Q.T @ C)
             C[:, np.linalg.norm(C, axis=0) <= RANK * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # kept anyway
-        limits, first = dict[int, Limit](), 0
+        limits, first = dict[int, FrictionBound](), 0
         for cs in found.values():
-            limits |= {first + k: Limit(first, c.share, c.drag) for k, c in enumerate(cs) if c.share >= 0}
+            limits |= {first + k: FrictionBound(first, c.share, c.drag) for k, c in enumerate(cs) if c.share >= 0}
             first += len(cs)
         try:
-            lam[rows] = choose_with_friction(C, rates[rows], lower, upper, limits)
+            lam[rows] = solve_friction_lcp(C, rates[rows], lower, upper, limits)
         except StepError as reason:
             raise self._named(reason, at.t, (i for i, cs in found.items() if any(c.share >= 0 for c in cs))) from None
         vdot = C @ lam[rows]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 NEARLY = 1e-10  # of the way left: a step so near to it takes all of it
-NOTHING = 1e-100  # keeps the scale of a component positive where neither tolerance does
+SMALLEST_SCALE = 1e-100  # keeps the scale of a component positive where neither tolerance does
 
 
 class Adaptive(PythonStepper):
@@ -105,7 +105,7 @@ class Adaptive(PythonStepper):
         if self.atol.shape not in ((), (n,)):
             raise InputError(f"atol is one number or one for each of {n} components, got shape {self.atol.shape}")
         size = np.maximum(run.system.size(run.state.y)[m], run.system.size(y)[m])
-        return self.atol + self.rtol * size + NOTHING
+        return self.atol + self.rtol * size + SMALLEST_SCALE
 
     def _first(self, run: "RunState") -> float:
         """Guess the first step (Hairer, Noersett, Wanner I, II.4, starting step size algorithm)."""

@@ -7,9 +7,9 @@ import numpy as np
 from ...methods.controller import COMPANION, SAFETY, SMALLEST_ERROR, SMALLEST_LAST
 from ...system import Array, State, Step
 from ..events import SAME
-from ..jumps import CROWD, MARGIN, Leg
+from ..jumps import MARGIN, MAX_CLUSTER, SmoothInterval
 from ..signal_events import ITERATIONS, SHARE, SHARP
-from .adaptive import NEARLY, NOTHING, Adaptive
+from .adaptive import NEARLY, SMALLEST_SCALE, Adaptive
 from .fixed import NEAR, TOLERATED, Fixed
 from .stepper import SPACINGS, PythonStepper, Stepper
 
@@ -93,7 +93,12 @@ class NativeStepper(Stepper):
             c, pi = r.control, inner.controller
             c.h, c.cut, c.last, c.rejected = inner.h, inner.cut, pi.last, pi.rejected
             c.largest, c.nearly, c.spacings = min(inner.largest, inner.cap), NEARLY, SPACINGS
-            c.rtol, c.atol, c.nothing, c.companion = float(inner.rtol), inner.atol.ravel().tolist(), NOTHING, COMPANION
+            c.rtol, c.atol, c.nothing, c.companion = (
+                float(inner.rtol),
+                inner.atol.ravel().tolist(),
+                SMALLEST_SCALE,
+                COMPANION,
+            )
             c.power, c.exponent, c.last_exponent = pi.power, pi.exponent, pi.beta
             c.safety, c.smallest_factor, c.largest_factor = SAFETY, pi.control.smallest, pi.control.largest
             c.blend = self.tableau.blend
@@ -112,7 +117,7 @@ class NativeStepper(Stepper):
             e.same, e.spacings, e.share, e.iterations = SAME, SHARP, SHARE, ITERATIONS
             of_drivers = self.system.constraints.breaks
             j.times = sorted({*run.ahead.times, *self.system.laws.breaks(), *of_drivers})
-            j.margin, j.crowd = MARGIN, CROWD
+            j.margin, j.crowd = MARGIN, MAX_CLUSTER
         j.crossed = (events.by_signal or not events.events) and not run.modes
         j.restart = np.nan if run.leg.restart is None else run.leg.restart
         if events.events and events.by_signal:
@@ -162,4 +167,4 @@ class NativeStepper(Stepper):
         if watch and run.modes:  # guards come first, which may cut the step
             self.system.least_pivot_ratio = float(least_pivot_ratio[-1])
             watch.note()
-        run.leg = Leg(leg.stop, leg.end, restart)
+        run.leg = SmoothInterval(leg.stop, leg.end, restart)

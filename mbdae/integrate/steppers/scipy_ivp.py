@@ -24,7 +24,7 @@ UNMEASURED = 1e30  # absolute tolerance of the work: its error is not controlled
 
 
 @dataclass(frozen=True)
-class Baseline:
+class ScipySolver:
     """A method of scipy: its solver, and the order in which its solution is interpolated between steps."""
 
     name: str
@@ -38,13 +38,13 @@ class Baseline:
         return self.order
 
 
-SCIPY: dict[str, Baseline] = {
+SCIPY: dict[str, ScipySolver] = {
     b.name: b
     for b in (
-        Baseline("RK45", RK45, 5, False),
-        Baseline("DOP853", DOP853, 8, False),
-        Baseline("Radau", Radau, 5, True),
-        Baseline("LSODA", LSODA, 5, True),  # of variable order
+        ScipySolver("RK45", RK45, 5, False),
+        ScipySolver("DOP853", DOP853, 8, False),
+        ScipySolver("Radau", Radau, 5, True),
+        ScipySolver("LSODA", LSODA, 5, True),  # of variable order
     )
 }
 
@@ -90,7 +90,7 @@ class Scipy(Adaptive):
 
     def __init__(
         self,
-        baseline: Baseline,
+        baseline: ScipySolver,
         system: System,
         step: float | None,
         rtol: float,
@@ -112,7 +112,7 @@ class Scipy(Adaptive):
                 )
             if self.atol.ndim:
                 raise InputError("formulation 'index1' takes one number as atol where there are quaternions or circles")
-        self.baseline: Baseline = baseline
+        self.baseline: ScipySolver = baseline
         self.system: Index1System = system
         self.solver: Any = None
         self.backend = "native" if system.native else "python"

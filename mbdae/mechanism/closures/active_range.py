@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from ..checked_table import Table
 
 
-class Within(Table):
+class ActiveRange(Table):
     """A closure is there while the coordinate of a joint lies in a window (a pin in a slot, a tooth at work).
 
     Where it begins, the bodies should stand and move as it asks: what they do not is taken from the velocities as by an
@@ -28,7 +28,7 @@ class Within(Table):
     period: float | None = Field(default=None, gt=0)
 
     @model_validator(mode="after")
-    def _fits(self) -> "Within":
+    def _fits(self) -> "ActiveRange":
         if any(not low < high for low, high in self.windows):
             raise ValueError("a window is a pair (lower, upper), lower below upper")
         if self.period and any(high - low >= self.period for low, high in self.windows):

@@ -7,14 +7,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..time_functions import Harmonic
-from .active_range import Within
+from .active_range import ActiveRange
 from .contact import ConvexBody
-from .key_rules import BETWEEN_FRAMES, GRIPS, check_keys, check_numbers
+from .key_rules import BETWEEN_FRAMES, GRIPS, check_key_values, check_keys
 from .motion_laws import Law, LawTable
 from .primitives import primitives_of
 from .profiles import AnyProfile, Profile
 from .rows import FrameRows, JointRow, unit_axis
-from .unilateral_constraint import OneSided
+from .unilateral_constraint import UnilateralOptions
 
 Kind = Literal[
     "point", "revolute", "frame", "prismatic", "cylindrical", "universal", "in_plane", "in_line", "parallel",
@@ -28,7 +28,7 @@ Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 Surface = Literal["plane", "sphere", "cylinder"]
 
 
-class Closure(OneSided):
+class Closure(UnilateralOptions):
     """A closure between two frames a and b, or a coupling between two joints i and j.
 
     ===========  ====  ===============================================================================
@@ -122,7 +122,7 @@ class Closure(OneSided):
     surface_radius: float | None = None
     radii: tuple[float, float] | None = None
     lead: float | None = None
-    within: Within | None = None
+    within: ActiveRange | None = None
 
     @model_validator(mode="after")
     def _checked(self) -> "Closure":
@@ -133,7 +133,7 @@ class Closure(OneSided):
 
     def _keys_fit(self) -> None:
         check_keys(self)
-        check_numbers(self)
+        check_key_values(self)
 
     @classmethod
     def point(cls, a: str, b: str, name: str = "") -> "Closure":

@@ -6,11 +6,11 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from ..time_functions import Steps
-from .joint_pair import BetweenJoints
-from .rows import Ratio, Teeth
+from .joint_pair import JointPair
+from .rows import Ratio, ToothRow
 
 
-class Clutch(BetweenJoints):
+class Clutch(JointPair):
     """A joint runs ahead of another one, or of the ground, in one direction only.
 
         sign (v_i - ratio v_j) >= 0,  and the torque that locks it acts in that direction only
@@ -63,9 +63,9 @@ class Clutch(BetweenJoints):
         """Number of rows: 1."""
         return 1
 
-    def primitives(self) -> Sequence[Ratio] | Sequence[Teeth]:
+    def primitives(self) -> Sequence[Ratio] | Sequence[ToothRow]:
         """The row."""
         (joint, other), ratio = self.joints or (self.joint or "", ""), 1.0 if self.ratio is None else self.ratio
         if self.pitch is None:
             return [Ratio(joint, other, "", (ratio,))]
-        return [Teeth(joint, other, (self.tooth, ratio) if other else (self.tooth,), self.pitch)]
+        return [ToothRow(joint, other, (self.tooth, ratio) if other else (self.tooth,), self.pitch)]

@@ -15,12 +15,12 @@ import pinocchio as pin
 from ...errors import InputError, StepError
 from ...system import Array
 from ..frames import Anchor, Pair, anchor, support
-from ..wrench_partials import PairSlopes
+from ..wrench_partials import PairPartials
 from .brake import Brake
 from .closure import Closure
 from .clutch import Clutch
 from .driver import Driver
-from .joint_rows import JointPart, joint_part
+from .joint_rows import BoundJointRow, joint_part
 from .rows import FrameRows
 from .unilateral_constraint import Stop
 from .user_rows import UserRow
@@ -28,7 +28,7 @@ from .user_rows import UserRow
 Spec = Closure | Driver | Stop | Brake | Clutch
 
 
-class FramePart(NamedTuple):
+class BoundFrameRows(NamedTuple):
     """Rows between two frames: their numbers, what they are, and where their wrenches stand in `Constraints.W`."""
 
     pair: Pair
@@ -55,8 +55,8 @@ class Constraints:
     """
 
     def __init__(self, model: pin.Model, data: pin.Data, specs: Sequence[Spec]) -> None:
-        self.frame_parts: dict[str, FramePart] = {}
-        self.joint_parts: list[JointPart] = []
+        self.frame_parts: dict[str, BoundFrameRows] = {}
+        self.joint_parts: list[BoundJointRow] = []
         self.spans: dict[str, slice] = {}
         self.driven: list[tuple[int, Driver]] = []
         self.ng = sum(spec.m for spec in specs)
@@ -75,7 +75,7 @@ class Constraints:
                 at += r.m
             if spec.frames:
                 pair = Pair(model, data, *anchors(model, spec))
-                self.frame_parts[spec.name] = FramePart(pair, tuple((s, r, self.W[:, s]) for s, r in numbered))
+                self.frame_parts[spec.name] = BoundFrameRows(pair, tuple((s, r, self.W[:, s]) for s, r in numbered))
                 self.sign[self.spans[spec.name]], self.columns[self.spans[spec.name]] = pair.sign, pair.columns
             else:
                 self.joint_parts += [
@@ -155,7 +155,7 @@ class Constraints:
         """Return d(G^T lam)/dq (nv, nv) and d(G v)/dq (ng, nv) for v (nv,), lam (ng,), where `jacobian` stands."""
         K, B = np.zeros((len(v), len(v))), np.zeros((self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
-            here, at, F, turning = PairSlopes(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
+            here, at, F, turning = PairPartials(pair, v), pair.branches.at, np.zeros(6), np.zeros((2, 36))
             for s, r, w in rows:
                 Da, Db = r.slopes(pair)
                 B[s, at] = here.power(w, Da, Db)
@@ -171,7 +171,7 @@ class Constraints:
         """Return the slopes of Gdot v with respect to q and v, (ng, nv) each, where `jacobian` stands."""
         by_q, by_v = np.zeros((2, self.ng, len(v)))
         for pair, rows in self.frame_parts.values():
-            here, at = PairSlopes(pair, v), pair.branches.at
+            here, at = PairPartials(pair, v), pair.branches.at
             for s, r, w in rows:
                 by_q[s, at], by_v[s, at] = here.bias(r.rate, w, *r.slopes(pair))
         for part in self.joint_parts:

@@ -20,14 +20,14 @@ import numpy as np
 from ...errors import StepError
 from ...system import Array
 from ..frames import Pair, cross
-from .line_rows import LineRows, Lines, still, unit
-from .rows import moved, turned
+from .line_rows import LineRows, Lines, at_rest, unit
+from .rows import displaced, rotated
 
 FLAT = 1e-6  # rad between an axle and the normal: a wheel that lies flat has no lowest point, and no heading
 POLAR = 0.8  # of n . z: beyond, tangents on a sphere are taken from x
 
 
-class Touch(NamedTuple):
+class ContactKinematics(NamedTuple):
     """Where body and surface are nearest, and its rates; columns (3, 1)."""
 
     n: Array
@@ -70,34 +70,36 @@ class ConvexBody:
             "surface": self.surface,
         }
 
-    def touch(self, pair: Pair) -> Touch:
+    def touch(self, pair: Pair) -> ContactKinematics:
         """Find the nearest points, and their rates for the velocities of the pair."""
         n, dn = self.normal(pair)
-        pb, vb = pair.pb[:, None], moved(pair.Vb, pair.pb)
+        pb, vb = pair.pb[:, None], displaced(pair.Vb, pair.pb)
         if self.semi_axes:
             R, w = pair.Rb, pair.Vb
             D = (R * np.square(self.semi_axes)).dot(R.T)
             c = R.dot(np.array(self.centre)[:, None])
             Dn = D.dot(n)
-            spin = dn - turned(w, n)
+            spin = dn - rotated(w, n)
             size = np.sqrt((n * Dn).sum())
-            dDn = turned(w, Dn) + D.dot(spin)
+            dDn = rotated(w, Dn) + D.dot(spin)
             grad = Dn / size
-            return Touch(n, pb + c - grad, dn, vb + turned(w, c) - (dDn - grad * ((grad * spin).sum())) / size)
+            return ContactKinematics(
+                n, pb + c - grad, dn, vb + rotated(w, c) - (dDn - grad * ((grad * spin).sum())) / size
+            )
         p, dp = pb - self.tyre * n, vb - self.tyre * dn
         if self.rim and self.axle:
             s = self.axis(pair)
-            ds, along = turned(pair.Vb, s), (n * s).sum()
+            ds, along = rotated(pair.Vb, s), (n * s).sum()
             m = n - along * s
             _refuse_flat(m)
             u, du = unit(m, dn - ((dn * s).sum() + (n * ds).sum()) * s - along * ds)
             p, dp = p - self.rim * u, dp - self.rim * du
-        return Touch(n, p, dn, dp)
+        return ContactKinematics(n, p, dn, dp)
 
     def normal(self, pair: Pair) -> tuple[Array, Array]:
         """The surface's normal and its rate."""
         z = pair.Ra[:, 2:]
-        dz = turned(pair.Va, z)
+        dz = rotated(pair.Va, z)
         if self.surface == "plane":
             return z, dz
         d, dd = _apart(pair)
@@ -109,7 +111,7 @@ class ConvexBody:
 
     def height(self, pair: Pair) -> float:
         """The gap in m."""
-        t = self.touch(still(pair))
+        t = self.touch(at_rest(pair))
         if self.surface == "plane":
             return float((t.n * (t.p - pair.pa[:, None])).sum())
         return float((t.n * (t.p - pair.pa[:, None])).sum()) - self.curve
@@ -123,15 +125,15 @@ class ConvexBody:
         if self.axle:
             s = self.axis(pair)
             _refuse_flat(ahead := cross(s, n))
-            return unit(ahead, cross(turned(pair.Vb, s), n) + cross(s, dn))
+            return unit(ahead, cross(rotated(pair.Vb, s), n) + cross(s, dn))
         x, z = pair.Ra[:, :1], pair.Ra[:, 2:]
         if self.surface == "plane":
-            return x, turned(pair.Va, x)
+            return x, rotated(pair.Va, x)
         d = x if self.surface == "sphere" and abs((n * z).sum().real) > POLAR else z
-        return unit(cross(d, n), cross(turned(pair.Va, d), n) + cross(d, dn))
+        return unit(cross(d, n), cross(rotated(pair.Va, d), n) + cross(d, dn))
 
 
-class Height(LineRows):
+class ContactHeightRow(LineRows):
     """g = n . (p - p_a): the lowest point of a body stays on a surface; its multiplier presses where it is positive."""
 
     m, positional = 1, True
@@ -150,7 +152,7 @@ class Height(LineRows):
         return Lines(n, p, dn, dp)
 
 
-class Grip(LineRows):
+class NoSlipRows(LineRows):
     """No slip at the lowest point along tangents, at angles (m,) in rad from the heading towards the left."""
 
     def __init__(self, shape: ConvexBody, angles: tuple[float, ...]) -> None:
@@ -170,7 +172,7 @@ class Grip(LineRows):
 
 
 def _apart(pair: Pair) -> tuple[Array, Array]:
-    return (pair.pb - pair.pa)[:, None], moved(pair.Vb, pair.pb) - moved(pair.Va, pair.pa)
+    return (pair.pb - pair.pa)[:, None], displaced(pair.Vb, pair.pb) - displaced(pair.Va, pair.pa)
 
 
 def _refuse_flat(x: Array) -> None:

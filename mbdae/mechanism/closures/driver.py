@@ -14,8 +14,8 @@ from pydantic import Field, model_validator
 
 from ...errors import InputError, StepError
 from ..checked_table import Table
-from ..piecewise_polynomial import Beyond, Pieces
-from ..time_functions import Function, Harmonic, Motion, Polynomial, Signal, Steps, TimeTable
+from ..piecewise_polynomial import Beyond, PiecewisePolynomial
+from ..time_functions import Function, Harmonic, Motion, Polynomial, Steps, TimeFunction, TimeTable
 from .rows import Coordinate, Distance, FrameRows
 
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
@@ -53,7 +53,7 @@ class Driver(Table):
     """
 
     motion: Motion | None = None
-    speed: Signal | None = None
+    speed: TimeFunction | None = None
     joint: str | None = None
     joints: tuple[str, str] | None = None
     frames: tuple[str, str] | None = None
@@ -101,7 +101,7 @@ class Driver(Table):
         return [Coordinate(joint, other, self.coefficients or ())]
 
     @cached_property
-    def path(self) -> Pieces | Signal:
+    def path(self) -> PiecewisePolynomial | TimeFunction:
         """u(t), or the speed."""
         return self.motion.motion if isinstance(self.motion, TimeTable) else self._given
 

@@ -11,25 +11,30 @@ from ...errors import StepError
 
 RANK_TOLERANCE = 1e-8
 WORST_CONDITIONING = 0.1
-GROWN = 1e-2
+GROWTH_TOLERANCE = 1e-2
 ROUNDING = 1e-14
 SMALLEST_PIVOT = 1e-14  # of the largest, in the system of the rows in use: below, it is singular
-BESIDE = 1e-5  # of the largest pivot: rows that depend on each other but for that leave the branch to rounding
+AMBIGUOUS_PIVOT = 1e-5  # of the largest pivot: rows that depend on each other but for that leave the branch to rounding
 UNDERWAY = 1e-7  # likewise, of a run that came along its branch, and keeps loops closed to the square of that
-MANY = 32  # rows: beyond, all of them are looked at where there is reason to
-REASON = 0.01  # of the best ratio of pivots since the last choice: below, there is
-PROBED = 0.1 * GROWN  # of the largest row: so much of a probe in a row that was dependent is reason, too
-CONVERGED, SPARE = 1e-32, 20  # of a squared residual, and more iterations than exact numbers need: the core's alone
+MANY_ROWS = 32  # rows: beyond, all of them are looked at where there is reason to
+RESELECTION_RATIO = 0.01  # of the best ratio of pivots since the last choice: below, there is
+PROBE_TOLERANCE = (
+    0.1 * GROWTH_TOLERANCE
+)  # of the largest row: so much of a probe in a row that was dependent is reason, too
+CONVERGED, EXTRA_CG_ITERATIONS = (
+    1e-32,
+    20,
+)  # of a squared residual, and more iterations than exact numbers need: the core's alone
 FALLEN = 100.0  # of the ratio of pivots at the start: what less of it still counts as small
 
 
 @cache
-def probe(nv: int) -> np.ndarray:
+def random_probe(nv: int) -> np.ndarray:
     """Any vector in general position, (nv,), of unit variance."""
     return np.random.default_rng(0).standard_normal(nv)
 
 
-def places(columns: np.ndarray) -> np.ndarray:
+def elimination_order(columns: np.ndarray) -> np.ndarray:
     """Where each row stands in the order of elimination, (ng,): as given, or in a band that is narrower.
 
     Many rows are ordered by reverse Cuthill-McKee: the compiled core solves for those in use in a band.
@@ -38,7 +43,7 @@ def places(columns: np.ndarray) -> np.ndarray:
         columns: whether a row depends on a velocity, (ng, nv).
     """
     given = np.arange(len(columns))
-    if len(columns) <= MANY:
+    if len(columns) <= MANY_ROWS:
         return given
     linked = csr_array(columns.astype(int)) @ csr_array(columns.T.astype(int))
     i, j = linked.nonzero()
@@ -57,12 +62,12 @@ def rank(diagonal: np.ndarray) -> int:
     return int(np.count_nonzero(diagonal > RANK_TOLERANCE * diagonal[:1]))
 
 
-def grown(diagonal: np.ndarray, r: int) -> bool:
+def rank_has_grown(diagonal: np.ndarray, r: int) -> bool:
     """True when rows beyond the rank r are no longer dependent: their pivot exceeds a hundredth of the largest.
 
     Smaller ones come from drift: rows that depend on each other on 0 = g do so only nearly beside it.
     """
-    return len(diagonal) > r and bool(diagonal[r] > GROWN * diagonal[0])
+    return len(diagonal) > r and bool(diagonal[r] > GROWTH_TOLERANCE * diagonal[0])
 
 
 def geometric_rank(G: np.ndarray) -> int:
@@ -72,7 +77,7 @@ def geometric_rank(G: np.ndarray) -> int:
     return rank(pivots((G[kept] / size[kept, None]).T)[1])
 
 
-def found(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, beside: float) -> tuple[int, float]:
+def fixed_rank(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, beside: float) -> tuple[int, float]:
     """Rank where loops are closed, and the ratio of pivots below which it will have fallen.
 
     Args:
@@ -80,7 +85,7 @@ def found(B: np.ndarray, G: np.ndarray, diagonal: np.ndarray, t: float, beside: 
         G: the Jacobian, (ng, nv).
         diagonal: pivots of B.
         t: time.
-        beside: ratio of pivots below which the place is not known well enough, `BESIDE` or `UNDERWAY`.
+        beside: ratio of pivots below which the place is not known well enough, `AMBIGUOUS_PIVOT` or `UNDERWAY`.
 
     Raises:
         StepError: next to a singular configuration, where rounding says which branch of the motion is meant.
@@ -105,7 +110,7 @@ def confirm(diagonal: np.ndarray, r: int, floor: float, t: float) -> None:
         raise StepError(
             "rank", f"the rank of the closures falls from {r} to {now} at t = {t:.17g}: a singular configuration"
         )
-    if grown(diagonal, r):
+    if rank_has_grown(diagonal, r):
         raise StepError(
             "rank",
             f"the rank of the closures rises above {r} at t = {t:.17g}: "
@@ -142,7 +147,7 @@ def choose(
     return order[:r][place[order[:r]].argsort()]
 
 
-class Reason:
+class SelectionTrigger:
     """Whether to look at all rows where a step begins: always at few; seldom at many, whose pivots cost more.
 
     The pivots of the rows in use are much worse then than they were since the last look, or a row that is not in use
@@ -150,7 +155,7 @@ class Reason:
     """
 
     def __init__(self, ng: int) -> None:
-        self.many, self.best, self.estranged = ng > MANY, 0.0, False
+        self.many, self.best, self.estranged = ng > MANY_ROWS, 0.0, False
         self.now = np.nan  # ratio of pivots, smallest to largest, of the system of the rows in use that was solved last
 
     def probe(self, U: np.ndarray, G: np.ndarray, rows: np.ndarray) -> None:
@@ -162,17 +167,17 @@ class Reason:
             rows: those in use, (r,).
         """
         if self.many and 0 < len(rows) < len(G):
-            B, w = dgesv(U.T, G.T)[2], probe(len(U))
+            B, w = dgesv(U.T, G.T)[2], random_probe(len(U))
             used = B[:, rows]
             w = w - used @ dgesv(used.T @ used, used.T @ w)[2]
             rest = np.delete(B, rows, axis=1).T @ w
-            self.estranged |= bool((rest**2 > PROBED**2 * (used**2).sum(axis=0).max()).any())
+            self.estranged |= bool((rest**2 > PROBE_TOLERANCE**2 * (used**2).sum(axis=0).max()).any())
 
     def given(self) -> bool:
         """Say whether to look."""
         now, self.now = self.now, np.nan
         self.best = max(self.best, now)
-        if self.many and not self.estranged and now >= REASON * self.best:
+        if self.many and not self.estranged and now >= RESELECTION_RATIO * self.best:
             return False
         self.best, self.estranged = 0.0, False
         return True

@@ -5,7 +5,7 @@ from pydantic import model_validator
 from ..checked_table import Table
 
 
-class BetweenJoints(Table):
+class JointPair(Table):
     """Names of one or two joints.
 
     Attributes:
@@ -17,7 +17,7 @@ class BetweenJoints(Table):
     joints: tuple[str, str] | None = None
 
     @model_validator(mode="after")
-    def _two(self) -> "BetweenJoints":
+    def _two(self) -> "JointPair":
         if self.joints and self.joints[0] == self.joints[1]:
             raise ValueError(f"a {type(self).__name__.lower()} joins {self.joints[0]!r} with itself")
         return self

@@ -12,13 +12,13 @@ from ...errors import InputError
 from ...system import Array
 from ..frames import find_joint
 from ..joints import subspace
-from .motion_laws import fold_of, slopes_of
-from .rows import Coordinate, Curved, JointRow, Ratio, Sum, Teeth
+from .motion_laws import fold_of, law_derivatives
+from .rows import Coordinate, JointRow, MotionLawRow, Ratio, Sum, ToothRow
 
 LARGEST_DENOMINATOR = 1000
 
 
-class JointPart:
+class BoundJointRow:
     """One row between joints.
 
     Attributes:
@@ -74,7 +74,7 @@ class JointPart:
         raise NotImplementedError
 
 
-class CoordinatePart(JointPart):
+class BoundCoordinateRow(BoundJointRow):
     """g = x_i - p(x_j), with x an angle in (-pi, pi] for an unbounded joint.
 
     Raises:
@@ -114,21 +114,21 @@ class CoordinatePart(JointPart):
         return _horner(self.polynomial, _coordinate(self._live[1].joint_q))[2:]
 
 
-class TeethPart(CoordinatePart):
+class BoundToothRow(BoundCoordinateRow):
     """g = x_i - p(x_j) up to multiples of a pitch.
 
     Raises:
         InputError: for a joint that turns without end.
     """
 
-    def __init__(self, model: pin.Model, data: pin.Data, row: Teeth, at: int, name: str) -> None:
-        JointPart.__init__(self, model, data, (row.joint, row.other), row, at, name)
+    def __init__(self, model: pin.Model, data: pin.Data, row: ToothRow, at: int, name: str) -> None:
+        BoundJointRow.__init__(self, model, data, (row.joint, row.other), row, at, name)
         if any(j.nq > 1 for j in self.joints):
             raise InputError(f"{name!r}: a joint that turns without end does not say which tooth is next; bound it")
         self.period = row.pitch
 
 
-class CurvedPart(CoordinatePart):
+class BoundMotionLawRow(BoundCoordinateRow):
     """g = x_i - f(x_j) with a law f.
 
     Raises:
@@ -137,8 +137,8 @@ class CurvedPart(CoordinatePart):
 
     kind = "curved"
 
-    def __init__(self, model: pin.Model, data: pin.Data, row: Curved, at: int, name: str) -> None:
-        JointPart.__init__(self, model, data, (row.joint, row.other), row, at, name)
+    def __init__(self, model: pin.Model, data: pin.Data, row: MotionLawRow, at: int, name: str) -> None:
+        BoundJointRow.__init__(self, model, data, (row.joint, row.other), row, at, name)
         self.law, turn, (_, length, rise) = row.law, 2 * np.pi, fold_of(row.law)
         shares = [turn] if self.joints[0].nq == 2 else []
         if self.joints[1].nq == 2:
@@ -154,14 +154,14 @@ class CurvedPart(CoordinatePart):
 
     def value(self) -> tuple[float, list[float]]:  # noqa: D102
         x, other = (_coordinate(j.joint_q) for j in self._live)
-        f = slopes_of(self.law, other)
+        f = law_derivatives(self.law, other)
         return x - f.y, [1.0, -f.first]
 
     def _curvature(self) -> tuple[float, float]:
-        return slopes_of(self.law, _coordinate(self._live[1].joint_q))[2:]
+        return law_derivatives(self.law, _coordinate(self._live[1].joint_q))[2:]
 
 
-class SumPart(JointPart):
+class BoundSumRow(BoundJointRow):
     """g = x_i - c_0 - c_1 x_j - c_2 x_k - ..., between three joints or more."""
 
     kind = "sum"
@@ -187,7 +187,7 @@ class SumPart(JointPart):
         """Gdot is zero."""
 
 
-class RatioPart(JointPart):
+class BoundRatioRow(BoundJointRow):
     """0 = v_i - r(x_k) v_j, r a polynomial.
 
     Raises:
@@ -228,17 +228,17 @@ class RatioPart(JointPart):
         return _horner(self.polynomial, _coordinate(self._live[2].joint_q) if len(self._live) > 2 else 0.0)
 
 
-def joint_part(model: pin.Model, data: pin.Data, row: JointRow, at: int, name: str) -> JointPart:
+def joint_part(model: pin.Model, data: pin.Data, row: JointRow, at: int, name: str) -> BoundJointRow:
     """Bind a row between joints to a workspace."""
     if isinstance(row, Sum):
-        return SumPart(model, data, row, at, name)
-    if isinstance(row, Teeth):
-        return TeethPart(model, data, row, at, name)
-    if isinstance(row, Curved):
-        return CurvedPart(model, data, row, at, name)
+        return BoundSumRow(model, data, row, at, name)
+    if isinstance(row, ToothRow):
+        return BoundToothRow(model, data, row, at, name)
+    if isinstance(row, MotionLawRow):
+        return BoundMotionLawRow(model, data, row, at, name)
     if isinstance(row, Ratio):
-        return RatioPart(model, data, row, at, name)
-    return CoordinatePart(model, data, row, at, name)
+        return BoundRatioRow(model, data, row, at, name)
+    return BoundCoordinateRow(model, data, row, at, name)
 
 
 def _coordinate(q: Array) -> float:

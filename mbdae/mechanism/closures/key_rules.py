@@ -70,7 +70,7 @@ def check_keys(closure: "Closure") -> None:
         raise ValueError(f"closure {what} {ends[0]!r} with itself")
 
 
-def check_numbers(closure: "Closure") -> None:
+def check_key_values(closure: "Closure") -> None:
     """See that the values of keys that belong to a kind fit each other.
 
     Raises:

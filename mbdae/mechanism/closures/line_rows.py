@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import StepError
 from ...system import Array
 from ..frames import Pair, cross
-from .rows import FrameRows, moved, turned
+from .rows import FrameRows, displaced, rotated
 
 PARALLEL = 1e-6  # rad between axes of a bevel pair, which have no common point
 
@@ -57,7 +57,7 @@ class LineRows(FrameRows):
         return np.zeros(self.m)
 
     def wrenches(self, pair: Pair, w: Array) -> None:  # noqa: D102
-        e, p = self.lines(still(pair))[:2]
+        e, p = self.lines(at_rest(pair))[:2]
         w[:3], w[3:] = e, cross(p, e) - self.lead * e
 
     def rate(self, pair: Pair) -> Array:  # noqa: D102
@@ -66,7 +66,7 @@ class LineRows(FrameRows):
 
     def slopes(self, pair: Pair) -> tuple[Array, Array]:  # noqa: D102
         Da, Db = np.empty((2, self.m, 6, 6))
-        at = still(pair)
+        at = at_rest(pair)
         for i, unit in enumerate(np.eye(6)):
             at.Va, at.Vb = unit, at.zero
             Da[:, :, i] = self.rate(at).T
@@ -75,7 +75,7 @@ class LineRows(FrameRows):
         return Da, Db
 
 
-def still(pair: Pair) -> Any:
+def at_rest(pair: Pair) -> Any:
     """A pair at the same place, at rest."""
     at: Any = copy(pair)
     at.Va = at.Vb = at.zero = np.zeros(6)
@@ -95,7 +95,7 @@ class KnifeEdge(LineRows):
 
     def lines(self, pair: Pair) -> Lines:  # noqa: D102
         e = pair.Rb.dot(self.axis)
-        return Lines(e, pair.pb[:, None], turned(pair.Vb, e), moved(pair.Vb, pair.pb))
+        return Lines(e, pair.pb[:, None], rotated(pair.Vb, e), displaced(pair.Vb, pair.pb))
 
 
 class Screw(LineRows):
@@ -111,7 +111,7 @@ class Screw(LineRows):
 
     def lines(self, pair: Pair) -> Lines:  # noqa: D102
         e = pair.Ra.dot(self.axis)
-        return Lines(e, pair.pb[:, None], turned(pair.Va, e), moved(pair.Vb, pair.pb))
+        return Lines(e, pair.pb[:, None], rotated(pair.Va, e), displaced(pair.Vb, pair.pb))
 
 
 class Gear(LineRows):
@@ -130,10 +130,10 @@ class Gear(LineRows):
         return [{"kind": "gear", "a": self.axis[:, 0].tolist(), "length": self.share}]
 
     def lines(self, pair: Pair) -> Lines:  # noqa: D102
-        pa, va = pair.pa[:, None], moved(pair.Va, pair.pa)
-        d, dd = pair.pb[:, None] - pa, moved(pair.Vb, pair.pb) - va
+        pa, va = pair.pa[:, None], displaced(pair.Va, pair.pa)
+        d, dd = pair.pb[:, None] - pa, displaced(pair.Vb, pair.pb) - va
         k = pair.Ra.dot(self.axis)
-        e, de = unit(cross(k, d), cross(turned(pair.Va, k), d) + cross(k, dd))
+        e, de = unit(cross(k, d), cross(rotated(pair.Va, k), d) + cross(k, dd))
         return Lines(e, pa + self.share * d, de, va + self.share * dd)
 
 
@@ -157,15 +157,15 @@ class Bevel(LineRows):
 
     def lines(self, pair: Pair) -> Lines:  # noqa: D102
         ka, kb = pair.Ra.dot(self.a), pair.Rb.dot(self.b)
-        dka, dkb = turned(pair.Va, ka), turned(pair.Vb, kb)
+        dka, dkb = rotated(pair.Va, ka), rotated(pair.Vb, kb)
         across = cross(ka, kb)
         if not np.sqrt((across * across).sum()).real > PARALLEL:
             raise StepError("singular", "its axes are parallel: kind 'gear' is for those")
         e, de = unit(across, cross(dka, kb) + cross(ka, dkb))
         n = np.hstack([cross(e, ka), cross(kb, e), e])
         dn = np.hstack([cross(de, ka) + cross(e, dka), cross(dkb, e) + cross(kb, de), de])
-        at, va = np.column_stack([pair.pa, pair.pb, pair.pa]), moved(pair.Va, pair.pa)
-        speed = np.hstack([va, moved(pair.Vb, pair.pb), va])
+        at, va = np.column_stack([pair.pa, pair.pb, pair.pa]), displaced(pair.Va, pair.pa)
+        speed = np.hstack([va, displaced(pair.Vb, pair.pb), va])
         p = np.linalg.solve(n.T, (n * at).sum(axis=0) + np.array([*self.radii, 0.0]))
         dp = np.linalg.solve(n.T, (dn * (at - p[:, None]) + n * speed).sum(axis=0))
         return Lines(e, p[:, None], de, dp[:, None])

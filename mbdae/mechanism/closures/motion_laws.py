@@ -9,13 +9,13 @@ from pydantic import Field, field_validator, model_validator
 
 from ...system import Array
 from ..checked_table import Table
-from ..piecewise_polynomial import Pieces, Point, increasing
+from ..piecewise_polynomial import PiecewisePolynomial, Point, require_increasing
 from ..time_functions import Harmonic
 
 DEGREE = 7  # of splines: their seventh derivative jumps, which methods of order 6 do not see
 
 
-class Slopes(NamedTuple):
+class LawDerivatives(NamedTuple):
     """A function and its first three derivatives at a point."""
 
     y: float
@@ -40,7 +40,7 @@ class LawTable(Table):
     @field_validator("points")
     @classmethod
     def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
-        return increasing(points)
+        return require_increasing(points)
 
     @model_validator(mode="after")
     def _is_smooth(self) -> "LawTable":
@@ -49,18 +49,18 @@ class LawTable(Table):
         return self
 
     @cached_property
-    def pieces(self) -> Pieces:
+    def pieces(self) -> PiecewisePolynomial:
         """The polynomials of one period, or of all."""
         x, y = np.array(self.points, float).T
         pieces = spline(x, y[:, None], periodic=self.periodic)[:, :, 0]
         if self.periodic:
-            return Pieces(x[:-1], pieces)
+            return PiecewisePolynomial(x[:-1], pieces)
         ends = np.zeros((2, DEGREE + 1))
         ends[0, -2:] = pieces[0, -2], pieces[0, -1]
-        last = Pieces(x[:-1], pieces)
+        last = PiecewisePolynomial(x[:-1], pieces)
         ends[1, -2:] = last.at(x[-1], 1), last.at(x[-1])
         ends[0, -1] -= (x[-1] - x[0]) * ends[0, -2]
-        return Pieces([2 * x[0] - x[-1], *x], [ends[0], *pieces, ends[1]])
+        return PiecewisePolynomial([2 * x[0] - x[-1], *x], [ends[0], *pieces, ends[1]])
 
     def plain(self) -> dict[str, Any]:
         """What the core takes."""
@@ -78,14 +78,14 @@ def fold_of(law: LawTable | Harmonic) -> tuple[float, float, float]:
     return 0.0, 2 * pi / abs(law.omega) if law.omega else 0.0, 0.0
 
 
-def slopes_of(law: LawTable | Harmonic, x: float) -> Slopes:
+def law_derivatives(law: LawTable | Harmonic, x: float) -> LawDerivatives:
     """Return f and its derivatives at x."""
     start, length, rise = fold_of(law)
     turns = floor((x - start) / length) if length else 0
     u = x - turns * length
     if isinstance(law, LawTable):
-        return Slopes(law.pieces.at(u) + turns * rise, *(law.pieces.at(u, k) for k in (1, 2, 3)))
-    return Slopes(law.at(u), law.at(u, 1), law.at(u, 2), -(law.omega**2) * law.at(u, 1))
+        return LawDerivatives(law.pieces.at(u) + turns * rise, *(law.pieces.at(u, k) for k in (1, 2, 3)))
+    return LawDerivatives(law.at(u), law.at(u, 1), law.at(u, 2), -(law.omega**2) * law.at(u, 1))
 
 
 def spline(x: Array, y: Array, *, periodic: bool) -> Array:

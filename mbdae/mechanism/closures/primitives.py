@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from math import pi
 from typing import TYPE_CHECKING
 
-from .contact import Grip, Height
+from .contact import ContactHeightRow, NoSlipRows
 from .key_rules import BETWEEN_FRAMES
 from .line_rows import Bevel, Gear, KnifeEdge, Screw
 from .profile_rows import FlatFace, Roller
-from .rows import Coordinate, Curved, Distance, FrameRows, JointRow, Ratio, Sum, between_frames, unit_axis
+from .rows import Coordinate, Distance, FrameRows, JointRow, MotionLawRow, Ratio, Sum, between_frames, unit_axis
 
 if TYPE_CHECKING:
     from .closure import Closure
@@ -30,8 +30,11 @@ def primitives_of(closure: "Closure") -> Sequence[FrameRows] | Sequence[JointRow
     if closure.profile:
         return (Roller(closure.profile.path, closure.radius or 0.0),)
     if closure.kind == "rolling":
-        grip = Grip(closure.shape, closure.tangents)
-        return (*((Height(closure.shape),) if closure.contact is not False else ()), *((grip,) if grip.m else ()))
+        grip = NoSlipRows(closure.shape, closure.tangents)
+        return (
+            *((ContactHeightRow(closure.shape),) if closure.contact is not False else ()),
+            *((grip,) if grip.m else ()),
+        )
     if closure.kind == "gear":
         a, b = closure.radii or (1.0, 1.0)
         return (Gear(unit_axis(axis), a / (a + b)),)
@@ -47,5 +50,5 @@ def _between_joints(closure: "Closure", joints: tuple[str, ...]) -> JointRow:
     if closure.kind == "ratio":
         return Ratio(i, j, k[0] if k else "", c)
     if closure.curve:
-        return Curved(i, j, closure.curve)
+        return MotionLawRow(i, j, closure.curve)
     return Sum(joints, c) if k else Coordinate(i, j, c)

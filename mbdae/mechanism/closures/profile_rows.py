@@ -12,9 +12,9 @@ import numpy as np
 
 from ...system import Array
 from ..frames import Pair
-from .line_rows import LineRows, Lines, still
+from .line_rows import LineRows, Lines, at_rest
 from .profiles import PlaneCurve
-from .rows import moved, turned
+from .rows import displaced, rotated
 
 
 class Roller(LineRows):
@@ -35,9 +35,9 @@ class Roller(LineRows):
         return np.array([(x - c.c).dot(n) - self.radius])
 
     def lines(self, pair: Pair) -> Lines:  # noqa: D102
-        pb, vb, Ra = pair.pb[:, None], moved(pair.Vb, pair.pb), pair.Ra
+        pb, vb, Ra = pair.pb[:, None], displaced(pair.Vb, pair.pb), pair.Ra
         x = Ra.T.dot(pair.pb - pair.pa)[:2]
-        rate = Ra.T.dot(vb - moved(pair.Va, pair.pb))[:2, 0]
+        rate = Ra.T.dot(vb - displaced(pair.Va, pair.pb))[:2, 0]
         _, c, d, dd = self.path.nearest(x)
         ds = rate.dot(d) / (d.dot(d) - (x - c).dot(dd))
         size = np.sqrt(d.dot(d))
@@ -45,7 +45,7 @@ class Roller(LineRows):
         dt = (dd - t * t.dot(dd)) * (ds / size)
         side = self.path.side
         e = Ra[:, :2].dot(side * np.array([[t[1]], [-t[0]]]))
-        return Lines(e, pb, turned(pair.Va, e) + Ra[:, :2].dot(side * np.array([[dt[1]], [-dt[0]]])), vb)
+        return Lines(e, pb, rotated(pair.Va, e) + Ra[:, :2].dot(side * np.array([[dt[1]], [-dt[0]]])), vb)
 
 
 class FlatFace(LineRows):
@@ -60,14 +60,14 @@ class FlatFace(LineRows):
         return [{"kind": "flat_face", "b": self.normal[:, 0].tolist(), "path": self.path.plain()}]
 
     def residual(self, pair: Pair) -> Array:  # noqa: D102
-        e, p = self.lines(still(pair))[:2]
+        e, p = self.lines(at_rest(pair))[:2]
         return np.array([(e * (pair.pb[:, None] - p)).sum()])
 
     def lines(self, pair: Pair) -> Lines:  # noqa: D102
         Ra, e = pair.Ra, pair.Rb.dot(self.normal)
-        de = turned(pair.Vb, e)
-        n, dn = Ra.T.dot(e)[:2, 0], Ra.T.dot(de - turned(pair.Va, e))[:2, 0]
+        de = rotated(pair.Vb, e)
+        n, dn = Ra.T.dot(e)[:2, 0], Ra.T.dot(de - rotated(pair.Va, e))[:2, 0]
         _, c, d, dd = self.path.support(n)
         ds = -d.dot(dn) / dd.dot(n)
         p = pair.pa[:, None] + Ra[:, :2].dot(c[:, None])
-        return Lines(e, p, de, moved(pair.Va, p[:, 0]) + Ra[:, :2].dot(d[:, None] * ds))
+        return Lines(e, p, de, displaced(pair.Va, p[:, 0]) + Ra[:, :2].dot(d[:, None] * ds))

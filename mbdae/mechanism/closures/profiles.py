@@ -29,7 +29,7 @@ SHARP = 1e-9  # of c'.c': below, the nearest point is as good as a centre of cur
 Point = tuple[float, float]
 
 
-class PointOfCurve(NamedTuple):
+class ProfilePoint(NamedTuple):
     """c and its first two derivatives at s, (2,) each."""
 
     s: Any
@@ -63,7 +63,7 @@ class PlaneCurve:
         self.side = 1.0 if area > 0 or not closed else -1.0  # of the way round, towards the outside
         self.bends = self.side * np.array(turning) / np.array([(p.d @ p.d) ** 1.5 for p in places])
 
-    def at(self, s: Any) -> PointOfCurve:
+    def at(self, s: Any) -> ProfilePoint:
         """Evaluate the curve; complex steps pass."""
         if self.closed:
             s = s - self.length * np.floor((np.real(s) - self.first) / self.length)
@@ -71,14 +71,14 @@ class PlaneCurve:
             k, sign, a = self.orders, self.signs, self.numbers[1:]
             cos, sin = np.cos(k * s), np.sin(k * s)
             wave, other = np.where(sign > 0, (cos, sin), (sin, cos))
-            return PointOfCurve(s, self.numbers[0] + wave.dot(a), (-sign * k * other).dot(a), (-k * k * wave).dot(a))
+            return ProfilePoint(s, self.numbers[0] + wave.dot(a), (-sign * k * other).dot(a), (-k * k * wave).dot(a))
         i = min(max(int(np.searchsorted(self.starts, np.real(s), "right")) - 1, 0), len(self.numbers) - 1)
         x, c, d, dd = s - self.starts[i], 0.0, 0.0, 0.0
         for row in self.numbers[i]:
             c, d, dd = c * x + row, d * x + c, dd * x + 2 * d
-        return PointOfCurve(s, np.asarray(c), np.asarray(d), np.asarray(dd))
+        return ProfilePoint(s, np.asarray(c), np.asarray(d), np.asarray(dd))
 
-    def nearest(self, x: Array) -> PointOfCurve:
+    def nearest(self, x: Array) -> ProfilePoint:
         """The point nearest to x (2,).
 
         Raises:
@@ -100,7 +100,7 @@ class PlaneCurve:
             raise StepError("singular", "the pin leaves the slot at its end")
         return found
 
-    def support(self, n: Array) -> PointOfCurve:
+    def support(self, n: Array) -> ProfilePoint:
         """The point that is farthest along a direction n (2,).
 
         Raises:

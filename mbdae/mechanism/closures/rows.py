@@ -19,7 +19,7 @@ import numpy as np
 
 from ..frames import Pair, cross, skew, unit_gap
 from ..time_functions import Harmonic
-from ..wrench_partials import carried, line_slopes, skews
+from ..wrench_partials import line_wrench_partials, moved_line_partials, skews
 from .motion_laws import LawTable
 
 Vector = tuple[float, float, float]
@@ -88,7 +88,7 @@ class DotProduct1(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         a, b = pair.Ra @ self.a, pair.Rb @ self.b
-        da, db = turned(pair.Va, a), turned(pair.Vb, b)
+        da, db = rotated(pair.Va, a), rotated(pair.Vb, b)
         return np.concatenate([np.zeros_like(da), cross(db, a) + cross(b, da)])
 
     def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
@@ -118,8 +118,8 @@ class DotProduct2(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         n = pair.Ra @ self.axes
-        dn = turned(pair.Va, n)
-        dp = moved(pair.Vb, pair.pb)
+        dn = rotated(pair.Va, n)
+        dp = displaced(pair.Vb, pair.pb)
         return np.concatenate([dn, cross(dp, n) + cross(pair.pb[:, None], dn)])
 
     def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
@@ -127,7 +127,7 @@ class DotProduct2(FrameRows):
         Da = np.zeros((self.m, 6, 6))
         Da[:, :3, 3:] = turn = -skews(n)
         Da[:, 3:, 3:] = skew(pair.pb) @ turn
-        return Da, carried(pair.pb, n)
+        return Da, moved_line_partials(pair.pb, n)
 
 
 class Distance(FrameRows):
@@ -150,22 +150,22 @@ class Distance(FrameRows):
 
     def rate(self, pair: Pair) -> np.ndarray:  # noqa: D102
         distance, n = unit_gap(pair)
-        dpb = moved(pair.Vb, pair.pb)
-        dd, n = dpb - moved(pair.Va, pair.pa), n[:, None]
+        dpb = displaced(pair.Vb, pair.pb)
+        dd, n = dpb - displaced(pair.Va, pair.pa), n[:, None]
         dn = (dd - n * (n * dd).sum()) / distance
         return np.concatenate([dn, cross(dpb, n) + cross(pair.pb[:, None], dn)])
 
     def slopes(self, pair: Pair) -> tuple[np.ndarray, np.ndarray]:  # noqa: D102
-        _, Da, Db = line_slopes(pair)
+        _, Da, Db = line_wrench_partials(pair)
         return Da[None], Db[None]
 
 
-def turned(V: np.ndarray, n: np.ndarray) -> np.ndarray:
+def rotated(V: np.ndarray, n: np.ndarray) -> np.ndarray:
     """Rates omega x n of axes n (3, m) that turn with the motion V (6,)."""
     return cross(V[3:, None], n)
 
 
-def moved(V: np.ndarray, p: np.ndarray) -> np.ndarray:
+def displaced(V: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Velocity (3, 1) of a point p (3,) that moves with the motion V (6,)."""
     return V[:3, None] + cross(V[3:, None], p[:, None])
 
@@ -206,7 +206,7 @@ class Coordinate(NamedTuple):
     positional: bool = True
 
 
-class Teeth(NamedTuple):
+class ToothRow(NamedTuple):
     """One row g = q_i - c_0 - c_1 q_j up to multiples of a pitch: a pawl in one of many teeth.
 
     Attributes:
@@ -242,7 +242,7 @@ class Ratio(NamedTuple):
     positional: bool = False
 
 
-class Curved(NamedTuple):
+class MotionLawRow(NamedTuple):
     """One row g = q_i - f(q_j) with a law of motion f, between joints of one coordinate each.
 
     Attributes:
@@ -273,4 +273,4 @@ class Sum(NamedTuple):
     positional: bool = True
 
 
-JointRow = Coordinate | Curved | Ratio | Sum | Teeth
+JointRow = Coordinate | MotionLawRow | Ratio | Sum | ToothRow

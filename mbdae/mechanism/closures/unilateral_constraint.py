@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from pydantic import Field, model_validator
 
 from ..checked_table import Table
-from .joint_pair import BetweenJoints
+from .joint_pair import JointPair
 from .rows import Coordinate
 
 REST = 1e-6  # s: a flight that is shorter ends in rest
 
 
-class OneSided(Table):
+class UnilateralOptions(Table):
     """What says how a row lets go and touches again.
 
     Attributes:
@@ -25,13 +25,13 @@ class OneSided(Table):
     rest: float | None = Field(default=None, gt=0)
 
     @model_validator(mode="after")
-    def _one_sided(self) -> "OneSided":
+    def _one_sided(self) -> "UnilateralOptions":
         if not self.unilateral and (self.restitution is not None or self.rest is not None):
             raise ValueError("restitution and rest belong to unilateral = true")
         return self
 
 
-class Stop(BetweenJoints, OneSided):
+class Stop(JointPair, UnilateralOptions):
     """Ends of the way of a joint, or of what a coupling leaves open (backlash).
 
         lower <= q_i <= upper,   lower <= q_i - c_0 - c_1 q_j - c_2 q_j^2 - ... <= upper

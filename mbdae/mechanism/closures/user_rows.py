@@ -8,12 +8,12 @@ import pinocchio as pin
 from pydantic import BeforeValidator, Field
 
 from ...errors import InputError, NotCompiled, StepError
-from ...finite_differences import slope
+from ...finite_differences import numerical_derivative
 from ...system import Array
 from ..callbacks import called, checked, function_name
 from ..frames import find_joint
 from .closure import Closure
-from .joint_rows import JointPart
+from .joint_rows import BoundJointRow
 
 STEP = 4e-3  # rad or m, of central differences of order 6: 3e-17 of the seventh derivative beside 1e-13 of rounding
 FITS = 1e-5  # of 1 + |G|: what the slope of g may differ by
@@ -74,12 +74,12 @@ class UserRow(NamedTuple):
     positional: bool
     m: int = 1
 
-    def bind(self, model: pin.Model, data: pin.Data, at: int) -> "UserPart":
+    def bind(self, model: pin.Model, data: pin.Data, at: int) -> "BoundUserRows":
         """Bind the row, the one with number ``at`` of all, to a workspace."""
-        return UserPart(model, data, self, at)
+        return BoundUserRows(model, data, self, at)
 
 
-class UserPart(JointPart):
+class BoundUserRows(BoundJointRow):
     """A row of a function, bound to a workspace."""
 
     def __init__(self, model: pin.Model, data: pin.Data, row: UserRow, at: int) -> None:
@@ -93,7 +93,7 @@ class UserPart(JointPart):
         self.what = f"rows {row.rows.name!r}"
 
     def plain(self) -> dict[str, Any]:
-        """See `JointPart`.
+        """See `BoundJointRow`.
 
         Raises:
             NotCompiled: the core has no Python functions as rows.
@@ -156,7 +156,7 @@ class UserPart(JointPart):
 
     def _along(self, f: Callable[[Array], Any], q: Array, e: Array) -> Any:
         """The slope of f at q along a velocity e."""
-        return slope(lambda x: f(pin.integrate(self._own, q, x * e)), STEP)
+        return numerical_derivative(lambda x: f(pin.integrate(self._own, q, x * e)), STEP)
 
     def _check(self, q: Array, G: Array) -> None:
         for k, e in enumerate(np.eye(len(G))):

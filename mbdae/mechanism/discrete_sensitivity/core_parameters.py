@@ -13,14 +13,14 @@ from .parameter_partials import Parameters
 
 if TYPE_CHECKING:
     from ..._native import Parameters as NativeParameters
-    from ..formulations.compiled_systems import Compiled
+    from ..formulations.compiled_systems import CompiledSystem
     from ..formulations.index2 import Index2System
 
 Stuff = tuple[str, int, bool, bool]  # kind, number, whether a pair is that of a law, and whether its second frame
 Plain = tuple[list[Stuff], list[Any], list[Any]]
 
 
-def vary(system: "Compiled", parameters: Parameters) -> "NativeParameters":
+def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "NativeParameters":
     """Hand parameters over to the core of a mechanism like theirs.
 
     Raises:

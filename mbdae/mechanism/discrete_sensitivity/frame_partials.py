@@ -10,7 +10,7 @@ from ..frames import find_frame, support
 from .parameter_partials import Parameters
 
 
-def frame_slopes(parameters: Parameters, q: Array, names: Sequence[str]) -> tuple[Array, Array]:
+def frame_partials(parameters: Parameters, q: Array, names: Sequence[str]) -> tuple[Array, Array]:
     """Slopes of the origins of m frames in the world with respect to q, in the tangent, and to k parameters.
 
     Places of joints and frames are motions xi in their own axes: with the motion T xi in the world, a point p that is

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...finite_differences import slopes
+from ...finite_differences import numerical_jacobian
 from ...system import Array
-from ..formulations.equation_partials import Jacobians
+from ..formulations.equation_partials import EquationPartials
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -26,7 +26,9 @@ WIDTH = 2e-3  # rad and m, of differences
 SMALL = 0.03  # of the width: below, series
 
 
-def with_friction_slopes(s: "Index2System", at: Jacobians, q: Array, v: Array, lam: Array, rows: Array) -> Jacobians:
+def add_friction_partials(
+    s: "Index2System", at: EquationPartials, q: Array, v: Array, lam: Array, rows: Array
+) -> EquationPartials:
     """Add the slopes by q and v of what slides; lam (r,) of the rows in use."""
     levers, size = _terms(s, q, lam, rows)
     shapes = [len(S) for S in levers]
@@ -36,7 +38,7 @@ def with_friction_slopes(s: "Index2System", at: Jacobians, q: Array, v: Array, l
         moved, load = _terms(s, s.manifold.integrate(q, x), lam, rows)
         return np.concatenate([*(S.ravel() for S in moved), load])
 
-    moved = slopes(flat, s.nv, WIDTH)
+    moved = numerical_jacobian(flat, s.nv, WIDTH)
     by_q, by_v = np.zeros((s.nv, s.nv)), np.zeros((s.nv, s.nv))
     by_load, pull = np.zeros((s.nv, len(size))), np.zeros(s.nv)
     for k, (S, c, width) in enumerate(_acting(s, levers)):

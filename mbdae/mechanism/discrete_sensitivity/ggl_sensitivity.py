@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...system import Array
-from .index2_sensitivity import IndexTwoVariations
-from .stage_sensitivity import Saddle, StageSlopes
+from .index2_sensitivity import Index2Sensitivity
+from .stage_sensitivity import Saddle, SaddleStageSensitivity
 
 if TYPE_CHECKING:
     from ..formulations.ggl import GGLChart, GGLSystem
 
 
-class StabilisedStageSlopes(StageSlopes):
-    """The slopes of a stage, see `mbdae.system.StageVariation`; F has dslip behind dx', (ny + nv, m)."""
+class GGLStageSensitivity(SaddleStageSensitivity):
+    """The slopes of a stage, see `mbdae.system.StageSensitivity`; F has dslip behind dx', (ny + nv, m)."""
 
     def __init__(self, chart: "GGLChart", *stage: Any) -> None:
         s = chart.system
@@ -83,11 +83,11 @@ class StabilisedStageSlopes(StageSlopes):
         return hat.A.T @ met
 
 
-class StabilisedVariations(IndexTwoVariations):
+class GGLSensitivity(Index2Sensitivity):
     """The slopes of what a half-explicit run in the stabilised form is made of; (slip, v', s', w') is carried."""
 
     system: "GGLSystem"
-    of_stage = StabilisedStageSlopes
+    of_stage = GGLStageSensitivity
 
     @property
     def width(self) -> int:

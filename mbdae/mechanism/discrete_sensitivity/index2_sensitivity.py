@@ -10,14 +10,14 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import AssemblyError, InputError
-from ...finite_differences import settled, slopes
-from ...system import Array, StageEquations
-from ..formulations.equation_partials import hidden_slopes, time_slopes
-from ..hybrid.switches import left_out
-from .friction_partials import with_friction_slopes
+from ...finite_differences import converged_difference, numerical_jacobian
+from ...system import Array, StagePartials
+from ..formulations.equation_partials import gamma_partials, time_partials
+from ..hybrid.switches import inactive_rows
+from .friction_partials import add_friction_partials
 from .parameter_partials import APART
-from .projection_sensitivity import Corrections
-from .stage_sensitivity import Saddle, StageSlopes
+from .projection_sensitivity import ProjectionSensitivity
+from .stage_sensitivity import Saddle, SaddleStageSensitivity
 
 if TYPE_CHECKING:
     from ..formulations.index2_step import Index2Chart
@@ -27,7 +27,7 @@ SHORT = 3  # how often widths of starts shrink: what assembly tolerates must not
 JUMP_WIDTH = 1e-2  # of differences of sampled controllers, which are functions of the user
 
 
-class RateSlopes(NamedTuple):
+class TimeDerivativePartials(NamedTuple):
     """Slopes of y' and of lam of all rows at a point of the hidden constraint.
 
     Attributes:
@@ -39,15 +39,15 @@ class RateSlopes(NamedTuple):
     lam: Array
 
 
-class IndexTwoVariations(Corrections):
-    """The slopes of what a run of a mechanism is made of, see `mbdae.system.Variations`.
+class Index2Sensitivity(ProjectionSensitivity):
+    """The slopes of what a run of a mechanism is made of, see `mbdae.system.DiscreteSensitivity`.
 
     Args:
         system: a workspace that holds the rows in use.
         parameters: the numbers that vary.
     """
 
-    of_stage: type[StageSlopes] = StageSlopes
+    of_stage: type[SaddleStageSensitivity] = SaddleStageSensitivity
 
     def stage(
         self,
@@ -58,11 +58,11 @@ class IndexTwoVariations(Corrections):
         factor: float,
         F: Array,
         lam: Array,
-    ) -> StageSlopes:
+    ) -> SaddleStageSensitivity:
         """Take the slopes of a stage at t and that, of x', (ny,), and lam, (r,)."""
         return self.of_stage(chart, times, x, xhat, factor, F, lam, self.parameters)
 
-    def implicit(self, chart: "Index2Chart", t: float, x: Array, F: Array, z: Array) -> StageEquations:
+    def implicit(self, chart: "Index2Chart", t: float, x: Array, F: Array, z: Array) -> StagePartials:
         """Take the slopes of a stage of a collocation method at t, of x and x', (ny,), and z, (m,)."""
         return chart.slopes(t, x, F, z, self.parameters)
 
@@ -100,7 +100,7 @@ class IndexTwoVariations(Corrections):
         Y[:nv, :nv], X[:nv, :nv] = turn.A, turn.R
         return Y, X
 
-    def rate(self, t: float, y: Array, multipliers: bool = True) -> RateSlopes:
+    def rate(self, t: float, y: Array, multipliers: bool = True) -> TimeDerivativePartials:
         """Take the slopes of y', and of all multipliers unless left out, on M v' = f + G^T lam, 0 = G v' + gamma."""
         s, nv, n = self.system, self.system.nv, self.system.ny - self.system.nv
         F, found = s.derivative(t, y)
@@ -112,22 +112,22 @@ class IndexTwoVariations(Corrections):
         whole = np.zeros(s.ng)
         whole[rows] = lam
         at, p = s.slopes(t, q, y[s.nq :], vdot, lam, rows), self.parameters
-        f_t, _, gamma_t = time_slopes(s, t, q, v, inner, whole)
-        by_q, by_v = hidden_slopes(s, q, v)
+        f_t, _, gamma_t = time_partials(s, t, q, v, inner, whole)
+        by_q, by_v = gamma_partials(s, q, v)
         by_q += s.constraints.slopes(vdot, whole)[1]
         Q = p.of_rows(t, q, vdot)[0] - p.of_rows(t, q, np.zeros(nv))[0] + p.of_bias(t, q, v)
         P = p.of_forces(t, q, v, inner, vdot, whole)
         if s.sliding:
             P += p.of_friction(q, v, lam, rows)
-            at = with_friction_slopes(s, at, q, v, lam, rows)
+            at = add_friction_partials(s, at, q, v, lam, rows)
         above = np.hstack([at.K, at.D, P, f_t[:, None]])
         below = np.hstack([by_q, by_v, np.zeros((s.ng, n - nv)), Q, gamma_t[:, None]])
         dvdot, dlam = Saddle(at.E[:nv, :nv], at.L[:nv].T, at.G).solve(above[:nv], -below[rows])
         moves = np.eye(nv, self.ny + self.k + 1, nv)
         rate = np.concatenate([moves, dvdot, above[nv:] + at.L[nv:] @ dlam])
         if not multipliers:
-            return RateSlopes(rate, np.empty((0, rate.shape[1])))
-        return RateSlopes(rate, self._all(t, q, v, inner, found, whole, rows, dlam))
+            return TimeDerivativePartials(rate, np.empty((0, rate.shape[1])))
+        return TimeDerivativePartials(rate, self._all(t, q, v, inner, found, whole, rows, dlam))
 
     def _all(
         self, t: float, q: Array, v: Array, inner: Array, found: Array, whole: Array, rows: Array, dlam: Array
@@ -159,7 +159,9 @@ class IndexTwoVariations(Corrections):
         """Slopes of `mbdae.system.System.jump` at y, (ny, ny + k): differences of the controllers alone."""
         s, out = self.system, np.eye(self.ny, self.ny + self.k)
         if s.ns:
-            moved = slopes(lambda x: s.inner(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, JUMP_WIDTH)
+            moved = numerical_jacobian(
+                lambda x: s.inner(s.jump(t, s.add(y, np.append(x, 0.0)))), self.ny - 1, JUMP_WIDTH
+            )
             out[2 * s.nv : -1, : self.ny - 1] = moved
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
             if laws.near and len(laws.at):
@@ -189,7 +191,7 @@ class IndexTwoVariations(Corrections):
         ]
         held = [mech.coordinates(table, of_v=bool(i))[1] for i, table in enumerate(tables)]
         free_q, free_v = (np.setdiff1d(np.arange(nv), h) for h in held)
-        off, s.constraints.off = s.constraints.off, left_out(mech.switches, (0,) * len(mech.switches))
+        off, s.constraints.off = s.constraints.off, inactive_rows(mech.switches, (0,) * len(mech.switches))
         G, kept = s.jacobian(q), s.constraints.positional  # a start is assembled with all open
         s.constraints.off = off
         assembled = bool(s.ng and mech.start_values.assemble)
@@ -198,7 +200,7 @@ class IndexTwoVariations(Corrections):
             if decided and all(m.start_values == mech.start_values for m in p.first):
                 continue  # closures and what is held say all
             try:
-                found = settled(
+                found = converged_difference(
                     lambda h, p=p: {k: s.difference(base, m.point(t=t)) for k, m in p.beside(h).items()},  # type: ignore[misc]
                     p.width, ASSEMBLED, SHORT,
                 )  # fmt: skip

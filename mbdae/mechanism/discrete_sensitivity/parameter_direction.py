@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ...finite_differences import ABOVE, BELOW, NARROWER, PLACES, TIMES, quotient, settled
+from ...finite_differences import ABOVE, BELOW, NARROWER, STENCIL, TIMES, central_difference, converged_difference
 from ...system import Array
 from ..closures.constraints import Constraints
 from ..forces import bind_forces
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 WIDTH, SMALL = 1e-2, 1e-3  # of the value; and in its unit, where it is zero: places of centimetres are moved, too
 KNOT = 1e-5  # of the value, where it is a time between pieces of a curve
-FIRST = {PLACES: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}  # times h: the ends; with 0 they tell degree 2
+FIRST = {STENCIL: (-3, 1, 3), ABOVE: (2, 4, 6), BELOW: (-2, -4, -6)}  # times h: the ends; with 0 they tell degree 2
 ROUNDING = 1e-14  # of a number: what its third difference may be then
 
 
-class Nearby(Mapping[int, "Mechanism"]):
+class PerturbedMechanisms(Mapping[int, "Mechanism"]):
     """The mechanisms with a parameter changed by k h, at the places of differences, made when they are asked for."""
 
     def __init__(self, make: Callable[[float], "Mechanism"], h: float, places: tuple[int, ...]) -> None:
@@ -48,15 +48,15 @@ def possible(make: Callable[[float], "Mechanism"], h: float) -> tuple[float, tup
         h: the largest width.
 
     Returns:
-        the width, and places as `mbdae.finite_differences.quotient` takes them; the given one and those of both sides
-        where there are mechanisms on neither.
+        the width, and places as `mbdae.finite_differences.central_difference` takes them; the given one and those of
+        both sides where there are mechanisms on neither.
     """
     for places, first in FIRST.items():
         for i in range(TIMES):
             with suppress(InputError):
                 _ = [make(k * h / NARROWER**i) for k in first]
                 return h / NARROWER**i, places
-    return h, PLACES
+    return h, STENCIL
 
 
 class Parameter:
@@ -107,14 +107,14 @@ class Parameter:
         """Take differences of this width."""
         self.h, self.near = h, self.beside(h)
 
-    def beside(self, h: float) -> Nearby:
+    def beside(self, h: float) -> PerturbedMechanisms:
         """The mechanisms with it changed by k h."""
-        return Nearby(self.make, h, self.places_beside)
+        return PerturbedMechanisms(self.make, h, self.places_beside)
 
     @property
     def side(self) -> str:
         """From where its derivative is taken, in words, if from one side only."""
-        return {PLACES: "", ABOVE: "above", BELOW: "below"}[self.places_beside]
+        return {STENCIL: "", ABOVE: "above", BELOW: "below"}[self.places_beside]
 
     def _held(self, own: Any, *others: Any) -> None:
         """Refuse what moves times at which a signal jumps; where it moves those between pieces, few points see both."""
@@ -131,7 +131,7 @@ class Parameter:
 
     def quotient(self, values: Mapping[int, Array]) -> Array:
         """Difference of order six of values at k h; exactly zero where they do not change."""
-        return np.array(quotient(values, self.h))
+        return np.array(central_difference(values, self.h))
 
     def rate(self, value: Callable[["Mechanism"], Array]) -> Array:
         """Derivative of what a mechanism is made of: from the first values where these are exact."""
@@ -141,7 +141,7 @@ class Parameter:
             return np.array((c - a) / (6 * self.h))
         if self.side and (np.abs(c - 3 * b + 3 * a - here) <= ROUNDING * size).all():
             return np.array((4 * a - b - 3 * here) / ((4 if self.side == "above" else -4) * self.h))
-        return settled(lambda h: {k: value(m) for k, m in self.beside(h).items()}, self.width).slope
+        return converged_difference(lambda h: {k: value(m) for k, m in self.beside(h).items()}, self.width).slope
 
     def each(self, n: int, value: Callable[["Mechanism", int], Array]) -> dict[int, Array]:
         """Derivatives of the parts 1 to n - 1 of a mechanism that change."""
@@ -155,10 +155,10 @@ class Parameter:
         return {i: np.array([*T[:3, 3], T[2, 1], T[0, 2], T[1, 0]]) for i, T in twists.items()}
 
 
-class ChangedLaws:
+class LawDifferences:
     """The forces that a parameter changes, with their other numbers, in one workspace."""
 
-    def __init__(self, p: Parameter, s: Index2System, near: Nearby) -> None:
+    def __init__(self, p: Parameter, s: Index2System, near: PerturbedMechanisms) -> None:
         self.p, self.nv = p, s.nv
         spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
@@ -178,10 +178,10 @@ class ChangedLaws:
             to[-1] += found[-1]
 
 
-class ChangedRows:
+class RowDifferences:
     """The closures and drivers that a parameter changes, with their other numbers, in one workspace."""
 
-    def __init__(self, p: Parameter, s: Index2System, near: Nearby) -> None:
+    def __init__(self, p: Parameter, s: Index2System, near: PerturbedMechanisms) -> None:
         self.p, self.nv = p, s.nv
         spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
         self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)

@@ -21,17 +21,17 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError, MbdaeError, NotCompiled
-from ...finite_differences import settled
+from ...finite_differences import converged_difference
 from ...system import Array
 from ..closures.constraints import Constraints
-from ..forces.joint_friction import DryElement
-from ..formulations.closure_friction import Sliding
+from ..forces.joint_friction import KineticFrictionElement
+from ..formulations.closure_friction import ClosureFriction
 from ..formulations.index2 import Index2System
 from ..frames import support
-from ..hybrid.switches import Mode, left_out
+from ..hybrid.switches import Mode, inactive_rows
 from .friction_partials import friction
-from .parameter_direction import SMALL, WIDTH, ChangedLaws, ChangedRows, Parameter
-from .placement_tree import OpenedTree
+from .parameter_direction import SMALL, WIDTH, LawDifferences, Parameter, RowDifferences
+from .placement_tree import PlacementTree
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -42,7 +42,7 @@ Make = Callable[[Mapping[str, float]], "Mechanism"]
 At = tuple[float, Array, Array, Array]  # (t, q, v, s)
 
 
-class ParameterSlopes(NamedTuple):
+class ParameterPartials(NamedTuple):
     """Slopes with respect to k parameters at a point (t, q, v, s, v', lam), all but the parameters held.
 
     Attributes:
@@ -93,11 +93,11 @@ class Parameters:
                 warnings.warn(f"{end}: its derivative is taken from {p.side}", stacklevel=2)
             if along and (p.forces or p.specs):
                 self._settle(p, along, mode)
-        self.laws = [ChangedLaws(p, s, p.near) for p in self.all]
-        self.rows = [ChangedRows(p, s, p.near) for p in self.all]
+        self.laws = [LawDifferences(p, s, p.near) for p in self.all]
+        self.rows = [RowDifferences(p, s, p.near) for p in self.all]
         places = sorted({j for p in self.all for j in p.places})
         frames = sorted({i for p in self.all for i in p.frames})
-        self.opened = OpenedTree(mech, places, frames, s, native) if places or frames else None
+        self.opened = PlacementTree(mech, places, frames, s, native) if places or frames else None
         self.plain: Any = None  # what the compiled core takes, see `compiled_parameters`
         self._found: dict[str, tuple[Any, Any]] = {}
         self.motions = np.array([self.opened.motion(p) for p in self.all]).T if self.opened else np.empty((0, 0))
@@ -113,11 +113,11 @@ class Parameters:
         """
         s, kept = self.system, np.ones(self.system.ng)
         if mode:
-            kept[left_out(s.mechanism.switches, mode)] = 0.0
+            kept[inactive_rows(s.mechanism.switches, mode)] = 0.0
 
         def sampled(h: float) -> dict[int, Array]:
             near, found = p.beside(h), []
-            laws, rows = ChangedLaws(p, s, near), ChangedRows(p, s, near)
+            laws, rows = LawDifferences(p, s, near), RowDifferences(p, s, near)
             for t, q, v, inner in along:
                 pin.forwardKinematics(s.model, s.data, q, v, np.zeros(s.nv))
                 pin.computeJointJacobians(s.model, s.data, q)
@@ -127,7 +127,7 @@ class Parameters:
                 found.append({k: np.concatenate([x[k].ravel() for x in kinds]) for k in near})
             return {k: np.array([x[k] for x in found]).T for k in near}
 
-        held = settled(sampled, p.h)
+        held = converged_difference(sampled, p.h)
         if not held.apart <= APART:
             raise InputError(f"parameter {p.name!r} has no derivative along this run: its differences do not settle")
         p.use(held.h)
@@ -141,7 +141,7 @@ class Parameters:
             for near in laws.near.values():
                 for i, (other, _) in zip(p.forces, near.bound, strict=False):
                     own = self.system.laws.bound[i][0]
-                    if isinstance(own, DryElement) and isinstance(other, DryElement):
+                    if isinstance(own, KineticFrictionElement) and isinstance(other, KineticFrictionElement):
                         other.sign[:] = own.sign
 
     def workspace(self, formulation: str, native: ModuleType | None) -> Any:
@@ -161,12 +161,12 @@ class Parameters:
             self._found[name] = key, find()
         return self._found[name][1]
 
-    def slopes(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> ParameterSlopes:
+    def slopes(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> ParameterPartials:
         """Take the slopes at (t, q, v, s, v', lam), lam (ng,) for all rows."""
-        return ParameterSlopes(self.of_forces(t, q, v, s, vdot, lam), *self.of_rows(t, q, v), self.of_bias(t, q, v))
+        return ParameterPartials(self.of_forces(t, q, v, s, vdot, lam), *self.of_rows(t, q, v), self.of_bias(t, q, v))
 
     def of_forces(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array) -> Array:
-        """Take P of `ParameterSlopes`, (nv + ns + 1, k)."""
+        """Take P of `ParameterPartials`, (nv + ns + 1, k)."""
         system, nv = self.system, self.system.nv
         out = np.zeros((nv + len(s) + 1, len(self)))
         if not len(self):
@@ -205,17 +205,17 @@ class Parameters:
         return [{k: Index2System(m) for k, m in p.near.items()} for p in self.all]
 
     @cached_property
-    def near_sliding(self) -> list[dict[int, Sliding]]:
+    def near_sliding(self) -> list[dict[int, ClosureFriction]]:
         """What slides with other numbers of forces and closures, in the own workspace."""
         s, out = self.system, []
         for p in self.all:
             near = p.near.items() if s.sliding.places and (p.forces or p.specs) else ()
             rows = {k: Constraints(s.model, s.data, m.constraints) for k, m in near}
-            out.append({k: Sliding(m.forces, m.closures, rows[k]) for k, m in near})
+            out.append({k: ClosureFriction(m.forces, m.closures, rows[k]) for k, m in near})
         return out
 
     def of_rows(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Take Q and g of `ParameterSlopes`, (ng, k) each."""
+        """Take Q and g of `ParameterPartials`, (ng, k) each."""
         Q, g = np.zeros((2, self.system.ng, len(self)))
         if self.opened:
             B, G = self.opened.rows(t, q, v)
@@ -228,7 +228,7 @@ class Parameters:
         return Q, g
 
     def of_bias(self, t: float, q: Array, v: Array) -> Array:
-        """Take gamma of `ParameterSlopes`, (ng, k)."""
+        """Take gamma of `ParameterPartials`, (ng, k)."""
         out = np.zeros((self.system.ng, len(self)))
         if self.opened:
             out = self.opened.bias(q, v) @ self.motions

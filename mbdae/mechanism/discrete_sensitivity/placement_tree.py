@@ -9,7 +9,7 @@ import pinocchio as pin
 from ...errors import NotCompiled
 from ...system import Array
 from ..forces.force import PairElement
-from ..formulations.equation_partials import Jacobians, hidden_slopes
+from ..formulations.equation_partials import EquationPartials, gamma_partials
 from ..formulations.index2 import Index2System
 from .parameter_direction import Parameter
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
 
-class OpenedTree:
+class PlacementTree:
     """The mechanism with frozen free joints before joints whose place changes, and below frames that are moved."""
 
     def __init__(
@@ -72,7 +72,7 @@ class OpenedTree:
         out[self.iq] = q
         return out
 
-    def _slopes(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> Jacobians:
+    def _slopes(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> EquationPartials:
         u, a = np.zeros(self.model.nv + 1), np.zeros(self.model.nv)
         u[self.real], a[self.real] = v, vdot
         return self.system.slopes(t, self.whole(q), u, a, lam[self.kept], np.arange(self.system.ng))
@@ -98,7 +98,7 @@ class OpenedTree:
             return np.zeros((self.ng, len(self.at)))
         u = np.zeros(self.model.nv)
         u[self.real] = v
-        return self._all(hidden_slopes(self.system, self.whole(q), u)[0])
+        return self._all(gamma_partials(self.system, self.whole(q), u)[0])
 
     def motion(self, p: Parameter) -> Array:
         """What a parameter moves the frozen joints by, (6 n,)."""

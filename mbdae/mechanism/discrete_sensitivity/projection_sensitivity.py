@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...system import Array
-from ..formulations.projection import UNMOVED, approach
+from ..formulations.projection import UNMOVED, project_positions
 from .parameter_partials import Parameters
 from .stage_sensitivity import Saddle
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
 
-class Corrections:
+class ProjectionSensitivity:
     """The slopes of `mbdae.system.System.restore` and `settle` of a mechanism.
 
     Args:
@@ -40,7 +40,7 @@ class Corrections:
             return out
         q, v = s.split(y)
         U = s.inertia(t, q)
-        path, *_ = approach(s, t, q, U)
+        path, *_ = project_positions(s, t, q, U)
         start, dq = q, out[:nv].copy()
         for q in path[:-1] or path:  # where nothing was amiss, what varies may be
             (g, G), Q = s.closures(q, t), self.parameters.of_rows(t, q, np.zeros(nv))[1]

@@ -1,7 +1,7 @@
 """The slopes of a stage of a half-explicit step of a mechanism.
 
-In coordinates x of a step, q = q_n (+) x, with A, R, J, T of `mbdae.mechanism.manifold.Turned` and the slopes K, D, B
-of `mbdae.mechanism.formulations.equation_partials`,
+In coordinates x of a step, q = q_n (+) x, with A, R, J, T of `mbdae.mechanism.manifold.IntegratePartials` and the
+slopes K, D, B of `mbdae.mechanism.formulations.equation_partials`,
 
     dq = A dq_n + R dx,   dx' = J dv + T dx,   dqhat = Ahat dq_n + Rhat (dxhat + factor dx')
     [M  -G^T] [dv' ]   [K dq + D du + P dp                                            ]
@@ -18,8 +18,8 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from ...errors import StepError
 from ...system import Array
-from ..formulations.equation_partials import time_slopes
-from .friction_partials import with_friction_slopes
+from ..formulations.equation_partials import time_partials
+from .friction_partials import add_friction_partials
 from .parameter_partials import Parameters
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ class Saddle:
         return x[: self.nv], x[self.nv :]
 
 
-class StageSlopes:
-    """The slopes of a stage, see `mbdae.system.StageVariation`."""
+class SaddleStageSensitivity:
+    """The slopes of a stage, see `mbdae.system.StageSensitivity`."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class StageSlopes:
         self.Q = parameters.of_rows(that, qhat, vhat)[0][rows]
         if s.sliding:
             self.P += parameters.of_friction(q, v, lam, rows)
-            self.at = with_friction_slopes(s, self.at, q, v, lam, rows)
+            self.at = add_friction_partials(s, self.at, q, v, lam, rows)
         self.turn, self.hat = m.turned(x[:nv], self.speed(v)), m.turned(xh, vhat)
         self.saddle = Saddle(self.at.E[:nv, :nv], self.at.L[:nv].T, self.Ghat)
         self.points = (t, q, v, inner, whole), (that, qhat, vhat, inner, whole), rows
@@ -89,8 +89,8 @@ class StageSlopes:
         below = self.Q @ dp
         if clock is not None:
             dt, dthat, dfactor = clock
-            above += np.outer(time_slopes(self.s, *self.points[0])[0], dt)
-            below += np.outer(time_slopes(self.s, *self.points[1])[1][self.points[2]], dthat)
+            above += np.outer(time_partials(self.s, *self.points[0])[0], dt)
+            below += np.outer(time_partials(self.s, *self.points[1])[1][self.points[2]], dthat)
             dxh = dxh + np.outer(self.F[:nv], dfactor)
             dvhat = dvhat + np.outer(self.vdot, dfactor)
         below += self.Bhat @ (hat.A @ dy[:nv] + hat.R @ dxh) + self.Ghat @ dvhat

@@ -14,7 +14,7 @@ from ..frames import find_joint
 from .elements import ForceElements
 from .force import Force, PythonForce
 from .joint_damping import JointDamping, damping_law
-from .joint_friction import Held, JointFriction
+from .joint_friction import HeldJoint, JointFriction
 from .torque_function import TorqueElement
 
 _FOUND: list[type] = list(dict.fromkeys(members(__name__, type)))
@@ -53,7 +53,7 @@ def named_force(force: Any, i: int) -> Any:
     return force if force.name else force.model_copy(update={"name": f"{force.kind} {i + 1}"})
 
 
-def held_joints(model: pin.Model, forces: Sequence[Any]) -> tuple[Held, ...]:
+def stiction_joints(model: pin.Model, forces: Sequence[Any]) -> tuple[HeldJoint, ...]:
     """Return the joints that friction may hold.
 
     Raises:

@@ -10,7 +10,7 @@ import pinocchio as pin
 from ...errors import InputError
 from ..callbacks import called, checked, function_name
 from .force import Array, ForceElement, PythonForce, start_values
-from .quotients import by_time, law_slopes
+from .quotients import by_time, law_partials
 
 StateFunction = Callable[[float, Array, Array, Array], Array]
 
@@ -76,7 +76,7 @@ class ActuatorElement(ForceElement):
         def law(q: Array, v: Array, s: Array) -> Array:
             return np.concatenate(self.evaluate(t, q, v, s)[1:])
 
-        return law_slopes(law, self.spec.slopes, f"actuator {self.name!r}", self.model, t, q, v, s)
+        return law_partials(law, self.spec.slopes, f"actuator {self.name!r}", self.model, t, q, v, s)
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
         return {"kind": "python", "call": lambda *point: self.evaluate(*point)[1:], "slopes": self.slopes}

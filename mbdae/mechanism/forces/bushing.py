@@ -9,8 +9,8 @@ from pydantic import model_validator
 from ...errors import StepError
 from ..frames import Pair, anchor, motion_cross, skew, wrench_matrix
 from ..manifold import inverse_jacobian
-from ..wrench_partials import TINY, carried, skews
-from .force import Array, Force, ForceElement, PairElement, Part, Turning
+from ..wrench_partials import COMPLEX_STEP, moved_line_partials, skews
+from .force import Array, Force, ForceElement, PairElement, Part, WrenchPartials
 
 LARGEST_TURN = 3.0  # rad: a rotation vector is smooth below pi
 
@@ -84,27 +84,29 @@ class BushingElement(PairElement):
         velocity = (twist[:3] + skew(twist[3:]) @ self.pair.pb) @ self.pair.Ra
         return spring, self._on_b(-self.d * velocity, -self.dr * (twist[3:] @ self.pair.Ra))
 
-    def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:
+    def turning(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
         """See `PairElement`; a motion d of both frames with all velocities turns a wrench to d x* F, which gives Da."""
         gap, theta = self.gap()
         Ra, pb, w = self.pair.Ra, self.pair.pb, V[3:]
         point = np.hstack([np.eye(3), -skew(pb)])  # velocity of the point p_b
         J_left = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T
-        tilted = theta + 1j * TINY * np.eye(3)
-        by_theta = [inverse_jacobian(X, self.kr * x).imag / TINY for X, x in zip(skews(tilted.T), tilted, strict=True)]
+        tilted = theta + 1j * COMPLEX_STEP * np.eye(3)
+        by_theta = [
+            inverse_jacobian(X, self.kr * x).imag / COMPLEX_STEP for X, x in zip(skews(tilted.T), tilted, strict=True)
+        ]
         n, m = Ra @ (-self.k * gap), Ra @ -inverse_jacobian(skew(theta), self.kr * theta)
-        Db = carried(pb, n[:, None])[0] - point.T @ (Ra * self.k) @ Ra.T @ point
+        Db = moved_line_partials(pb, n[:, None])[0] - point.T @ (Ra * self.k) @ Ra.T @ point
         Db[3:, 3:] -= Ra @ np.array(by_theta).T @ J_left @ Ra.T
         damper = (Ra * self.d) @ Ra.T
         u = -damper @ point @ V
         C = -point.T @ damper @ point
         C[3:, 3:] -= (Ra * self.dr) @ Ra.T
-        Db_damper = carried(pb, u[:, None])[0] - point.T @ damper @ skew(w) @ point
+        Db_damper = moved_line_partials(pb, u[:, None])[0] - point.T @ damper @ skew(w) @ point
         spring = np.concatenate([n, m + skew(pb) @ n])
         damping = np.concatenate([u, skew(pb) @ u - (Ra * self.dr) @ Ra.T @ w])
         Da = wrench_matrix(damping) - Db_damper + C @ motion_cross(V[:, None], np.eye(6))
         none = np.zeros((6, 6))
-        return Turning(spring, wrench_matrix(spring) - Db, Db, none), Turning(damping, Da, Db_damper, C)
+        return WrenchPartials(spring, wrench_matrix(spring) - Db, Db, none), WrenchPartials(damping, Da, Db_damper, C)
 
     def deflection(self, q: Array) -> Array:  # noqa: D102
         return np.concatenate(self.gap())

@@ -5,7 +5,7 @@ from typing import Literal
 import pinocchio as pin
 from pydantic import Field, model_validator
 
-from ..time_functions import Signal
+from ..time_functions import TimeFunction
 from .force import Force, ForceElement, one_velocity
 from .linear import LinearElement, Term
 
@@ -32,7 +32,7 @@ class DCMotor(Force):
 
     kind: Literal["dc_motor"] = "dc_motor"
     joint: str
-    voltage: Signal
+    voltage: TimeFunction
     resistance: float = Field(ge=0)
     inductance: float = Field(default=0.0, ge=0)
     constant: float

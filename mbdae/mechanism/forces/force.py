@@ -15,8 +15,8 @@ from ...errors import InputError, NotCompiled
 from ...system import Array
 from ..checked_table import Table
 from ..frames import Pair, find_joint, find_joints
-from ..time_functions import Constant, Signal
-from ..wrench_partials import PairSlopes
+from ..time_functions import Constant, TimeFunction
+from ..wrench_partials import PairPartials
 
 Part = np.ndarray | float
 Joints = str | tuple[str, ...]
@@ -31,7 +31,9 @@ class ForceElement:
         states: names of its ns states and their start values.
     """
 
-    def __init__(self, name: str, signals: Sequence[Signal] = (), states: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self, name: str, signals: Sequence[TimeFunction] = (), states: Mapping[str, float] | None = None
+    ) -> None:
         self.name, self.states = name, dict(states or {})
         self.signals = [s for s in signals if not isinstance(s, Constant)]
 
@@ -97,7 +99,7 @@ class ForceElement:
         raise NotCompiled(f"force {self.name!r} of kind {type(self).__name__}")
 
 
-class Turning(NamedTuple):
+class WrenchPartials(NamedTuple):
     """A wrench F (6,) on frame b and -F on a, and how it changes: dF = Da d_a + Db d_b + C d(V_b - V_a), (6, 6) each.
 
     Motions d of the frames are taken with V held.
@@ -114,7 +116,7 @@ class PairElement(ForceElement):
 
     pair: Pair
 
-    def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:
+    def turning(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
         """Return the wrenches of the conservative and the other part; the pair is located, V = V_b - V_a (6,)."""
         raise NotImplementedError
 
@@ -129,7 +131,7 @@ class PairElement(ForceElement):
 
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         self.pair.locate()
-        here, nv = PairSlopes(self.pair, v), len(v)
+        here, nv = PairPartials(self.pair, v), len(v)
         at, out = self.pair.branches.at, np.zeros((nv + 1, 2 * nv))
         conservative, other = self.turning(t, here.V)
         K, D = here.torque(*other), here.damping(other.C)

@@ -14,7 +14,7 @@ from .force import Array, Force, ForceElement, Joints
 VELOCITY = 0.01  # rad/s or m/s
 
 
-class Held(NamedTuple):
+class HeldJoint(NamedTuple):
     """A joint that friction may hold.
 
     Attributes:
@@ -74,7 +74,7 @@ class JointFriction(Force):
         """It is exact."""
         return self.exact or self.static is not None
 
-    def holds(self, model: pin.Model) -> Iterator[Held]:
+    def holds(self, model: pin.Model) -> Iterator[HeldJoint]:
         """Yield the joints that it may hold; none for regularised friction.
 
         Raises:
@@ -92,7 +92,7 @@ class JointFriction(Force):
             if kinetic > static:
                 raise InputError(f"force {self.name!r}: static is at least the {kinetic:g} of joint {name!r}")
             if j.nv == 1 and static:
-                yield Held(name, self.name, kinetic, static)
+                yield HeldJoint(name, self.name, kinetic, static)
             elif kinetic:
                 raise InputError(f"friction that sticks needs a joint with one velocity; {name!r} has {j.nv}")
 
@@ -100,7 +100,11 @@ class JointFriction(Force):
         d = self._given(model)
         if not d.any() and self.friction is None:
             raise InputError(f"the URDF gives no friction for force {self.name!r}: say friction = ...")
-        return DryElement(self.name, d) if self.sticks else FrictionElement(self.name, d, self.velocity or VELOCITY)
+        return (
+            KineticFrictionElement(self.name, d)
+            if self.sticks
+            else FrictionElement(self.name, d, self.velocity or VELOCITY)
+        )
 
     def _given(self, model: pin.Model) -> Array:
         d, given = np.zeros(model.nv), np.array(model.upperDryFrictionLimit)
@@ -133,7 +137,7 @@ class FrictionElement(ForceElement):
         return {"kind": "friction", "a": [*self.d.tolist(), self.v0]}
 
 
-class DryElement(ForceElement):
+class KineticFrictionElement(ForceElement):
     """tau = -d * sign with d (nv,); sign (nv,): where joints slip to in a mode, 0 where they stick."""
 
     by_state = False

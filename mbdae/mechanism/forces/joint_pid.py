@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
-from ..time_functions import Constant, Function, Signal
+from ..time_functions import Constant, Function, TimeFunction
 from .force import Array, Force, ForceElement, one_velocity, single
 from .linear import LinearElement, Term
 from .sampled import Sample, SampledElement
@@ -36,7 +36,7 @@ class JointPID(Force):
 
     kind: Literal["joint_pid"] = "joint_pid"
     joint: str
-    reference: Signal = Constant(value=0.0)
+    reference: TimeFunction = Constant(value=0.0)
     kp: float = 0.0
     ki: float = 0.0
     kd: float = 0.0

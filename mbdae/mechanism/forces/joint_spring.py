@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field, field_validator, model_validator
 
-from ..piecewise_polynomial import Interpolation, Pieces, Point, curve, increasing
+from ..piecewise_polynomial import Interpolation, PiecewisePolynomial, Point, interpolant_of_points, require_increasing
 from .force import Array, Force, ForceElement, Joints, Part, single
 from .linear import LinearElement, Spring
 
@@ -44,7 +44,7 @@ class JointSpring(Force):
     @field_validator("table")
     @classmethod
     def _rise(cls, table: tuple[Point, ...] | None) -> tuple[Point, ...] | None:
-        return increasing(table) if table else None
+        return require_increasing(table) if table else None
 
     @model_validator(mode="after")
     def _one_law(self) -> "JointSpring":
@@ -56,7 +56,7 @@ class JointSpring(Force):
     @cached_property
     def curve(self) -> "PPoly":
         """The table's restoring torque as a function of the deflection."""
-        return curve(self.table or (), self.interpolation, "linear")
+        return interpolant_of_points(self.table or (), self.interpolation, "linear")
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         joints = single(model, self.joint, f"joint_spring {self.name!r}")
@@ -105,4 +105,8 @@ class CurveElement(ForceElement):
 
     def plain(self) -> dict[str, Any]:  # noqa: D102
         numbers = {"rows": self.iv, "columns": self.iq, "a": [self.rest, self.damping]}
-        return {"kind": "curve", **numbers, "signals": [Pieces.of(x).plain() for x in (self.c, self.integral)]}
+        return {
+            "kind": "curve",
+            **numbers,
+            "signals": [PiecewisePolynomial.of(x).plain() for x in (self.c, self.integral)],
+        }

@@ -6,7 +6,7 @@ import pinocchio as pin
 
 from ...errors import InputError
 from ..frames import find_joint
-from ..time_functions import Signal
+from ..time_functions import TimeFunction
 from .force import Force, ForceElement, single
 from .linear import LinearElement, Term
 
@@ -31,7 +31,7 @@ class JointTorque(Force):
 
     kind: Literal["joint_torque"] = "joint_torque"
     joint: str
-    torque: Signal | tuple[Signal, ...]
+    torque: TimeFunction | tuple[TimeFunction, ...]
     gear: float = 1.0
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
 

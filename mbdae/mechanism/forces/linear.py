@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ..time_functions import Constant, Signal
+from ..time_functions import Constant, TimeFunction
 from .force import Array, ForceElement
 
 Term = tuple[str, int, str, int, float]
@@ -48,7 +48,7 @@ class LinearElement(ForceElement):
         terms: Sequence[Term] = (),
         *,
         springs: Sequence[Spring] = (),
-        signals: Sequence[Signal] = (),
+        signals: Sequence[TimeFunction] = (),
         states: Mapping[str, float] | None = None,
     ) -> None:
         super().__init__(name, signals, states)
@@ -78,7 +78,7 @@ class Linear(ForceElement):
         self.nq, self.nv, self.ns = model.nq, model.nv, ns
         self.tangent = dict(zip(model.idx_qs, model.idx_vs, strict=True))
         self.springs = [spring for law, _ in laws for spring in law.springs]
-        self.u: list[tuple[Signal, int]] = []  # each with the order of its derivative
+        self.u: list[tuple[TimeFunction, int]] = []  # each with the order of its derivative
         self._known: dict[tuple[int, int], int] = {}
         one = self.nq + self.nv + ns
         entries = [(iv, iq, -k) for iq, iv, k, _ in self.springs]
@@ -93,7 +93,7 @@ class Linear(ForceElement):
         y, x, self.values = np.array([e for e in entries if e[2]], float).reshape(-1, 3).T
         self.y, self.x = y.astype(int), x.astype(int)
 
-    def _input(self, u: Signal, k: int, value: float) -> tuple[int, float]:
+    def _input(self, u: TimeFunction, k: int, value: float) -> tuple[int, float]:
         """Column and value of an entry for u or u'; a constant stands at 1."""
         one = self.nq + self.nv + self.ns
         if isinstance(u, Constant):

@@ -21,7 +21,7 @@ def by_time(law: Callable[[float], Array], t: float, v: Array) -> Array:
     return np.append(change, change[: len(v)] @ v)
 
 
-def law_slopes(
+def law_partials(
     law: LawFunction,
     own: Callable[..., Any] | None,
     what: str,

@@ -7,9 +7,9 @@ import pinocchio as pin
 from pydantic import Field
 
 from ..frames import Pair, anchor, skew, unit_gap
-from ..time_functions import Constant, Signal
-from ..wrench_partials import line_slopes
-from .force import Array, Force, ForceElement, PairElement, Part, Turning
+from ..time_functions import Constant, TimeFunction
+from ..wrench_partials import line_wrench_partials
+from .force import Array, Force, ForceElement, PairElement, Part, WrenchPartials
 
 COINCIDE = 1e-13  # m, and of places: points as near stand apart by rounding
 
@@ -37,7 +37,7 @@ class SpringDamper(Force):
     stiffness: float = 0.0
     damping: float = Field(default=0.0, ge=0)
     length: float = Field(default=0.0, ge=0)
-    force: Signal = Constant(value=0.0)
+    force: TimeFunction = Constant(value=0.0)
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:  # noqa: D102
         a, b = self.frames
@@ -73,15 +73,17 @@ class SpringDamperElement(PairElement):
             push -= self.spec.damping * float(line @ v)
         return -self.spec.stiffness * (distance - self.spec.length) * line, push * line if push else 0.0
 
-    def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:  # noqa: D102
-        spec, (w, Da, Db) = self.spec, line_slopes(self.pair)
+    def turning(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:  # noqa: D102
+        spec, (w, Da, Db) = self.spec, line_wrench_partials(self.pair)
         pull, push = spec.stiffness * (unit_gap(self.pair)[0] - spec.length), spec.force.at(t) - spec.damping * w.dot(V)
         stretch, damper = spec.stiffness * np.outer(w, w), -spec.damping * w[:, None]
-        spring = Turning(-pull * w, stretch - pull * Da, -stretch - pull * Db, np.zeros((6, 6)))
-        return spring, Turning(push * w, push * Da + damper * V.dot(Da), push * Db + damper * V.dot(Db), damper * w)
+        spring = WrenchPartials(-pull * w, stretch - pull * Da, -stretch - pull * Db, np.zeros((6, 6)))
+        return spring, WrenchPartials(
+            push * w, push * Da + damper * V.dot(Da), push * Db + damper * V.dot(Db), damper * w
+        )
 
     def rising(self, t: float) -> Array:  # noqa: D102
-        return self.spec.force.slope(t) * line_slopes(self.pair)[0]
+        return self.spec.force.slope(t) * line_wrench_partials(self.pair)[0]
 
     def potential(self, q: Array) -> float:  # noqa: D102
         self.pair.locate()

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from ..callbacks import called, checked, function_name
 from .force import Array, ForceElement
-from .quotients import by_time, law_slopes
+from .quotients import by_time, law_partials
 
 TorqueFunction = Callable[[float, Array, Array], Array]
 
@@ -30,7 +30,7 @@ class TorqueElement(ForceElement):
 
     def slopes(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         own = getattr(self.function, "slopes", None)
-        return law_slopes(lambda q, v, s: self.torque(t, q, v)[1], own, self.what, self.model, t, q, v, s)
+        return law_partials(lambda q, v, s: self.torque(t, q, v)[1], own, self.what, self.model, t, q, v, s)
 
     def by_time(self, t: float, q: Array, v: Array, s: Array) -> Array:  # noqa: D102
         return by_time(lambda t: self.torque(t, q, v)[1], t, v)

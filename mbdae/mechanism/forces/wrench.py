@@ -6,12 +6,12 @@ import numpy as np
 import pinocchio as pin
 
 from ..frames import WORLD, Pair, anchor, skew
-from ..time_functions import Constant, Signal
-from ..wrench_partials import carried
-from .force import Array, Force, ForceElement, PairElement, Part, Turning
+from ..time_functions import Constant, TimeFunction
+from ..wrench_partials import moved_line_partials
+from .force import Array, Force, ForceElement, PairElement, Part, WrenchPartials
 
 ZERO = Constant(value=0.0)
-Vector = tuple[Signal, Signal, Signal]
+Vector = tuple[TimeFunction, TimeFunction, TimeFunction]
 
 
 class Wrench(Force):
@@ -64,16 +64,16 @@ class WrenchElement(PairElement):
         n, m = (np.array([s.slope(t) if slope else s.at(t) for s in part]) for part in parts)
         return (self.pair.Rb @ n, self.pair.Rb @ m) if self.spec.axes == "frame" else (n, m)
 
-    def turning(self, t: float, V: Array) -> tuple[Turning, Turning]:  # noqa: D102
+    def turning(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:  # noqa: D102
         n, m = self.vectors(t)
-        P, Db, none = skew(self.pair.pb), carried(self.pair.pb, n[:, None])[0], np.zeros((6, 6))
+        P, Db, none = skew(self.pair.pb), moved_line_partials(self.pair.pb, n[:, None])[0], np.zeros((6, 6))
         force, moment = np.concatenate([n, P @ n]), np.concatenate([np.zeros(3), m])
         if self.spec.axes == "frame":
             Db[:3, 3:] -= skew(n)
             Db[3:, 3:] -= P @ skew(n) + skew(m)
         if self.steady:
-            return Turning(force, none, Db, none), Turning(moment, none, none, none)
-        return Turning(np.zeros(6), none, none, none), Turning(force + moment, none, Db, none)
+            return WrenchPartials(force, none, Db, none), WrenchPartials(moment, none, none, none)
+        return WrenchPartials(np.zeros(6), none, none, none), WrenchPartials(force + moment, none, Db, none)
 
     def potential(self, q: Array) -> float:  # noqa: D102
         if not self.steady:

@@ -9,13 +9,13 @@ import pinocchio as pin
 from ...errors import InputError, UnknownNameError, printable
 from ..checked_table import HUGE
 from ..frames import WORLD, find_frame, frame_names
-from ..imported_model import Part
+from ..imported_model import ImportedModel
 from .inertias import judged_inertia
 from .joint_tree import Tree, settled, turn_of_z
 from .schema import Body, Frame, MechanismFile, Source
 
 
-def build(file: MechanismFile, parts: Sequence[Part], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:
+def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:
     """Return the model and its visuals: sources, extra bodies and frames, joints of other kinds, locked joints.
 
     Args:
@@ -28,7 +28,7 @@ def build(file: MechanismFile, parts: Sequence[Part], name: str) -> tuple[pin.Mo
         InputError: for a name that is taken, frames that hang on each other, or numbers that are not finite.
     """
     tree = Tree(parts[0].model.name if len(parts) == 1 else name)
-    waiting: list[tuple[Source | Frame, Part | None]] = [*zip(file.source, parts, strict=True)]
+    waiting: list[tuple[Source | Frame, ImportedModel | None]] = [*zip(file.source, parts, strict=True)]
     waiting += [(x, None) for x in (*file.body, *file.frame)]
     while waiting:
         known = dict.fromkeys(frame_names(tree.model))
@@ -77,7 +77,7 @@ def refuse_acting(model: pin.Model) -> None:
             raise InputError(f"the name {name!r} holds control characters")
 
 
-def _refuse(waiting: Sequence[tuple[Source | Frame, Part | None]], known: Sequence[str]) -> NoReturn:
+def _refuse(waiting: Sequence[tuple[Source | Frame, ImportedModel | None]], known: Sequence[str]) -> NoReturn:
     """None of what is left finds its parent: it does not exist, or it waits for its own child."""
     names = [x.name for x, _ in waiting if isinstance(x, Frame)]
     lost = [x.parent for x, _ in waiting if x.parent not in names]

@@ -13,7 +13,7 @@ from ..checked_table import Table, one_line
 from ..forces import FORCES, PYTHON_FORCES
 from ..forces.actuator import Actuator
 from ..mechanism import Mechanism
-from ..model_serialization import made, written
+from ..model_serialization import model_from_data, model_to_data
 from ..model_settings import Motor
 from ..pinocchio_data import make_data
 from .load import Recipe, make, of_file, plain
@@ -38,7 +38,7 @@ def describe(mech: Mechanism) -> dict[str, Any]:
         solve=mech.settings,
         duration=mech.duration,
     )
-    return {"name": mech.title, "file": plain(file), "model": written(mech.model), "functions": functions}
+    return {"name": mech.title, "file": plain(file), "model": model_to_data(mech.model), "functions": functions}
 
 
 class _Functions(Table):
@@ -88,7 +88,7 @@ def restore(description: Mapping[str, Any], meshes: Sequence[Path] = ()) -> Mech
     forces: list[Any] = list(d.file.force)
     for at, law in missing:
         forces.insert(at, law)
-    return of_file(made(d.model), d.file, forces, d.file.title)
+    return of_file(model_from_data(d.model), d.file, forces, d.file.title)
 
 
 def _functions(mech: Mechanism) -> list[dict[str, Any]]:

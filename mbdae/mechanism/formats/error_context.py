@@ -6,7 +6,7 @@ from typing import Any
 
 from ...errors import MbdaeError, UnknownNameError, printable
 from ..frames import WORLD, frame_names, joint_names
-from ..imported_model import Part, follow
+from ..imported_model import ImportedModel, mimic_couplings
 from .schema import MechanismFile
 
 SAYS = {"parent": "frame", "frame": "frame", "frames": "frame", "joint": "joint", "joints": "joint"}
@@ -15,7 +15,7 @@ TABLES = {"motor": "motor"} | dict.fromkeys(("lock", "joint_type", "q", "v", "gu
 
 
 @contextmanager
-def blamed(path: str, file: MechanismFile, parts: Sequence[Part]) -> Iterator[None]:
+def with_error_context(path: str, file: MechanismFile, parts: Sequence[ImportedModel]) -> Iterator[None]:
     """Put the path of a file before what is raised, and say all names that do not exist; nothing without a path.
 
     Args:
@@ -32,7 +32,7 @@ def blamed(path: str, file: MechanismFile, parts: Sequence[Part]) -> Iterator[No
         raise
 
 
-def _unknown(e: UnknownNameError, file: MechanismFile, parts: Sequence[Part]) -> list[str]:
+def _unknown(e: UnknownNameError, file: MechanismFile, parts: Sequence[ImportedModel]) -> list[str]:
     """A name that was not found and all others that do not exist, by kinds, behind each of them those that do."""
     known, out = _known(file, parts), list[str]()
     uses = [use for use in _uses(file.model_dump()) if use[2] not in known[use[0]] or use[::2] == (e.kind, e.name)]
@@ -44,14 +44,14 @@ def _unknown(e: UnknownNameError, file: MechanismFile, parts: Sequence[Part]) ->
     return out
 
 
-def _known(file: MechanismFile, parts: Sequence[Part]) -> dict[str, list[str]]:
+def _known(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, list[str]]:
     """The names of each kind that a file may say."""
     sources = list(zip((s.prefix for s in file.source), parts, strict=True))
     joints = [prefix + n for prefix, part in sources for n in joint_names(part.model)]
     joints += [body.name for body in file.body if body.joint != "fixed"]
     frames = [prefix + n for prefix, part in sources for n in frame_names(part.model)[1:]]
     named = [part.prefixed(prefix) for prefix, part in sources]
-    closures = [c.name for part in named for c in (*part.closures, *follow(part.mimics, {}, joints)[0])]
+    closures = [c.name for part in named for c in (*part.closures, *mimic_couplings(part.mimics, {}, joints)[0])]
     return {
         "joint": joints,
         "frame": [WORLD, *frames, *(x.name for part in named for x in part.frames), *(x.name for x in file.body)]

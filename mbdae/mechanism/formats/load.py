@@ -16,11 +16,11 @@ from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..closures.unilateral_constraint import Stop
 from ..forces import FORCES
-from ..imported_model import Part, not_carried_over
+from ..imported_model import ImportedModel, not_carried_over
 from ..mechanism import Mechanism
 from ..model_settings import Motor
 from .build import build
-from .error_context import blamed
+from .error_context import with_error_context
 from .model_library import IN_FOLDER, MECHANISM, PARAMETRIC, READERS, find, model_names, told
 from .parametric import read_parametric, split
 from .schema import MechanismFile, Source, read_toml
@@ -67,7 +67,7 @@ def load(
     recipe = read(path, parameters, key=key, assemble=assemble, free_flyer=free_flyer, more=more)
     if recipe.remarks:
         warnings.warn(not_carried_over(recipe.name, recipe.remarks), stacklevel=2)
-    with blamed("" if forces or any(more.values()) else str(path), recipe.file, recipe.parts):
+    with with_error_context("" if forces or any(more.values()) else str(path), recipe.file, recipe.parts):
         mech = make(recipe, [f for f in forces if not isinstance(f, FORCES)])
     if recipe.file.start.assemble and any(p.start.guess for p in recipe.parts):
         _remark_open(mech, recipe.name)
@@ -89,7 +89,7 @@ class Recipe(NamedTuple):
 
     file: MechanismFile
     name: str
-    parts: Sequence[Part]
+    parts: Sequence[ImportedModel]
     motors: Sequence[Motor]
     left_out: Sequence[str]
     parameters: Sequence[dict[str, Any]]
@@ -123,7 +123,7 @@ def read(
     }
     file = file.model_copy(update=update)
     parts = [read_source(s, found.parent) for s in file.source]
-    with blamed("" if any((more or {}).values()) else str(path), file, parts):
+    with with_error_context("" if any((more or {}).values()) else str(path), file, parts):
         file, motors, left_out, remarks = merged(file, parts)
     return Recipe(file, name, parts, motors, left_out, chosen, remarks)
 
@@ -196,7 +196,7 @@ def of_file(model: pin.Model, file: MechanismFile, forces: Sequence[Any], title:
     )  # fmt: skip
 
 
-def remembered(mech: Mechanism) -> Recipe:
+def recipe_of(mech: Mechanism) -> Recipe:
     """The files that a mechanism was made from, without what is only seen."""
     said: dict[str, Any] = mech.source or {}
     file = MechanismFile.model_validate(said["file"])

@@ -9,12 +9,12 @@ from ..forces import FORCES
 from ..frames import joint_names
 from ..mechanism import Mechanism
 from ..time_functions import Constant
-from .load import Recipe, remembered
+from .load import Recipe, recipe_of
 from .schema import Body
 from .template import KEPT, Template, as_body, head, split_joint
 
 
-class Remembered(Template):
+class LoadedModel(Template):
     """The files that a mechanism was made from, as it remembers them.
 
     Args:
@@ -27,7 +27,7 @@ class Remembered(Template):
     def __init__(self, mech: Mechanism) -> None:
         if not mech.source:
             raise InputError("the mechanism was not read from files: give model=, a file or a function that makes it")
-        recipe = remembered(mech)
+        recipe = recipe_of(mech)
         self.path, self.parameters = recipe.name, ()
         self.functions = [f for f in mech.forces if not isinstance(f, FORCES)]
         self._read = lru_cache(1)(lambda text: recipe)

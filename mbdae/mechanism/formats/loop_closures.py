@@ -18,11 +18,11 @@ from pydantic import Field, ValidationError
 
 from ...errors import InputError
 from ...file_io import text_of
-from ..allowed_paths import Places, refused
+from ..allowed_paths import AllowedPaths, access_error
 from ..checked_table import Table, one_line
 from ..closures.closure import Axis, Closure
 from ..frames import find_joint, place
-from ..imported_model import Part
+from ..imported_model import ImportedModel
 from ..model_settings import Motor
 from ..pinocchio_data import make_data
 from .robot_yaml import yaml_table
@@ -48,7 +48,7 @@ class CutLoops(Table):
     independent: tuple[str, ...] = Field(default=())
 
 
-def with_loops(part: Part, path: Path, places: Places) -> Part:
+def with_loops(part: ImportedModel, path: Path, places: AllowedPaths) -> ImportedModel:
     """Add the closures that a loop_closures.yaml beside a URDF says, or in the package above its folder ``urdf``.
 
     Raises:
@@ -61,7 +61,7 @@ def with_loops(part: Part, path: Path, places: Places) -> Part:
     if found is None:
         return part
     if not places.holds(found):
-        raise refused(FILE, found.resolve(), places.root)
+        raise access_error(FILE, found.resolve(), places.root)
     content: Any = yaml_table(text_of(found), FILE)
     try:
         loops = CutLoops.model_validate(content)

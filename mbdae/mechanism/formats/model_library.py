@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from importlib.util import find_spec
 from pathlib import Path
 
-from ...discovery import OWN, model_names, models_directory, plugins
+from ...discovery import LIBRARY_FILES, model_names, models_directory, plugins
 from ...errors import InputError, UnknownNameError, require
 
 ROBOTS, DESCRIPTIONS = "example-robot-data:", "robot_descriptions"
@@ -20,7 +20,7 @@ READERS: dict[str, Callable[[Path], str]] = {  # of installed packages: suffix, 
     if f".{name}" not in (MECHANISM, PARAMETRIC, *SOURCES)
 }
 SUFFIXES = ", ".join((MECHANISM, PARAMETRIC, *SOURCES[:-1])) + f" or {SOURCES[-1]}"
-IN_FOLDER = (*OWN, "robot.yaml", "robot.urdf")
+IN_FOLDER = (*LIBRARY_FILES, "robot.yaml", "robot.urdf")
 
 
 def find(name: str) -> Path:

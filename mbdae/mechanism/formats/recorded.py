@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
 
 from ...errors import InputError, printable
-from ..imported_model import listed
+from ..imported_model import name_list
 
 NAME, ALL = "name", "*"
 
@@ -143,4 +143,4 @@ def unread_phrases(unread: Iterator[tuple[str, str]]) -> list[str]:
     found: dict[str, dict[str, None]] = {}
     for path, name in unread:
         found.setdefault(printable(path), {})[printable(name)] = None
-    return [listed(f"{path} of", n) if (n := list(filter(None, names))) else path for path, names in found.items()]
+    return [name_list(f"{path} of", n) if (n := list(filter(None, names))) else path for path, names in found.items()]

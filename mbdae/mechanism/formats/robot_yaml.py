@@ -22,11 +22,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from ...errors import InputError
 from ...file_io import text_of
-from ..allowed_paths import Places
+from ..allowed_paths import AllowedPaths
 from ..checked_table import one_line
 from ..closures.closure import Closure
 from ..frames import find_joint, joint_names
-from ..imported_model import Part
+from ..imported_model import ImportedModel
 from ..model_settings import Motor
 from .urdf import read_urdf
 
@@ -53,7 +53,7 @@ class RobotTables(BaseModel):
     joint_type: tuple[str, ...] = ()
 
 
-def read_robot_yaml(path: Path, places: Places, free_flyer: bool = False) -> Part:
+def read_robot_yaml(path: Path, places: AllowedPaths, free_flyer: bool = False) -> ImportedModel:
     """Read a robot.yaml and the robot.urdf beside it.
 
     Args:

@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from ...errors import InputError, printable
 from ..checked_table import HUGE, Table, one_line
-from ..closures.active_range import Within
+from ..closures.active_range import ActiveRange
 from ..closures.closure import Closure
 from ..closures.clutch import Clutch
 from ..closures.driver import Driver
@@ -19,7 +19,7 @@ from ..closures.unilateral_constraint import Stop
 from ..closures.user_rows import UserRows
 from ..forces import FORCES, AnyForce
 from ..model_settings import OrderSettings, SolveSettings, Start, Value
-from ..time_functions import SIGNALS, Signal, Steps
+from ..time_functions import SIGNALS, Steps, TimeFunction
 
 Vector = tuple[float, float, float]
 Override = Literal[
@@ -129,7 +129,7 @@ class MechanismFile(Table):
     free_flyer: bool = False
     lock: dict[str, Value] = Field(default_factory=dict)
     joint_type: dict[str, Override] = Field(default_factory=dict)
-    motor: dict[str, Signal] = Field(default_factory=dict)
+    motor: dict[str, TimeFunction] = Field(default_factory=dict)
     duration: float = Field(default=10.0, gt=0)
     frame: tuple[Frame, ...] = ()
     body: tuple[Body, ...] = ()
@@ -211,7 +211,7 @@ def _known_keys(path: Sequence[Any]) -> list[str]:
         "start": Start,
         "order": OrderSettings,
         "solve": SolveSettings,
-        "within": Within,
+        "within": ActiveRange,
         "engaged": Steps,
     }
     laws = (LawTable,) if "curve" in path else ()

@@ -7,13 +7,13 @@ from typing import Any
 
 from ...errors import InputError, UnknownNameError
 from ...file_io import text_of
-from ..allowed_paths import Places
+from ..allowed_paths import AllowedPaths
 from ..forces.joint_friction import JointFriction
 from ..forces.joint_torque import JointTorque
 from ..forces.wrench import Wrench
 from ..frames import joint_names
-from ..imported_model import FRICTION, LIMITS, Part, follow
-from ..model_serialization import made
+from ..imported_model import FRICTION, LIMITS, ImportedModel, mimic_couplings
+from ..model_serialization import model_from_data
 from ..model_settings import Motor
 from ..scene.shapes import unpack
 from ..time_functions import Constant
@@ -26,7 +26,7 @@ from .sdf.read import SdfRecord, read_sdf
 from .urdf import Record, read_urdf
 
 
-def read_source(source: Source, base: Path) -> Part:
+def read_source(source: Source, base: Path) -> ImportedModel:
     """Read a source file, relative to ``base``.
 
     Raises:
@@ -35,7 +35,7 @@ def read_source(source: Source, base: Path) -> Part:
     path = resolve(source.file, base)
     if path.suffix not in SOURCES:
         raise InputError(f"cannot read source {path.name}: expected {', '.join(SOURCES)}")
-    places = Places.of(path, [base, *(base / p for p in source.packages)])
+    places = AllowedPaths.of(path, [base, *(base / p for p in source.packages)])
     if path.suffix in (".xml", ".mjcf") and not _is_urdf(path):
         if source.free_flyer:
             raise InputError(f"free_flyer does not belong to an MJCF source: {path.name} has free joints of its own")
@@ -51,7 +51,7 @@ def read_source(source: Source, base: Path) -> Part:
     return with_loops(read_urdf(text_of(path), path.name, places, source.free_flyer), path, places)
 
 
-def restored(record: Mapping[str, Any], meshes: Sequence[Path] | None = None) -> Part:
+def restored(record: Mapping[str, Any], meshes: Sequence[Path] | None = None) -> ImportedModel:
     """Make the part again that remembers itself as ``record``, as far as its tree and visuals go.
 
     Args:
@@ -65,20 +65,20 @@ def restored(record: Mapping[str, Any], meshes: Sequence[Path] | None = None) ->
     if "urdf" in record:
         r = Record.model_validate(record)
         folders = tuple(map(Path, r.packages))
-        places = Places(Path(r.folder), folders)
+        places = AllowedPaths(Path(r.folder), folders)
         if meshes is not None:
             asked = tuple(p.resolve() for p in meshes)
-            places = Places(Path(r.folder), (*folders, *asked), (*asked, *installed()))
+            places = AllowedPaths(Path(r.folder), (*folders, *asked), (*asked, *installed()))
         return read_urdf(r.urdf, "URDF", places, r.free_flyer, kinds=r.kinds, lock=r.lock)
     if "sdf" in record:
         of = SdfRecord.model_validate(record)
-        return read_sdf(of.sdf, "SDF", Places(Path(of.folder), tuple(map(Path, of.packages))))
-    model = made(record["model"])
-    return Part(model, unpack(record["visuals"], model.njoints), dict(record).copy)
+        return read_sdf(of.sdf, "SDF", AllowedPaths(Path(of.folder), tuple(map(Path, of.packages))))
+    model = model_from_data(record["model"])
+    return ImportedModel(model, unpack(record["visuals"], model.njoints), dict(record).copy)
 
 
 def merged(
-    file: MechanismFile, parts: Sequence[Part]
+    file: MechanismFile, parts: Sequence[ImportedModel]
 ) -> tuple[MechanismFile, tuple[Motor, ...], tuple[str, ...], tuple[str, ...]]:
     """Put what the sources say into the mechanism file, which has the last word.
 
@@ -91,7 +91,7 @@ def merged(
     """
     named = [p.prefixed(s.prefix) for s, p in zip(file.source, parts, strict=True)]
     joints = [s.prefix + n for s, p in zip(file.source, parts, strict=True) for n in joint_names(p.model)]
-    couplings, lock = follow(tuple(m for p in named for m in p.mimics), file.lock, joints)
+    couplings, lock = mimic_couplings(tuple(m for p in named for m in p.mimics), file.lock, joints)
     gravity = _gravity(file, named)
     motors = {m.name: m for p in named for m in p.motors}
     controls = {**{n: u for p in named for n, u in p.controls.items()}, **file.motor}
@@ -144,7 +144,7 @@ def _driven(motors: Mapping[str, Motor], controls: Mapping[str, Any]) -> list[Jo
     return [JointTorque(torque=controls.get(m.name, 0.0), **m._asdict()) for m in acting]
 
 
-def _gravity(file: MechanismFile, parts: Sequence[Part]) -> tuple[float, ...]:
+def _gravity(file: MechanismFile, parts: Sequence[ImportedModel]) -> tuple[float, ...]:
     said = list(dict.fromkeys(p.gravity for p in parts if p.gravity))
     if "gravity" in file.model_fields_set or not said:
         return file.gravity

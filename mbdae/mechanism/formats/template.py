@@ -23,7 +23,7 @@ import pinocchio as pin
 from ...errors import InputError, UnknownNameError
 from ..checked_table import Table
 from ..frames import find_joint, joint_names
-from ..imported_model import Part
+from ..imported_model import ImportedModel
 from ..mechanism import Mechanism
 from ..model_settings import Start
 from ..time_functions import Constant
@@ -240,7 +240,7 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     return joint, rest
 
 
-def _changed(part: Part, prefix: str, moved: Mapping[str, Any]) -> Part:
+def _changed(part: ImportedModel, prefix: str, moved: Mapping[str, Any]) -> ImportedModel:
     """A source with other numbers at its joints."""
     model = part.model.copy()
     bodies: dict[str, Any] = {}

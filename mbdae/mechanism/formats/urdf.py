@@ -10,11 +10,11 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import InputError
-from ..allowed_paths import Places
+from ..allowed_paths import AllowedPaths
 from ..checked_table import HUGE, Table
 from ..closures.closure import Axis
 from ..frames import find_joint, joint_names
-from ..imported_model import EFFORTS, FRICTION, LIMITS, LOST, Mimic, Part, follow, listed
+from ..imported_model import EFFORTS, FRICTION, LIMITS, LOST, ImportedModel, Mimic, mimic_couplings, name_list
 from ..model_settings import Value
 from ..scene.meshes import stand_in
 from .joint_tree import settled
@@ -55,12 +55,12 @@ QUATERNIONS = ("", "1.0")  # versions of the format without them
 def read_urdf(
     text: str,
     name: str,
-    places: Places,
+    places: AllowedPaths,
     free_flyer: bool = False,
     *,
     kinds: Mapping[str, str] | None = None,
     lock: Mapping[str, Any] | None = None,
-) -> Part:
+) -> ImportedModel:
     """Read a URDF text; visuals are None (with a warning) when a mesh is missing.
 
     Args:
@@ -84,7 +84,7 @@ def read_urdf(
     names, recorded = joint_names(model), _recorded(tree)
     lost = [m.joint for m in mimics if m.joint in names and m.other not in names]
     mimics = tuple(m for m in mimics if m.joint in names and m.other in names)
-    kinds, lock = dict(kinds or {}), follow(mimics, dict(lock or {}), names)[1]
+    kinds, lock = dict(kinds or {}), mimic_couplings(mimics, dict(lock or {}), names)[1]
     axes = {n: x for n, x in axes.items() if n not in kinds and n not in lock}
     for joint, (_, axis) in axes.items():
         if not 0 < np.linalg.norm(axis) < np.inf:
@@ -107,13 +107,13 @@ def read_urdf(
         warnings.warn(f"{name}: visuals left out, {reason}", stacklevel=2)
         visuals = None
     model, visuals = settled(model, visuals, kinds, lock)
-    return Part(
+    return ImportedModel(
         model,
         visuals,
         record.copy,
         mimics=tuple(m for m in mimics if m.joint not in lock),
         normals={n: axis for n, (kind, axis) in axes.items() if kind == "planar"},
-        left_out=(*(listed(what, n) for what, n in left_out if n), *rest),
+        left_out=(*(name_list(what, n) for what, n in left_out if n), *rest),
     )
 
 
@@ -152,7 +152,7 @@ def _not_acting(model: pin.Model, robot: Recorded, names: list[str]) -> list[tup
     return [(LIMITS, ends), (EFFORTS, bounds), (FRICTION, with_friction)]
 
 
-def _visuals(model: pin.Model, tree: ET.Element, places: Places) -> pin.GeometryModel:
+def _visuals(model: pin.Model, tree: ET.Element, places: AllowedPaths) -> pin.GeometryModel:
     """The visuals, whose meshes are files that may be read: Pinocchio sees a box for each, by whose size it is known.
 
     Raises:

@@ -23,7 +23,7 @@ from ..closures.closure import Closure
 from ..closures.constraints import Constraints
 from ..closures.independent_rows import minimum_norm
 from ..forces.coulomb_friction import CoulombFriction
-from .friction_interface import NOTHING, SLIDES, STILL, TOUCHES, TURNS, SlidingPlace, directed
+from .friction_interface import NOTHING, SLIDES, STILL, TOUCHES, TURNS, FrictionInterface, unit_direction
 
 if TYPE_CHECKING:
     from .index2 import Index2System
@@ -34,7 +34,7 @@ CONVERGED = 1e-15  # of the largest T
 STALLED = 1e-12  # of the largest T: nor is a change this small made better that does not halve
 
 
-class Sliding:
+class ClosureFriction:
     """All places of a workspace where friction depends on multipliers.
 
     Args:
@@ -49,7 +49,7 @@ class Sliding:
 
     def __init__(self, forces: tuple, closures: tuple[Closure, ...], constraints: Constraints) -> None:
         named, self.constraints = {c.name: c for c in closures}, constraints
-        self.places: list[SlidingPlace] = []
+        self.places: list[FrictionInterface] = []
         for force in forces:
             if isinstance(force, CoulombFriction):
                 if force.closure not in named:
@@ -58,7 +58,7 @@ class Sliding:
                 _refuse(force, closure)
                 pair, start = constraints.frame_parts[closure.name].pair, constraints.spans[closure.name].start
                 rows = slice(start, start + CARRIED.get(closure.kind, 1))
-                self.places.append(SlidingPlace(force, closure, pair, rows, slice(start + 1, start + closure.m)))
+                self.places.append(FrictionInterface(force, closure, pair, rows, slice(start + 1, start + closure.m)))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
         self.acts = np.array([not p.force.sticks for p in self.places], np.uint8)  # what grips does not slide
         self.headings = np.tile([1.0, 0.0], (len(self.places), 1))
@@ -114,7 +114,7 @@ class Sliding:
             A = place.ways(self.constraints.W[:, place.rows])
             slip, F = A @ place.pair.relative(v), lam[place.rows]
             load = self.coefficient[k] * np.sqrt(F @ F) * np.tanh(np.sqrt(slip @ slip) / place.force.width)
-            out -= load * (A.T @ directed(slip))
+            out -= load * (A.T @ unit_direction(slip))
         return out
 
     def head(self, v: Array) -> bool:
@@ -187,7 +187,7 @@ class Sliding:
         raise StepError("friction", text)
 
 
-def with_friction(
+def solve_with_friction(
     s: "Index2System",
     t: float,
     U: Array,
@@ -209,7 +209,7 @@ def with_friction(
         Ghat: rows in use where the stage meets the constraint, (r, nv).
         f: other forces, (nv,).
         rhs: Ghat v', (r,).
-        slips: what `Sliding.slips` gave at the stage.
+        slips: what `ClosureFriction.slips` gave at the stage.
     """
     e, speed, factor = slips
     vdot, lam = s.saddle(t, U, G[rows], Ghat, np.vstack([f, e]), rhs)

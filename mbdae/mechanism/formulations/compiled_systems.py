@@ -12,12 +12,12 @@ import numpy as np
 
 from ...errors import NotCompiled
 from ...system import Array, Counts, State, Step
-from ..closures.independent_rows import probe
-from ..forces.joint_friction import DryElement
+from ..closures.independent_rows import random_probe
+from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
 from ..manifold import GROUPS
-from .core_description import constraints_of, laws_of, limits_of, samplers_of
-from .equation_partials import Jacobians
+from .core_description import constraints_of, core_tolerances, laws_of, samplers_of
+from .equation_partials import EquationPartials
 from .ggl import GGLSystem
 from .index1 import Index1System
 from .index2 import Index2System
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 COUNTS = tuple(Counts().to_dict())
 
 
-class Compiled(Index2System):
+class CompiledSystem(Index2System):
     """`mbdae.system.System` of a mechanism whose points and steps the core computes.
 
     Args:
@@ -50,11 +50,11 @@ class Compiled(Index2System):
         blocks = [(GROUPS[ad], s.start, at) for (_, s, ad, _), at in zip(m.blocks, m.places, strict=True)]
         turning = m.turning.astype(int).tolist()
         self.native = native
-        lists = self.place.tolist(), probe(self.nv).tolist()
+        lists = self.place.tolist(), random_probe(self.nv).tolist()
         tables = pairs, rows, drivers, law_pairs, laws, self.ns, blocks, turning, m.angles, *lists
         form = self.formulation, *self.baumgarte
         try:
-            self.core: Core = native.Core(mechanism.model, limits_of(native, mechanism), m.flat, *tables, *form)
+            self.core: Core = native.Core(mechanism.model, core_tolerances(native, mechanism), m.flat, *tables, *form)
         except native.UnknownKind as e:
             raise NotCompiled(str(e)) from None
         self.core.sample(samplers_of(self.laws))
@@ -134,7 +134,7 @@ class Compiled(Index2System):
             g[left], rates[left], energies[left] = super().residuals(t[left], y[left])
         return g, rates, energies
 
-    def slopes(self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> Jacobians:
+    def slopes(self, t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> EquationPartials:
         """See `Index2System.slopes`."""
         self.expand()
         if self.sliding or not np.array_equal(rows, self.core.rows):
@@ -148,7 +148,7 @@ class Compiled(Index2System):
         E, nv = np.eye(len(u)), self.nv
         E[:nv, :nv] = M
         L = np.vstack([G.T, np.zeros((len(u) - nv - 1, len(G))), -g_t])
-        return Jacobians(E, K, D, L, G, B)
+        return EquationPartials(E, K, D, L, G, B)
 
     def rate_slopes(self, t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
         """See `Index2System.rate_slopes`."""
@@ -202,7 +202,7 @@ class Compiled(Index2System):
             super().enter(mode)
             self._leave_out()
             for k, (law, _) in enumerate(self.laws.acting):
-                if isinstance(law, DryElement):
+                if isinstance(law, KineticFrictionElement):
                     self.core.change_law(k, law.plain()["a"])
             self._begun = False
 
@@ -233,11 +233,11 @@ class Compiled(Index2System):
         return state
 
 
-class CompiledGGL(GGLSystem, Compiled):
+class CompiledGGL(GGLSystem, CompiledSystem):
     """`GGLSystem` in the compiled core."""
 
 
-class CompiledIndex1(Index1System, Compiled):
+class CompiledIndex1(Index1System, CompiledSystem):
     """`Index1System` in the compiled core."""
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
@@ -246,4 +246,6 @@ class CompiledIndex1(Index1System, Compiled):
         return super().rate(t, y) if found is None else found
 
 
-COMPILED: dict[str, Callable[..., Compiled]] = {c.formulation: c for c in (Compiled, CompiledGGL, CompiledIndex1)}
+COMPILED: dict[str, Callable[..., CompiledSystem]] = {
+    c.formulation: c for c in (CompiledSystem, CompiledGGL, CompiledIndex1)
+}

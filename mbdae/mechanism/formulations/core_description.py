@@ -19,22 +19,22 @@ if TYPE_CHECKING:
 Plain = dict[str, Any]
 
 
-def limits_of(native: ModuleType, mechanism: "Mechanism") -> "Limits":
+def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Limits":
     """Return all thresholds of points and steps; those of step-size control come with a run."""
     limits: Limits = native.Limits(
-        largest_turn=manifold.LARGEST_TURN,
+        largest_turn=manifold.MAX_ROTATION,
         series=manifold.SERIES,
         series_end=manifold.SERIES_END,
         same_point=manifold.SAME_POINT,
         smallest_pivot=independent_rows.SMALLEST_PIVOT,
         independent=independent_rows.RANK_TOLERANCE,
         worst_conditioning=independent_rows.WORST_CONDITIONING,
-        grown=independent_rows.GROWN,
-        many=independent_rows.MANY,
-        reason=independent_rows.REASON,
-        probed=independent_rows.PROBED,
+        grown=independent_rows.GROWTH_TOLERANCE,
+        many=independent_rows.MANY_ROWS,
+        reason=independent_rows.RESELECTION_RATIO,
+        probed=independent_rows.PROBE_TOLERANCE,
         converged=independent_rows.CONVERGED,
-        spare=independent_rows.SPARE,
+        spare=independent_rows.EXTRA_CG_ITERATIONS,
         truncation=projection.TRUNCATION,
         rounding=projection.ROUNDING,
         falling=projection.FALLING,

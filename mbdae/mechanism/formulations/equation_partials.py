@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .index2 import Index2System
 
 
-class Jacobians(NamedTuple):
+class EquationPartials(NamedTuple):
     """Slopes of (f + G^T lam - M v', h, power) and of G v + g_t at a point; n = nv + ns + 1 and u = (v, s, w).
 
     Attributes:
@@ -36,7 +36,9 @@ class Jacobians(NamedTuple):
     B: Array
 
 
-def jacobians(s: "Index2System", t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array) -> Jacobians:
+def equation_partials(
+    s: "Index2System", t: float, q: Array, u: Array, vdot: Array, lam: Array, rows: Array
+) -> EquationPartials:
     """Take the slopes of a mechanism at (t, q, u, v', lam), u = (v, s, w), lam (r,) for the rows in use (r,)."""
     nv, n, v = s.nv, len(u), u[: s.nv]
     s.counts.M += 1
@@ -56,24 +58,24 @@ def jacobians(s: "Index2System", t: float, q: Array, u: Array, vdot: Array, lam:
         all_rows = s.sliding.whole(rows)
         by_lam = factor[:, None] * (s.sliding.carried(all_rows @ lam)[1] @ all_rows)
         L = np.vstack([G.T + e.T @ by_lam, np.zeros((n - nv - 1, len(G))), speed @ by_lam - s.g_t(t)[rows]])
-        return Jacobians(E, K, D, L, G, B[rows])
+        return EquationPartials(E, K, D, L, G, B[rows])
     L = np.vstack([G.T, np.zeros((n - nv - 1, len(G))), -s.g_t(t)[rows]])
-    return Jacobians(E, K, D, L, G, B[rows])
+    return EquationPartials(E, K, D, L, G, B[rows])
 
 
-def rate_slopes(s: "Index2System", t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
+def rate_partials(s: "Index2System", t: float, q: Array, v: Array, rows: Array) -> tuple[Array, Array]:
     """Return G and d(G v)/dq of the rows in use, (r, nv) each."""
     G = s.jacobian(q)
     return G[rows], s.constraints.slopes(v, np.zeros(s.ng))[1][rows]
 
 
-def hidden_slopes(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
+def gamma_partials(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
     """Return the slopes of gamma with respect to q and v, over all rows, (ng, nv) each."""
     s.jacobian(q)
     return s.constraints.bias_slopes(v)
 
 
-def time_slopes(s: "Index2System", t: float, q: Array, v: Array, states: Array, lam: Array) -> tuple[Array, ...]:
+def time_partials(s: "Index2System", t: float, q: Array, v: Array, states: Array, lam: Array) -> tuple[Array, ...]:
     """Return the slopes of (f, h, power), (nv + ns + 1,), of G v + g_t and of gamma, (ng,) each, in time."""
     pin.computeJointJacobians(s.model, s.data, q)
     out, (_, _, bend) = s.laws.by_time(t, q, v, states), s.constraints.motion(t)

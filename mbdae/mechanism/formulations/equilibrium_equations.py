@@ -21,8 +21,8 @@ from ...errors import InputError, UnknownNameError
 from ...system import Array
 from ..forces.elements import ForceElements
 from ..forces.sampled import SampledElement
-from .equation_partials import jacobians
-from .null_space import Freedom, close, freedom
+from .equation_partials import equation_partials
+from .null_space import NullSpace, close_loops, constraint_null_space
 from .spectrum import EPS, null_space
 from .term_sizes import TermSizes
 
@@ -34,7 +34,7 @@ SETTLE = 20  # iterations for states
 ROUNDED = 1e-15  # of a state: a change that is none
 
 
-class Balance(NamedTuple):
+class ForceBalance(NamedTuple):
     """The balance at a configuration.
 
     Attributes:
@@ -59,7 +59,7 @@ class Balance(NamedTuple):
     H: Array
     lam: Array
     holding: Array
-    free: Freedom
+    free: NullSpace
     size: float
     terms: Array
 
@@ -105,7 +105,7 @@ class Statics:
         self.sizes, self.units = TermSizes(s, v), np.append(mech.row_scales, mech.coordinate_scales[held])
         self.factor = 1.0
 
-    def point(self, q: Array, s: Array) -> Balance:
+    def point(self, q: Array, s: Array) -> ForceBalance:
         """Return the balance at a configuration that is closed, states near s."""
         system, v = self.system, self.v
         s = self.states(q, s)
@@ -127,14 +127,14 @@ class Statics:
             s = s + along @ np.linalg.lstsq(S @ along, R.T @ mu)[0]
         m = system.ng + len(self.held)
         rho, H = free.Z.T @ f, -free.Z.T @ K @ free.Z
-        return Balance(q, s, f, load, rho, H, lam[: system.ng], lam[system.ng : m], free, size, terms)
+        return ForceBalance(q, s, f, load, rho, H, lam[: system.ng], lam[system.ng : m], free, size, terms)
 
-    def free(self, U: Array, q: Array, s: Array) -> tuple[Freedom, Array]:
+    def free(self, U: Array, q: Array, s: Array) -> tuple[NullSpace, Array]:
         """Return the free motions at q, where J stands, and the rows of integrators among what keeps the others."""
         G, R = self.system.jacobian(), self.asked(q, s)[1]
         asked = (np.abs(R) * self.sizes.l).max(1, initial=0.0)
         units = np.append(self.units, np.where(asked > 0, asked, 1.0))
-        return freedom(U, np.vstack([G, self.rows, R]), units, self.sizes.l), R
+        return constraint_null_space(U, np.vstack([G, self.rows, R]), units, self.sizes.l), R
 
     def terms(self, q: Array, s: Array, U: Array, forces: Array, K: Array) -> Array:
         """Return the sizes of the terms of K, (nv, nv), from those of the sums of forces and slopes."""
@@ -142,11 +142,11 @@ class Statics:
         mu = np.linalg.norm(U, axis=0)
         return self.sizes.stiffness(mu, forces, K + self.sizes.slopes(self.t, q, s)[0])
 
-    def met(self, here: Balance) -> Array:
+    def met(self, here: ForceBalance) -> Array:
         """Return the sizes of the terms of rho, and of what 1 rad or characteristic length would change of it, (k,)."""
         return np.abs(here.free.Z.T) @ (here.terms @ self.sizes.l)
 
-    def residual(self, here: Balance) -> float:
+    def residual(self, here: ForceBalance) -> float:
         """Return the largest share that rho is of its terms, see `met`."""
         rho = np.abs(here.rho)
         return float(np.divide(rho, self.met(here), out=np.zeros_like(rho), where=rho > 0).max(initial=0.0))
@@ -158,7 +158,7 @@ class Statics:
             StepError: if loops stay open.
         """
         more = (lambda x: self.asked(x, s)) if self.system.ns else None
-        return close(self.system, self.t, q, more)
+        return close_loops(self.system, self.t, q, more)
 
     def load(self, q: Array) -> Array:
         """Return the forces that are scaled, (nv,); the kinematics stand at q, and velocities."""
@@ -179,7 +179,7 @@ class Statics:
         """Return K = d(f + G^T lam)/dq (nv, nv), S = df/ds (nv, ns), h_q (ns, nv), h_s (ns, ns)."""
         system, nv = self.system, self.system.nv
         u, rows = np.concatenate([self.v, s, [0.0]]), np.arange(system.ng)
-        found = jacobians(system, self.t, q, u, np.zeros(nv), lam, rows)
+        found = equation_partials(system, self.t, q, u, np.zeros(nv), lam, rows)
         K = found.K[:nv].copy()
         if self.factor != 1.0:
             more = self.loads.slopes(self.t, q, self.v, np.empty(0))[:nv, :nv]

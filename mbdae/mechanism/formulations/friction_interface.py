@@ -6,8 +6,8 @@ import numpy as np
 
 from ...system import Array
 from ..closures.closure import Closure
-from ..closures.contact import Height
-from ..closures.line_rows import still
+from ..closures.contact import ContactHeightRow
+from ..closures.line_rows import at_rest
 from ..closures.rows import unit_axis
 from ..forces.coulomb_friction import CoulombFriction
 from ..frames import Pair, cross
@@ -18,7 +18,7 @@ TURNED = 0.7  # cosine: a slip that has turned further within a step does not te
 NOTHING = 1e-300  # keeps what is zero from being divided by
 
 
-class SlidingPlace(NamedTuple):
+class FrictionInterface(NamedTuple):
     """Where bodies slide on each other.
 
     Attributes:
@@ -61,7 +61,7 @@ class SlidingPlace(NamedTuple):
         """Return e (nv,) and e . v where the kinematics stand; w (6, m) are the wrenches of the rows."""
         S = self.lever(w)
         slip = S @ v
-        e = S[0] if len(S) == 1 else S.T @ directed(slip)
+        e = S[0] if len(S) == 1 else S.T @ unit_direction(slip)
         return e, float(e @ v)
 
     def lever(self, w: Array) -> Array:
@@ -97,9 +97,9 @@ class SlidingPlace(NamedTuple):
     def point(self) -> Array:
         """Where the bodies touch, (3,)."""
         first = self.closure.primitives()[0]
-        return first.lines(still(self.pair)).p[:, 0] if isinstance(first, Height) else self.pair.pb
+        return first.lines(at_rest(self.pair)).p[:, 0] if isinstance(first, ContactHeightRow) else self.pair.pb
 
 
-def directed(x: Array) -> Array:
+def unit_direction(x: Array) -> Array:
     """The unit vector along x; 0 of nothing."""
     return x / (np.sqrt(x @ x) + NOTHING)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv, dpotrs
 
 from ...errors import StepError
-from ...system import Array, Solver, StageEquations
+from ...system import Array, Solver, StagePartials
 from ..closures import independent_rows
 from .implicit_stage import Linearized, padded
 from .implicit_stage_partials import stabilised_stage
@@ -147,7 +147,7 @@ class GGLChart(Index2Chart):
         rest[:nv] += s.manifold.tangent(x[:nv], dpotrs(U, z[r:] @ G[self.kept])[0])
         return rest, np.concatenate([c, -g[self.kept]])
 
-    def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StageEquations:
+    def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StagePartials:
         """Take the slopes of the stage's equations, by parameters, too."""
         return stabilised_stage(self, t, x, dx, z, parameters)
 

@@ -24,9 +24,9 @@ import pinocchio as pin
 from scipy.linalg.lapack import dpotrs
 
 from ...linear_solve import factorized
-from ...system import Array, Counts, Solver, StageEquations
+from ...system import Array, Counts, Solver, StagePartials
 from ..manifold import Manifold
-from .equation_partials import Jacobians, jacobians
+from .equation_partials import EquationPartials, equation_partials
 from .implicit_stage_partials import implicit_stage
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class ImplicitStages:
         r[2 * nv :] -= dx[2 * nv :]
         return r, -(G @ v + g_t)
 
-    def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StageEquations:
+    def slopes(self, t: float, x: Array, dx: Array, z: Array, parameters: "Parameters") -> StagePartials:
         """Take the slopes of the stage's equations, by parameters, too."""
         return implicit_stage(self, t, x, dx, z, parameters)
 
@@ -87,7 +87,7 @@ class ImplicitStages:
         """Take the slopes at (x, x', z)."""
         s, nv = self.system, self.system.nv
         q, u = s.manifold.integrate(self.q, x[:nv]), self.y[s.nq :] + x[nv:]
-        local = jacobians(s, self.t, q, u, dx[nv : 2 * nv], z, self.rows)
+        local = equation_partials(s, self.t, q, u, dx[nv : 2 * nv], z, self.rows)
         return Linearized(local, _turning(s.manifold, x[:nv], u[:nv]), s.counts, self.t)
 
     def end(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
@@ -126,7 +126,7 @@ class Linearized(NamedTuple):
         t: time, for messages.
     """
 
-    slopes: Jacobians
+    slopes: EquationPartials
     turning: tuple[Array, Array]
     counts: Counts
     t: float

@@ -1,7 +1,8 @@
 """The slopes of a stage of a collocation method of a mechanism: of its equations, all stages being solved at once.
 
-In coordinates x of a step, q = q_n (+) x, u = (v, s, w), with A, R, J, T of `mbdae.mechanism.manifold.Turned` and the
-slopes K, D, L, B, E of `mbdae.mechanism.formulations.equation_partials`, dq = A dq_n + R dx and du = du_n + dx_u,
+In coordinates x of a step, q = q_n (+) x, u = (v, s, w), with A, R, J, T of
+`mbdae.mechanism.manifold.IntegratePartials` and the slopes K, D, L, B, E of
+`mbdae.mechanism.formulations.equation_partials`, dq = A dq_n + R dx and du = du_n + dx_u,
 
     dx'_q - J dv - T dx_q = 0
     E dx'_u - K dq - D du - L dlam = P dp + f_t dt
@@ -17,8 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...system import Array, StageEquations
-from .equation_partials import time_slopes
+from ...system import Array, StagePartials
+from .equation_partials import time_partials
 
 if TYPE_CHECKING:
     from ..discrete_sensitivity.parameter_partials import Parameters
@@ -34,7 +35,7 @@ def implicit_stage(
     lam: Array,
     parameters: "Parameters",
     slip: Array | None = None,
-) -> StageEquations:
+) -> StagePartials:
     """Take the slopes of the equations of a stage at t, of x and x', (ny,) each, and lam, (r,).
 
     ``slip`` (nv,) is what the stabilised form adds to v, held here.
@@ -46,8 +47,8 @@ def implicit_stage(
     whole[rows] = lam
     at = s.slopes(t, q, u, vdot, lam, rows)
     turn = s.manifold.turned(x[:nv], v if slip is None else v + slip)
-    f_t, bend, _ = time_slopes(s, t, q, v, inner, whole)
-    out = StageEquations(*(np.zeros((ny + r, n)) for n in (ny, ny, r, ny, k, 1)))
+    f_t, bend, _ = time_partials(s, t, q, v, inner, whole)
+    out = StagePartials(*(np.zeros((ny + r, n)) for n in (ny, ny, r, ny, k, 1)))
     out.F[:nv, :nv], out.F[nv:ny, nv:] = np.eye(nv), at.E
     out.x[:nv, :nv], out.x[:nv, nv : 2 * nv] = -turn.T, -turn.J
     out.x[nv:ny, :nv], out.x[nv:ny, nv:] = -at.K @ turn.R, -at.D
@@ -62,7 +63,7 @@ def implicit_stage(
 
 def stabilised_stage(
     chart: "GGLChart", t: float, x: Array, F: Array, z: Array, parameters: "Parameters"
-) -> StageEquations:
+) -> StagePartials:
     """Take the slopes of a stage of the stabilised form, z = (lam, mu), (r + k,)."""
     s, kept, r, nv, ny = chart.system, chart.kept, len(chart.rows), chart.system.nv, chart.system.ny
     q, still, inner, mu = s.manifold.integrate(chart.q, x[:nv]), np.zeros(s.nv), np.zeros(s.ns), np.zeros(s.ng)
@@ -79,7 +80,7 @@ def stabilised_stage(
     g_t = s.g_t(t)[kept]
     held = implicit_stage(chart, t, x, F, z[:r], parameters, slip)
     more = len(kept)
-    out = StageEquations(*(np.vstack([a, np.zeros((more, a.shape[1]))]) for a in held))
+    out = StagePartials(*(np.vstack([a, np.zeros((more, a.shape[1]))]) for a in held))
     out = out._replace(z=np.hstack([out.z, np.zeros((ny + r + more, more))]))
     turn = s.manifold.turned(x[:nv], still)
     out.x[:nv, :nv] -= turn.J @ by_q @ turn.R

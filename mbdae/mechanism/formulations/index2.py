@@ -15,12 +15,12 @@ from ...errors import StepError
 from ...system import Array, Counts, System
 from ..closures import independent_rows
 from ..closures.constraints import Constraints
-from ..hybrid.switches import Mode, left_out
+from ..hybrid.switches import Mode, inactive_rows
 from ..pinocchio_data import make_data
 from . import equation_partials, interpolation, projection, residuals, row_selection
-from .closure_friction import Sliding, with_friction
+from .closure_friction import ClosureFriction, solve_with_friction
 from .index2_step import Index2Chart
-from .inertial_forces import Inertial
+from .inertial_forces import InertialForces
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -36,7 +36,7 @@ class Index2System(System):
 
     def __init__(self, mechanism: "Mechanism") -> None:
         self.mechanism, self.model, self.manifold = mechanism, mechanism.model, mechanism.manifold
-        self.data, self.inertial = make_data(self.model), Inertial(self.model)
+        self.data, self.inertial = make_data(self.model), InertialForces(self.model)
         self._M = self.data.M  # live view
         self.nq, self.nv, self.ng, self.nz = self.model.nq, self.model.nv, mechanism.ng, mechanism.ng
         self.laws = mechanism.bind_forces(self.data)
@@ -46,15 +46,20 @@ class Index2System(System):
         self.measured = slice(0, self.ny if self.driven else self.ny - 1)  # drivers: their work too
         self.constraints = Constraints(self.model, self.data, mechanism.constraints)
         self.mode: Mode = (0,) * len(mechanism.switches)
-        self.constraints.off = left_out(mechanism.switches, self.mode)
+        self.constraints.off = inactive_rows(mechanism.switches, self.mode)
         self.sticks = False  # joints stick in the mode: they stand still
-        self.sliding = Sliding(mechanism.forces, mechanism.closures, self.constraints)
+        self.sliding = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
         self.rank: int | None = None
-        self.beside = independent_rows.BESIDE  # ratio of pivots next to a singular configuration, where no leg begins
+        self.beside = (
+            independent_rows.AMBIGUOUS_PIVOT
+        )  # ratio of pivots next to a singular configuration, where no leg begins
         self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
         self.rows: Array | None = None
         self.held = False  # the rows in use stay as they are, but for `settle`
-        self.place, self.reason = independent_rows.places(self.constraints.columns), independent_rows.Reason(self.ng)
+        self.place, self.reason = (
+            independent_rows.elimination_order(self.constraints.columns),
+            independent_rows.SelectionTrigger(self.ng),
+        )
         self.least_pivot_ratio = 1.0  # smallest ratio of pivots of G M^-1 G^T that a solve met
         self.largest_g = self.largest_rate = 0.0  # |g|, and |G v + g_t| / (1 + |v|), over all rows at ends of steps
         self._last_q = np.full(self.nq, np.nan)
@@ -167,10 +172,10 @@ class Index2System(System):
         if mode == self.mode:
             return
         self.mode, switches = mode, self.mechanism.switches
-        self.constraints.off, self.sticks = left_out(switches, mode), False
+        self.constraints.off, self.sticks = inactive_rows(switches, mode), False
         for switch, state in zip(switches, mode, strict=True):
             switch.enter(self, state)
-        self.rank, self.rows, self.held, self.reason = None, None, False, independent_rows.Reason(self.ng)
+        self.rank, self.rows, self.held, self.reason = None, None, False, independent_rows.SelectionTrigger(self.ng)
         self.least_pivot_ratio = 1.0
         self._last_q = np.full(self.nq, np.nan)
 
@@ -227,7 +232,7 @@ class Index2System(System):
         """Solve for v' (nv,) and lam (r,), with friction by lam where bodies slide, whose power is added to rates."""
         if slips is None:
             return self.saddle(t, U, G.take(rows, 0), Ghat, f, rhs)
-        vdot, lam, power = with_friction(self, t, U, G, rows, Ghat, f, rhs, slips)
+        vdot, lam, power = solve_with_friction(self, t, U, G, rows, Ghat, f, rhs, slips)
         rates[-1] += power
         return vdot, lam
 
@@ -280,9 +285,9 @@ class Index2System(System):
             out[: self.nv] = x[: self.nv] - (y1[: self.nq] - y0[: self.nq])
         return out
 
-    slopes, rate_slopes = equation_partials.jacobians, equation_partials.rate_slopes
-    restore = projection.restore
-    choose_rows, settle = row_selection.choose_rows, row_selection.settle
+    slopes, rate_slopes = equation_partials.equation_partials, equation_partials.rate_partials
+    restore = projection.project_state
+    choose_rows, settle = row_selection.select_independent_rows, row_selection.update_independent_rows
     multiplier_gain, pivot_ratio = row_selection.multiplier_gain, row_selection.pivot_ratio
     residuals = residuals.residuals
     interpolant = interpolation.interpolant

@@ -14,7 +14,7 @@ LARGEST = 100
 """Degrees of freedom for which Pinocchio's derivatives are taken: their workspace holds nv^3 numbers, 40 MB then."""
 
 
-class Inertial:
+class InertialForces:
     """M v' + nle of a model, in a workspace of its own that is made when slopes are first asked for."""
 
     def __init__(self, model: pin.Model) -> None:

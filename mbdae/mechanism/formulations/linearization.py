@@ -16,12 +16,12 @@ import numpy as np
 
 from ...errors import InputError
 from ...system import Array
-from .equation_partials import jacobians
-from .null_space import Freedom, freedom
+from .equation_partials import equation_partials
+from .null_space import NullSpace, constraint_null_space
 from .spectrum import EPS
 
 if TYPE_CHECKING:
-    from .equilibrium_equations import Balance, Statics
+    from .equilibrium_equations import ForceBalance, Statics
 
 STEADY = 1e-6  # of the largest term: what may be left of the accelerations of a steady motion
 
@@ -48,7 +48,7 @@ class LinearMotion(NamedTuple):
     positions: Array
     speeds: Array
     follow: Array
-    free: Freedom
+    free: NullSpace
     damping: Array
     stiffness: Array
     noise: Array
@@ -70,7 +70,7 @@ class LinearMotion(NamedTuple):
         return out
 
 
-def linearize_at(statics: "Statics", here: "Balance") -> LinearMotion:
+def linearize_at(statics: "Statics", here: "ForceBalance") -> LinearMotion:
     """Linearize at a balance.
 
     Raises:
@@ -80,15 +80,19 @@ def linearize_at(statics: "Statics", here: "Balance") -> LinearMotion:
     system.sliding.refuse("a linearization")
     lam = here.lam
     u = np.concatenate([v, here.s, [0.0]])
-    slopes = jacobians(system, statics.t, here.q, u, np.zeros(nv), lam, np.arange(system.ng))
+    slopes = equation_partials(system, statics.t, here.q, u, np.zeros(nv), lam, np.arange(system.ng))
     M, K, D = slopes.E[:nv, :nv], slopes.K[:nv], slopes.D[:nv, :nv]
     S, hq = slopes.D[:nv, nv:-1], slopes.K[nv:-1]
     hv, hs = slopes.D[nv:-1, :nv], slopes.D[nv:-1, nv:-1]
     kept, units = np.vstack([slopes.G, statics.rows]), statics.units
     positional = np.concatenate([system.constraints.positional, np.ones(len(statics.rows), bool)])
-    free = freedom(here.free.U, kept, units, statics.sizes.l)
+    free = constraint_null_space(here.free.U, kept, units, statics.sizes.l)
     Z = free.Z
-    Zp = Z if positional.all() else freedom(here.free.U, kept[positional], units[positional], statics.sizes.l).Z
+    Zp = (
+        Z
+        if positional.all()
+        else constraint_null_space(here.free.U, kept[positional], units[positional], statics.sizes.l).Z
+    )
     B = np.vstack([slopes.B, np.zeros((len(statics.rows), nv))])
     W = -free.smallest(B @ Zp) if len(kept) else np.zeros((nv, Zp.shape[1]))
     ad = np.zeros((nv, nv))
@@ -112,7 +116,7 @@ def linearize_at(statics: "Statics", here: "Balance") -> LinearMotion:
     return LinearMotion(here.q, v, here.s, A, Zp, Z, W, free, -damping, -stiffness, noise)
 
 
-def refuse_unsteady(statics: "Statics", here: "Balance") -> None:
+def refuse_unsteady(statics: "Statics", here: "ForceBalance") -> None:
     """Refuse a point that is neither an equilibrium nor a steady motion.
 
     What is left of forces, speeds and rates is compared with the terms that were summed, and with those that a change
@@ -123,13 +127,13 @@ def refuse_unsteady(statics: "Statics", here: "Balance") -> None:
     """
     system, v, sizes = statics.system, statics.v, statics.sizes
     G = system.jacobian(here.q)
-    free = freedom(here.free.U, np.vstack([G, statics.rows]), statics.units, sizes.l)
+    free = constraint_null_space(here.free.U, np.vstack([G, statics.rows]), statics.units, sizes.l)
     z, pull = np.abs(free.Z), free.Z @ (free.Z.T @ statics.force(here.q, here.s))
     if v.any():
         g_t, units = system.g_t(statics.t), statics.units[: len(G)]
         if (np.abs(G @ v + g_t) > STEADY * (np.abs(G) @ np.abs(v) + np.abs(g_t) + units * sizes.speed)).any():
             raise InputError("these speeds do not fit the closures: give those of a steady motion")
-        loops = freedom(here.free.U, G, units, sizes.l)
+        loops = constraint_null_space(here.free.U, G, units, sizes.l)
         pull = pull - loops.smallest(system.gamma(here.q, v, statics.t))
     most = z @ (z.T @ (here.terms @ sizes.l)) + sizes.l * sizes.speed**2
     if (np.abs(pull) > STEADY * most).any():

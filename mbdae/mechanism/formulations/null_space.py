@@ -30,7 +30,7 @@ Rows = Callable[[Array], tuple[Array, Array]]
 """Further residuals (k,) at a configuration (nq,), where the kinematics of the workspace stand, and slopes (k, nv)."""
 
 
-class Freedom(NamedTuple):
+class NullSpace(NamedTuple):
     """The motions that rows leave free.
 
     Attributes:
@@ -64,7 +64,7 @@ class Freedom(NamedTuple):
         return dgesv(self.U, self.V @ ((self.P.T @ (r.T / self.scale).T).T / self.S).T)[2]
 
 
-def freedom(U: Array, G: Array, scale: Array, coordinates: Array) -> Freedom:
+def constraint_null_space(U: Array, G: Array, scale: Array, coordinates: Array) -> NullSpace:
     """Split the motions of a mechanism into those that rows keep from it and those that they leave free.
 
     Args:
@@ -76,17 +76,17 @@ def freedom(U: Array, G: Array, scale: Array, coordinates: Array) -> Freedom:
     nv = len(U)
     if not len(G):
         empty = np.empty((0, 0))
-        return Freedom(U, empty, np.empty(0), np.empty((nv, 0)), dgesv(U, np.eye(nv))[2], empty, scale)
+        return NullSpace(U, empty, np.empty(0), np.empty((nv, 0)), dgesv(U, np.eye(nv))[2], empty, scale)
     rows = G / scale[:, None]
     P, S, Vt = np.linalg.svd(dgesv(U.T, rows.T)[2].T)
     r = int((S[0] * RANK < S).sum())
     if r < min(G.shape):  # light bodies beside heavy ones
         r = max(r, independent_rows.geometric_rank(rows * coordinates))
     dependent = np.linalg.qr(P[:, r:] / scale[:, None])[0]
-    return Freedom(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2], dependent, scale)
+    return NullSpace(U, P[:, :r], S[:r], Vt[:r].T, dgesv(U, Vt[r:].T)[2], dependent, scale)
 
 
-def close(system: "Index2System", t: float, q: Array, more: Rows | None = None) -> Array:
+def close_loops(system: "Index2System", t: float, q: Array, more: Rows | None = None) -> Array:
     """Return the configuration (nq,) near q that closes all loops, and meets further rows, to rounding.
 
     Gauss-Newton steps of least size in rad and characteristic lengths; the last one that makes the residual less than
@@ -113,7 +113,7 @@ def close(system: "Index2System", t: float, q: Array, more: Rows | None = None) 
         size = np.linalg.norm(g)
         if not size or not np.isfinite(size):
             break
-        x = freedom(one, G, np.ones(len(G)), length).smallest(-g)
+        x = constraint_null_space(one, G, np.ones(len(G)), length).smallest(-g)
         for share in SHARES if size > OPEN else SHARES[:1]:
             nearer = system.manifold.integrate(q, share * x)
             found = residual(nearer)

@@ -20,7 +20,7 @@ UNMOVED = 1e-13  # rad or m: what a projection moves by so little adds no slopes
 OPEN, STALLED = 1e-9, 1e-9  # residuals above, with corrections above, are a failure
 
 
-def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> Array:
+def project_state(system: "Index2System", t: float, y: Array, tight: bool = False) -> Array:
     """Return the nearest point with g(t, q) = 0 and G(q) v + g_t = 0, q first and then v, over all rows.
 
     Rows of velocity have no part in q. Gauss-Newton steps of least |x| in the mass metric, x = -M^-1/2 (G M^-1/2)^+ g
@@ -43,7 +43,7 @@ def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> 
         return y
     q, v = system.split(y)
     U = system.inertia(t, q)
-    (*_, q), g, G, move = approach(system, t, q, U, tight)
+    (*_, q), g, G, move = project_positions(system, t, q, U, tight)
     system.counts.state_projections += 1
     mech = system.mechanism
     if not np.linalg.norm(g / mech.row_scales) <= OPEN and not move <= STALLED * (1 + np.abs(q / mech.q_scales).max()):
@@ -55,7 +55,7 @@ def restore(system: "Index2System", t: float, y: Array, tight: bool = False) -> 
     return np.concatenate([q, v, y[system.nq + system.nv :]])
 
 
-def approach(
+def project_positions(
     system: "Index2System", t: float, q: Array, U: Array, tight: bool = False
 ) -> tuple[list[Array], Array, Array, float]:
     """Take Gauss-Newton steps from q; kinematics stand there.

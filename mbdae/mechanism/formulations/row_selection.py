@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SHARE = 1e-3  # of the largest row of a combination: less takes no part in it
 
 
-def choose_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
+def select_independent_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
     """Independent rows (r,) for a step or a point; the rank is fixed when it is first found.
 
     They are those in use as long as they serve, and as long as they are held.
@@ -28,7 +28,7 @@ def choose_rows(system: "Index2System", t: float, U: Array, G: Array) -> Array:
     found = _, diagonal = independent_rows.pivots(B)
     try:
         if system.rank is None:
-            system.rank, system.floor = independent_rows.found(B, G, diagonal, t, system.beside)
+            system.rank, system.floor = independent_rows.fixed_rank(B, G, diagonal, t, system.beside)
         independent_rows.confirm(diagonal, system.rank, system.floor, t)
     except StepError as e:
         rank = system.rank or independent_rows.rank(diagonal)
@@ -46,7 +46,7 @@ def _weakest(system: "Index2System", B: Array, rank: int) -> str:
     return ", ".join(dict.fromkeys(repr(name) for name in names))
 
 
-def settle(system: "Index2System", t: float, state: State) -> State:
+def update_independent_rows(system: "Index2System", t: float, state: State) -> State:
     """See `mbdae.system.System`: choose the rows of the next step, and bring v onto those that are new.
 
     Rows of loops that stand open by |g| contradict each other by as much: v that met those in use before misses the

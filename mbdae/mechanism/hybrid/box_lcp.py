@@ -16,7 +16,7 @@ from ...system import Array
 RANK = 1e-7  # of the largest singular value
 
 
-def choose(C: Array, c: Array, lower: Array, upper: Array) -> Array:
+def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
     """Return multipliers (k,).
 
     Args:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..closures.clutch import Clutch
 from ..frames import find_joint
-from .switch import Candidate, Guard, Margins, OneSidedRow, Strike, Switch, Value
+from .switch import Guard, ImpactRow, LoadCandidate, Margins, Switch, UnilateralRow, Value
 
 if TYPE_CHECKING:
     from ...system import Array
@@ -18,7 +18,7 @@ FREE, LOCKED, BACK = 0, 1, 2
 AT_TOOTH = 1e-9  # of a pitch: nearer, the pawl is in the tooth
 
 
-class OneWay(OneSidedRow):
+class OneWayClutch(UnilateralRow):
     """sign (G v) >= 0, sign lam >= 0, and one of them 0.
 
     Args:
@@ -46,14 +46,14 @@ class OneWay(OneSidedRow):
             return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
         return (Guard("rest", self.name, self.at, self.speed, self.acceleration),)
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
-        return (Strike(self.row, self.sign),)
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+        return (ImpactRow(self.row, self.sign),)
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
-        return (Candidate.pressing(self.row, self.sign),)
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+        return (LoadCandidate.pressing(self.row, self.sign),)
 
 
-class Opposed(Switch):
+class OpposedClutches(Switch):
     """One of two one-way clutches that are opposed to each other: together they lock both ways, whatever the load.
 
     Each has a multiplier of its own, half of the torque.
@@ -77,8 +77,8 @@ class Opposed(Switch):
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         return ()
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
-        return (Strike(self.row, 0.0),)
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+        return (ImpactRow(self.row, 0.0),)
 
     def settled(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
@@ -86,7 +86,7 @@ class Opposed(Switch):
         return LOCKED
 
 
-class Ratchet(OneWay):
+class Ratchet(OneWayClutch):
     """A clutch with teeth: it runs free ahead, and back to the last tooth.
 
     Args:
@@ -140,10 +140,10 @@ class Ratchet(OneWay):
         place = self.place(point)
         return abs(place - round(place)) < AT_TOOTH
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
-        return (Strike(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+        return (ImpactRow(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
         return super().candidate(point, state, near) if state == LOCKED or self._in_tooth(point) else ()
 
     def settled(  # noqa: D102
@@ -162,13 +162,13 @@ class Ratchet(OneWay):
 def _one_way(mechanism: "Mechanism") -> tuple[list[Clutch], list[Clutch]]:
     """Return the one-way clutches that have none opposed to them between the same joints, and those that have one."""
     clutches = [c for c in mechanism.clutches if c.pitch is None and c.engaged is None]
-    found = [_freedom(c) for c in clutches]
+    found = [_free_direction(c) for c in clutches]
     opposed = [any(k == key and way * other < 0 for k, other in found) for key, way in found]
     pairs = list(zip(clutches, opposed, strict=True))
     return [c for c, yes in pairs if not yes], [c for c, yes in pairs if yes]
 
 
-def _freedom(c: Clutch) -> tuple[tuple[str, str, float], float]:
+def _free_direction(c: Clutch) -> tuple[tuple[str, str, float], float]:
     """Return what a clutch lets run, v_i - ratio v_j with joints in alphabetical order, and in which direction."""
     i, j = c.joints or (c.joint or "", "")
     ratio = 1.0 if c.ratio is None else c.ratio

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..closures.clutch import Clutch
 from ..closures.driver import Driver
 from ..time_functions import Steps
-from .switch import Guard, Strike, Switch
+from .switch import Guard, ImpactRow, Switch
 
 if TYPE_CHECKING:
     from ...system import Array
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 OPEN, ENGAGED = 0, 1
 
 
-class Commanded(Switch):
+class CommandedClutch(Switch):
     """A clutch that locks both ways while its signal is above 0.
 
     Args:
@@ -49,8 +49,8 @@ class Commanded(Switch):
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
         return (Guard("command", self.name, self.at, lambda x: 1.0 if self.wanted(x) == state else -1.0),)
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
-        return (Strike(self.row, 0.0),) if self.wanted(point) == ENGAGED else ()
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
+        return (ImpactRow(self.row, 0.0),) if self.wanted(point) == ENGAGED else ()
 
     def settled(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
@@ -58,7 +58,7 @@ class Commanded(Switch):
         return self.wanted(point)
 
 
-class SteppingDrive(Switch):
+class SpeedStepDriver(Switch):
     """A driver of speed that steps: its row is always there, and is struck where the speed steps.
 
     Args:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...errors import StepError
 from ...system import Array
-from .box_lcp import choose
+from .box_lcp import solve_box_lcp
 
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a move of the limits that is made, one after the other
 MOST = 60  # rounds with each; one leaves about mu |W_tn|/W_nn of the error
@@ -27,7 +27,7 @@ WIDTH = 1e-3  # of a limit: by which it is moved for its slope
 SETTLED = 1e-12  # the same, where rounding keeps it from coming nearer
 
 
-class Limit(NamedTuple):
+class FrictionBound(NamedTuple):
     """What limits a multiplier.
 
     Attributes:
@@ -41,8 +41,8 @@ class Limit(NamedTuple):
     drag: float = np.nan
 
 
-def choose_with_friction(C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, Limit]) -> Array:
-    """Return multipliers (k,), see the module and `mbdae.mechanism.hybrid.box_lcp.choose`.
+def solve_friction_lcp(C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, FrictionBound]) -> Array:
+    """Return multipliers (k,), see the module and `mbdae.mechanism.hybrid.box_lcp.solve_box_lcp`.
 
     Args:
         C: M^1/2 A S^T, (nv, k).
@@ -55,7 +55,7 @@ def choose_with_friction(C: Array, c: Array, lower: Array, upper: Array, limits:
         StepError: where limits find no end.
     """
     if not limits:
-        return choose(C, c, lower, upper)
+        return solve_box_lcp(C, c, lower, upper)
     problem = _Limited(C, c, lower, upper, limits)
     bound, last = np.where(problem.slides, 0.0, np.inf), np.inf
     for k, way in enumerate(np.repeat(SHARES, MOST)):
@@ -73,7 +73,7 @@ def choose_with_friction(C: Array, c: Array, lower: Array, upper: Array, limits:
 class _Limited:
     """Multipliers for limits that stand still, and the limits that follow from these."""
 
-    def __init__(self, C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, Limit]) -> None:
+    def __init__(self, C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, FrictionBound]) -> None:
         self.C, self.c, self.lower, self.upper = C, c, lower, upper
         self.at, self.by = np.array(list(limits)), np.array([x.by for x in limits.values()])
         self.share, self.drag = (np.array([getattr(x, k) for x in limits.values()]) for k in ("share", "drag"))
@@ -89,7 +89,7 @@ class _Limited:
         low[at], high[at] = -bound, bound
         if len(free):
             C = self.C[:, free]
-            x[free] = choose(C, self.c[free] + C.T @ (self.C @ x), low[free], high[free])
+            x[free] = solve_box_lcp(C, self.c[free] + C.T @ (self.C @ x), low[free], high[free])
         return x
 
     def limits(self, x: Array) -> Array:

@@ -25,7 +25,7 @@ NONE = 1e-9  # of a unit of null vectors: what takes no part in them
 ACTIVE = 1e-7  # of kappa: limits that are reached
 
 
-def share(point: "ModePoint", row: int, limits: dict[int, float]) -> float:
+def friction_utilisation(point: "ModePoint", row: int, limits: dict[int, float]) -> float:
     """Return |lam_i| / F_i of a row that sticks; where it depends on others, kappa of all of them.
 
     Args:
@@ -38,10 +38,10 @@ def share(point: "ModePoint", row: int, limits: dict[int, float]) -> float:
         return abs(float(lam[row])) / limits[row]
     rows = [k for k in limits if np.abs(free[k]).max() >= NONE]
     F = np.array([limits[k] for k in rows])
-    return smallest(lam[rows] / F, free[rows] / F[:, None])
+    return least_utilisation(lam[rows] / F, free[rows] / F[:, None])
 
 
-def smallest(load: Array, N: Array) -> float:
+def least_utilisation(load: Array, N: Array) -> float:
     """Return the smallest kappa with |load + N z| <= kappa.
 
     Args:

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..closures.closure import Closure
 from ..forces.coulomb_friction import CoulombFriction
-from .rolling_stiction import Gripping
-from .switch import AT_LIMIT, Candidate, Guard, Strike, Switch
+from .rolling_stiction import RollingStiction
+from .switch import AT_LIMIT, Guard, ImpactRow, LoadCandidate, Switch
 from .unilateral import Unilateral
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ OPEN, GRIPS, SLIDES = 0, 1, 2
 LESS = 1e-6  # of the limit where a load has reached it: at the limit itself nothing would move
 
 
-class Rubbing(Unilateral):
+class FrictionalContact(Unilateral):
     """A height that presses only, N >= 0, and one row of grip with |lam_t| <= mu N; mu N against the slip else.
 
     Args:
@@ -34,7 +34,7 @@ class Rubbing(Unilateral):
 
     def __init__(self, spec: Closure, force: CoulombFriction, rows: Sequence[int], which: int) -> None:
         super().__init__(spec, spec.name, rows[0], 1.0)
-        self.grip, self.limit, self.friction = rows[1], force.coefficient, Gripping(force, rows, which)
+        self.grip, self.limit, self.friction = rows[1], force.coefficient, RollingStiction(force, rows, which)
 
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
@@ -57,11 +57,11 @@ class Rubbing(Unilateral):
         rubs = tuple(g._replace(name=self.name, at=self.at) for g in self.friction.guards(state))
         return (*super().guards(min(state, 1)), *rubs)
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         found = super().strike(point, min(state, 1), near)
-        return (*found, Strike(self.grip, 0.0, share=self.limit)) if found else ()
+        return (*found, ImpactRow(self.grip, 0.0, share=self.limit)) if found else ()
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
         found = super().candidate(point, min(state, 1), near)
         if not found:
             return ()
@@ -70,7 +70,7 @@ class Rubbing(Unilateral):
             drag = -self.limit * float(self.friction.direction(point)[0])
         elif state == GRIPS and self.friction.margin(point) < AT_LIMIT:
             share *= 1 - LESS
-        return (*found, Candidate(self.grip, share=share, drag=drag))
+        return (*found, LoadCandidate(self.grip, share=share, drag=drag))
 
     def slips(self, point: "ModePoint") -> bool:
         """Say whether it slips."""

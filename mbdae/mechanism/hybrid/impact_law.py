@@ -21,7 +21,7 @@ from scipy.optimize import nnls
 
 from ...errors import StepError
 from ...system import Array
-from .friction_lcp import Limit, choose_with_friction
+from .friction_lcp import FrictionBound, solve_friction_lcp
 
 STILL = 1e-10  # of 1 + |v|: a speed below is none
 ROUNDS = 200  # of rows that strike one after another at one instant; the last one with e = 0
@@ -31,7 +31,7 @@ CONTRADICTION = 1e-6  # of 1 + |v|: a speed that rows ask for which depend on ot
 GAIN = 1e-10  # of the kinetic energy: less is rounding
 
 
-class Rub(NamedTuple):
+class FrictionRow(NamedTuple):
     """A tangential row of a contact that rubs.
 
     Attributes:
@@ -47,7 +47,7 @@ class Rub(NamedTuple):
     share: float
 
 
-class Blow(NamedTuple):
+class ImpactSolution(NamedTuple):
     """What an impact does.
 
     Attributes:
@@ -65,14 +65,14 @@ class Blow(NamedTuple):
     friction: Array
 
 
-def standstill(v: Array) -> float:
+def velocity_tolerance(v: Array) -> float:
     """Return the speed below which nothing moves beside velocities v (nv,)."""
     return STILL * (1 + float(np.abs(v).max()))
 
 
-def strike(
-    U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array, rubs: Sequence[Rub] = ()
-) -> Blow:
+def solve_impact(
+    U: Array, kept: Array, b: Array, rows: Array, c: Array, e: Array, v: Array, rubs: Sequence[FrictionRow] = ()
+) -> ImpactSolution:
     """Return what happens where rows touch.
 
     Args:
@@ -98,7 +98,7 @@ def strike(
     Q, pinv = _range(BG)
     for k in range(ROUNDS + 1):
         speed = BU.T @ x + c
-        still = standstill(v)
+        still = velocity_tolerance(v)
         last = k == ROUNDS
         if k and not (speed < -still).any():
             break
@@ -117,9 +117,11 @@ def strike(
             T = BT[:, on] - Q @ (Q.T @ BT[:, on])
             slip = BT[:, on].T @ closed + np.array([rubs[i].rate for i in on])
             size, by = len(which), np.searchsorted(which, [rubs[i].by for i in on])
-            limits = {size + j: Limit(int(at), rubs[i].share) for j, (i, at) in enumerate(zip(on, by, strict=True))}
+            limits = {
+                size + j: FrictionBound(int(at), rubs[i].share) for j, (i, at) in enumerate(zip(on, by, strict=True))
+            }
             low, high = np.zeros(size + len(on)), np.full(size + len(on), np.inf)
-            both = choose_with_friction(np.hstack([A, T]), np.append(-short, slip), low, high, limits)
+            both = solve_friction_lcp(np.hstack([A, T]), np.append(-short, slip), low, high, limits)
             p, q[on] = both[:size], both[size:]
             new = closed + A @ p + T @ q[on]
         else:
@@ -133,7 +135,7 @@ def strike(
         x = new
     if rubs and work > GAIN * float((U @ v) @ (U @ v)) and not (b.any() or c.any()):
         raise StepError("impact", "Newton's law with friction makes energy here, with restitution above 0")
-    return Blow(np.linalg.solve(U, x), total, P, work, friction)
+    return ImpactSolution(np.linalg.solve(U, x), total, P, work, friction)
 
 
 def _range(B: Array) -> tuple[Array, Array]:

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..closures.brake import Brake
-from ..forces.joint_friction import DryElement
+from ..forces.joint_friction import KineticFrictionElement
 from ..frames import find_joint
-from .friction_utilisation import share
-from .switch import AT_LIMIT, Candidate, Guard, Switch
+from .friction_utilisation import friction_utilisation
+from .switch import AT_LIMIT, Guard, LoadCandidate, Switch
 
 if TYPE_CHECKING:
     from ...system import Array
@@ -19,7 +19,7 @@ IDLE, STUCK, AHEAD, BACK = 0, 1, 2, 3
 LESS = 1e-6  # of the limit where static and kinetic friction are one: at the limit itself nothing would move
 
 
-class Sticking(Switch):
+class JointStiction(Switch):
     """A joint with dry friction, |lam| <= static while it sticks, tau = -kinetic * sign(v) while it slips.
 
     Args:
@@ -34,7 +34,7 @@ class Sticking(Switch):
     def __init__(self, spec: Brake, row: int, column: int) -> None:
         super().__init__(spec.name)
         self.spec, self.row, self.column = spec, row, column
-        self.others: tuple[Sticking, ...] = ()  # all of the mechanism
+        self.others: tuple[JointStiction, ...] = ()  # all of the mechanism
 
     @classmethod
     def of(cls, mechanism: "Mechanism") -> Sequence[Switch]:  # noqa: D102
@@ -47,7 +47,9 @@ class Sticking(Switch):
     def margin(self, point: "ModePoint") -> float:
         """Return what the friction could hold beyond what it does, as a share of its limit."""
         mode = point.system.mode
-        return 1.0 - share(point, self.row, {s.row: s.spec.static for s in self.others if mode[s.at] == STUCK})
+        return 1.0 - friction_utilisation(
+            point, self.row, {s.row: s.spec.static for s in self.others if mode[s.at] == STUCK}
+        )
 
     def load(self, point: "ModePoint") -> float:
         """Return the multiplier as a share of the limit."""
@@ -69,11 +71,11 @@ class Sticking(Switch):
             )
         return ()
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
         limit = self.spec.static
         if state == STUCK and self.margin(point) < AT_LIMIT:
             limit = min(self.spec.kinetic, (1.0 - LESS) * limit)
-        return (Candidate(self.row, -limit, limit),)
+        return (LoadCandidate(self.row, -limit, limit),)
 
     def prescribed(self, t: float, q: "Array", v: "Array") -> int:  # noqa: D102
         return AHEAD if v[self.column] > 0 else BACK if v[self.column] < 0 else IDLE
@@ -88,5 +90,5 @@ class Sticking(Switch):
     def enter(self, system: "Index2System", state: int) -> None:  # noqa: D102
         system.sticks |= state == STUCK
         for law, _ in system.laws.bound:
-            if isinstance(law, DryElement) and law.name == self.spec.force:
+            if isinstance(law, KineticFrictionElement) and law.name == self.spec.force:
                 law.sign[self.column] = {AHEAD: 1.0, BACK: -1.0}.get(state, 0.0)

@@ -10,7 +10,7 @@ from ...system import Array
 from ..closures.constraints import Constraints
 from ..closures.independent_rows import RANK_TOLERANCE
 from ..pinocchio_data import make_data
-from .impact_law import standstill
+from .impact_law import velocity_tolerance
 
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
@@ -122,4 +122,4 @@ class ModePoint:
     @cached_property
     def standstill(self) -> float:
         """The speed below which a row does not move."""
-        return standstill(self.v)
+        return velocity_tolerance(self.v)

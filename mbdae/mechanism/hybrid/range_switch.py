@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ...errors import InputError
-from ..closures.active_range import Within
+from ..closures.active_range import ActiveRange
 from ..closures.closure import Closure
 from ..frames import find_joint
-from .switch import Guard, Strike, Switch
+from .switch import Guard, ImpactRow, Switch
 
 if TYPE_CHECKING:
     from ...system import Array
@@ -19,7 +19,7 @@ SLOW = 1e-9  # rad/s or m/s: who is slower passes no window
 AHEAD = 1e-7  # rad or m: how far ahead a joint is looked at that stands where a window begins or ends
 
 
-class Window(Switch):
+class RangeSwitch(Switch):
     """The rows of a closure are there while a joint is within a window.
 
     Args:
@@ -32,7 +32,7 @@ class Window(Switch):
     struck = False
     states = ("out of its window", "at work")
 
-    def __init__(self, name: str, spec: Within, rows: Sequence[int], columns: tuple[int, int]) -> None:
+    def __init__(self, name: str, spec: ActiveRange, rows: Sequence[int], columns: tuple[int, int]) -> None:
         super().__init__(name)
         self.spec, self.all_rows, self.row = spec, tuple(rows), rows[0]
         self.q, self.v = columns
@@ -68,9 +68,9 @@ class Window(Switch):
         """Return the time in which the joint goes through the shortest window at most."""
         return self.spec.shortest / max(abs(float(point.v[self.v])), SLOW)
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         there = self.settled(point, (), (), False) == ON
-        return tuple(Strike(row, 0.0) for row in self.all_rows) if there else ()
+        return tuple(ImpactRow(row, 0.0) for row in self.all_rows) if there else ()
 
     def settled(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool

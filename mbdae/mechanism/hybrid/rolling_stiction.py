@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..forces.coulomb_friction import CoulombFriction
-from .switch import AT_LIMIT, Candidate, Guard, Switch, Value
+from .switch import AT_LIMIT, Guard, LoadCandidate, Switch, Value
 
 if TYPE_CHECKING:
     from ...system import Array
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 IDLE, GRIPS, SLIDES = 0, 1, 2
 
 
-class Gripping(Switch):
+class RollingStiction(Switch):
     """Rows of no slip with |lam_t| <= mu_s N while they grip, and a force mu N against the slip while they slide.
 
     Args:
@@ -84,7 +84,7 @@ class Gripping(Switch):
             return (Guard("slip", self.name, self.at, self.margin, loads=True, load=lambda x: self.share(x.lam)),)
         return (Guard("rest", self.name, self.at, self.slip()),) if state == SLIDES else ()
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
         if self.slips(point) or (state == GRIPS and self.margin(point) < AT_LIMIT):
             return ()
         system, before = point.system, point.system.mode
@@ -94,7 +94,7 @@ class Gripping(Switch):
         if np.linalg.norm(self.share(lam)) > 1.0:
             self._head(point, lam)
             return ()
-        return tuple(Candidate(row) for row in self.grip)
+        return tuple(LoadCandidate(row) for row in self.grip)
 
     def _head(self, point: "ModePoint", lam: "Array") -> None:
         size = float(np.linalg.norm(lam[self.grip]))

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 Value = Callable[["ModePoint"], float]
 Load = Callable[["ModePoint"], "float | Array"]
-HELD = 1  # the state in which closed, locked, engaged or stuck rows are solved for
+ACTIVE_STATE = 1  # the state in which closed, locked, engaged or stuck rows are solved for
 AT_LIMIT = 1e-9  # of the limit: a load that is nearer has reached it
 
 
@@ -44,7 +44,7 @@ class Guard(NamedTuple):
     longest: Value | None = None
 
 
-class Strike(NamedTuple):
+class ImpactRow(NamedTuple):
     """A row that takes part in an impact.
 
     Attributes:
@@ -60,7 +60,7 @@ class Strike(NamedTuple):
     share: float = np.nan
 
 
-class Candidate(NamedTuple):
+class LoadCandidate(NamedTuple):
     """A row that may carry load.
 
     Attributes:
@@ -78,7 +78,7 @@ class Candidate(NamedTuple):
     drag: float = np.nan
 
     @classmethod
-    def pressing(cls, row: int, sign: float) -> "Candidate":
+    def pressing(cls, row: int, sign: float) -> "LoadCandidate":
         """A row whose multiplier has a sign, 1 or -1."""
         return cls(row, lower=0.0) if sign > 0 else cls(row, upper=0.0)
 
@@ -141,17 +141,17 @@ class Switch:
 
     def active(self, state: int) -> tuple[int, ...]:
         """Return the rows that are solved for in a state; all of them in state 1, where a kind does not say more."""
-        return self.rows if state == HELD else ()
+        return self.rows if state == ACTIVE_STATE else ()
 
     def guards(self, state: int) -> tuple[Guard, ...]:
         """Return what ends a state."""
         raise NotImplementedError
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:
         """Return rows that take part in an impact at a point: those that touch, within ``near``."""
         return ()
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
         """Return rows that may carry load behind a point; the first one decides, others go with it."""
         return ()
 
@@ -187,7 +187,7 @@ class Switch:
         """Set what else depends on the state in a workspace."""
 
 
-class OneSidedRow(Switch):
+class UnilateralRow(Switch):
     """What switches a row that works on one side: sign (G v + g_t) is free to grow, sign lam >= 0.
 
     Args:

@@ -29,14 +29,14 @@ def _kinds() -> tuple[type[Switch], ...]:
     return tuple(dict.fromkeys(x for x in members(__package__, type) if issubclass(x, Switch) and x is not Switch))
 
 
-def left_out(switches: Sequence[Switch], mode: Mode) -> Array:
+def inactive_rows(switches: Sequence[Switch], mode: Mode) -> Array:
     """Return the numbers of the rows that a mode leaves out."""
     all_rows = {row for s in switches for row in s.rows}
     kept = {row for s, state in zip(switches, mode, strict=True) for row in s.active(state)}
     return np.array(sorted(all_rows - kept), int)
 
 
-def words(switches: Sequence[Switch], mode: Mode) -> str:
+def describe_mode(switches: Sequence[Switch], mode: Mode) -> str:
     """Say a mode in words: what is not idle."""
     said = [f"{s.name}: {s.states[state]}" for s, state in zip(switches, mode, strict=True) if state]
     return ", ".join(said) or "all open"

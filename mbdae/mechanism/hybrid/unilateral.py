@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 
 from ...system import Array
 from ..closures.closure import Closure
-from ..closures.unilateral_constraint import REST, OneSided, Stop
+from ..closures.unilateral_constraint import REST, Stop, UnilateralOptions
 from ..forces.coulomb_friction import CoulombFriction
-from .switch import Candidate, Guard, Margins, OneSidedRow, Strike, Switch
+from .switch import Guard, ImpactRow, LoadCandidate, Margins, Switch, UnilateralRow
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -17,7 +17,7 @@ SIDES = {"distance": -1.0}  # kind: on which side of g = 0 a body moves freely, 
 OPEN, CLOSED = 0, 1
 
 
-class Unilateral(OneSidedRow):
+class Unilateral(UnilateralRow):
     """A row with a gap: sign g >= 0, sign lam >= 0, and one of them 0; others of its closure come and go with it.
 
     Args:
@@ -28,7 +28,7 @@ class Unilateral(OneSidedRow):
         others: rows that are kept while it is closed (grip of a wheel).
     """
 
-    def __init__(self, spec: OneSided, name: str, row: int, sign: float, others: tuple[int, ...] = ()) -> None:
+    def __init__(self, spec: UnilateralOptions, name: str, row: int, sign: float, others: tuple[int, ...] = ()) -> None:
         super().__init__(name, row, sign)
         self.others, self.restitution, self.rest = others, spec.restitution or 0.0, spec.rest or REST
 
@@ -64,12 +64,12 @@ class Unilateral(OneSidedRow):
             return (Guard("touch", self.name, self.at, self.gap, self.speed, self.acceleration),)
         return (Guard("let go", self.name, self.at, self.load, loads=True, load=self.load),)
 
-    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[Strike, ...]:  # noqa: D102
+    def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         if state != CLOSED and self.gap(point) > near:
             return ()
-        return (Strike(self.row, self.sign, self.restitution), *(Strike(row, 0.0) for row in self.others))
+        return (ImpactRow(self.row, self.sign, self.restitution), *(ImpactRow(row, 0.0) for row in self.others))
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[Candidate, ...]:  # noqa: D102
+    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
         if state != CLOSED and self.gap(point) > near:
             return ()
-        return (Candidate.pressing(self.row, self.sign), *(Candidate(row) for row in self.others))
+        return (LoadCandidate.pressing(self.row, self.sign), *(LoadCandidate(row) for row in self.others))

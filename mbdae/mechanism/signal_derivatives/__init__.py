@@ -1,20 +1,20 @@
 """How signals move with the motion that they are read from: exact slopes beside the values in `mbdae.mechanism`."""
 
-from .contacts import contact_slopes, path_slopes
-from .efforts import drive_power_slopes, effort_slopes
-from .frame_motions import motion_slopes
-from .momentum import momentum_slopes
-from .motion_tangent import Directions, VariedMotion
-from .reactions import load_slopes
+from .contacts import contact_derivatives, path_derivatives
+from .efforts import driver_power_derivatives, effort_derivatives
+from .frame_motions import frame_motion_derivatives
+from .momentum import momentum_derivatives
+from .motion_tangent import MotionTangent, TangentDirections
+from .reactions import reaction_derivatives
 
 __all__ = [
-    "Directions",
-    "VariedMotion",
-    "contact_slopes",
-    "drive_power_slopes",
-    "effort_slopes",
-    "load_slopes",
-    "momentum_slopes",
-    "motion_slopes",
-    "path_slopes",
+    "TangentDirections",
+    "MotionTangent",
+    "contact_derivatives",
+    "driver_power_derivatives",
+    "effort_derivatives",
+    "reaction_derivatives",
+    "momentum_derivatives",
+    "frame_motion_derivatives",
+    "path_derivatives",
 ]

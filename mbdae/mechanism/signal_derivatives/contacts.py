@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from ...system import Array
-from ..contacts import force_shares, rolling, shape
-from .motion_tangent import VariedMotion
+from ..contacts import force_ratios, rolling, shape
+from .motion_tangent import MotionTangent
 
 
-def path_slopes(motion: VariedMotion) -> Array:
+def path_derivatives(motion: MotionTangent) -> Array:
     """Return the variations of where bodies touch, as of `mbdae.mechanism.contacts.path`, (n, 3, m)."""
     mech, parameters = motion.mechanism, motion.parameters
     names, out = [c.name for c in mech.constraints], np.empty((len(rolling(mech)), 3, len(motion.d.t)))
@@ -29,12 +29,12 @@ def path_slopes(motion: VariedMotion) -> Array:
     return out
 
 
-def contact_slopes(motion: VariedMotion) -> Array:
+def contact_derivatives(motion: MotionTangent) -> Array:
     """Return the variations of normal, longitudinal, lateral force and friction of rolling bodies, (n, 4, m)."""
     mech = motion.mechanism
     out = np.empty((len(rolling(mech)), 4, len(motion.d.t)))
     for i, closure in enumerate(rolling(mech)):
-        share, own = force_shares(motion.system, closure.name), motion.system.constraints.spans[closure.name]
+        share, own = force_ratios(motion.system, closure.name), motion.system.constraints.spans[closure.name]
         (normal, *along), forces = share @ motion.lam[own], share @ motion.d.lam[own]
         normal = normal if share[0].any() and normal > 0 else np.nan  # friction stands where the body is pressed
         size = np.hypot(*along)

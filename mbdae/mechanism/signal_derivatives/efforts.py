@@ -9,11 +9,11 @@ from ..forces.elements import ForceElements
 from ..forces.force import ForceElement, PairElement
 from ..frames import unit_gap
 from ..manifold import inverse_jacobian, skew
-from .motion_tangent import VariedMotion, of_point
+from .motion_tangent import MotionTangent, of_point
 from .wrenches import law_wrench
 
 
-def effort_slopes(motion: VariedMotion) -> Array:
+def effort_derivatives(motion: MotionTangent) -> Array:
     """Return the variations of the columns of `mbdae.mechanism.effort_signals.efforts`, (n, m)."""
     bound = [law for law, _ in motion.system.laws.bound]
     out: list[Array] = []
@@ -24,8 +24,8 @@ def effort_slopes(motion: VariedMotion) -> Array:
     return np.array(out).reshape(-1, len(motion.d.t))
 
 
-def drive_power_slopes(motion: VariedMotion) -> Array:
-    """Return the variations of the columns of `mbdae.mechanism.effort_signals.drive_powers`, (n, m)."""
+def driver_power_derivatives(motion: MotionTangent) -> Array:
+    """Return the variations of the columns of `mbdae.mechanism.effort_signals.driver_powers`, (n, m)."""
     mech, constraints, parameters = motion.mechanism, motion.system.constraints, motion.parameters
     _, rates, bends = constraints.motion(motion.t)
     names, out = [c.name for c in mech.constraints], []
@@ -40,7 +40,7 @@ def drive_power_slopes(motion: VariedMotion) -> Array:
     return np.array(out).reshape(-1, len(motion.d.t))
 
 
-def _along(motion: VariedMotion, law: ForceElement, number: int) -> list[Array]:
+def _along(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:
     """A force along coordinates, and its power."""
     t, q, v, d, nv = motion.t, motion.q, motion.v, motion.d, len(motion.v)
     at = motion.system.laws.bound[number][1]
@@ -54,7 +54,7 @@ def _along(motion: VariedMotion, law: ForceElement, number: int) -> list[Array]:
     return [*dtau[law.acts(nv)], v @ dtau + tau @ d.v]
 
 
-def _between(motion: VariedMotion, law: PairElement, number: int) -> list[Array]:
+def _between(motion: MotionTangent, law: PairElement, number: int) -> list[Array]:
     """A force between two frames, and its power."""
     F, dF = law_wrench(motion, law, number)
     V, dV = motion.relative(law.pair)
@@ -69,7 +69,7 @@ def _between(motion: VariedMotion, law: PairElement, number: int) -> list[Array]
     return [*out, power]
 
 
-def _deflected(motion: VariedMotion, law: ForceElement, number: int) -> list[Array]:
+def _deflected(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:
     """How far its springs are deflected."""
     if not law.deflections:
         return []

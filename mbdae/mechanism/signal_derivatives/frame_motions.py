@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...system import Array
-from .motion_tangent import VariedMotion, of_point
+from .motion_tangent import MotionTangent, of_point
 
 
-def motion_slopes(motion: VariedMotion, names: Sequence[str]) -> tuple[Array, Array]:
+def frame_motion_derivatives(motion: MotionTangent, names: Sequence[str]) -> tuple[Array, Array]:
     """Return p, p' and p'' of the origins of n frames in the world, (3, n, 3), and their variations, (3, n, 3, m).
 
     Raises:

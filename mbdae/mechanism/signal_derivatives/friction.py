@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from ...system import Array
-from ..closures.contact import Height
+from ..closures.contact import ContactHeightRow
 from ..closures.rows import unit_axis
 from ..discrete_sensitivity.friction_partials import shape
-from ..formulations.friction_interface import NOTHING, TOUCHES, TURNS, SlidingPlace
-from .motion_tangent import VariedMotion, of_point
+from ..formulations.friction_interface import NOTHING, TOUCHES, TURNS, FrictionInterface
+from .motion_tangent import MotionTangent, of_point
 
 
-def friction_wrench(motion: VariedMotion, name: str) -> tuple[Array, Array]:
+def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     """Return the regularised friction of a closure on its second frame, at the world's origin, (6,), and (6, m)."""
     sliding, parameters = motion.system.sliding, motion.parameters
     F, dF = np.zeros(6), np.zeros((6, len(motion.d.t)))
@@ -45,8 +45,8 @@ def friction_wrench(motion: VariedMotion, name: str) -> tuple[Array, Array]:
     return F, dF
 
 
-def _ways(motion: VariedMotion, place: SlidingPlace) -> tuple[Array, Array]:
-    """The wrenches A (m, 6) of `SlidingPlace.ways`, and how they vary where bodies do, (m, 6, k)."""
+def _ways(motion: MotionTangent, place: FrictionInterface) -> tuple[Array, Array]:
+    """The wrenches A (m, 6) of `FrictionInterface.ways`, and how they vary where bodies do, (m, 6, k)."""
     pair, kind = place.pair, place.closure.kind
     A, (Xa, Xb) = place.ways(motion.system.constraints.W[:, place.rows]), motion.pair(pair)
     dA = np.zeros((*A.shape, Xa.shape[1]))
@@ -71,10 +71,10 @@ def _ways(motion: VariedMotion, place: SlidingPlace) -> tuple[Array, Array]:
     return A, dA
 
 
-def _touches(place: SlidingPlace, Xa: Array, Xb: Array, dp: Array) -> Array:
+def _touches(place: FrictionInterface, Xa: Array, Xb: Array, dp: Array) -> Array:
     """How the point where bodies touch moves, (3, m)."""
     first = place.closure.primitives()[0]
-    if not isinstance(first, Height):
+    if not isinstance(first, ContactHeightRow):
         return dp
     at: Any = copy(place.pair)
     moved = []

@@ -5,11 +5,11 @@ import pinocchio as pin
 
 from ...system import Array
 from ..frames import motion_cross
-from .motion_tangent import VariedMotion, of_point
+from .motion_tangent import MotionTangent, of_point
 from .wrenches import wrench_cross
 
 
-def momentum_slopes(motion: VariedMotion) -> Array:
+def momentum_derivatives(motion: MotionTangent) -> Array:
     """Return the variations of the columns of `mbdae.mechanism.momentum.momentum`, (9, m)."""
     m, d = len(motion.d.t), motion.d
     mass, first, h = 0.0, np.zeros(3), np.zeros(6)  # sums of m, m c and momenta at the world's origin

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...system import Array
-from ..expanded_tree import parts
+from ..expanded_tree import factor_joints
 from ..frames import Anchor, Pair, find_frame, motion_cross
 from ..pinocchio_data import make_data
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..forces.force import ForceElement
 
 
-class Directions(NamedTuple):
+class TangentDirections(NamedTuple):
     """Variations in m directions of what a signal is a function of.
 
     Attributes:
@@ -47,7 +47,7 @@ class Directions(NamedTuple):
     t: Array
 
 
-class VariedMotion:
+class MotionTangent:
     """The bodies of a mechanism at points of a motion, and how they vary.
 
     Args:
@@ -62,10 +62,10 @@ class VariedMotion:
         self.mechanism, self.model = self.system.mechanism, self.system.model
         self.expanded = self.system.inertial.model
         self.data = make_data(self.expanded)
-        counts = [len(parts(joint)) for joint in list(self.model.joints)[1:]]
+        counts = [len(factor_joints(joint)) for joint in list(self.model.joints)[1:]]
         self.ends = [0, *np.cumsum(counts, dtype=int).tolist()]  # of each joint in the expanded tree
 
-    def stand(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array, d: Directions) -> None:
+    def stand(self, t: float, q: Array, v: Array, s: Array, vdot: Array, lam: Array, d: TangentDirections) -> None:
         """Stand at a point, and vary it; `system` stands there, too, with accelerations for v' = 0."""
         self.t, self.q, self.v, self.s, self.vdot, self.lam, self.d = t, q, v, s, vdot, lam, d
         model, data, n = self.expanded, self.data, self.expanded.njoints

@@ -14,17 +14,17 @@ import pinocchio as pin
 from ...system import Array
 from ..forces.force import PairElement
 from ..frames import joint_names, motion_cross
-from ..joint_wrenches import loaded
-from .motion_tangent import VariedMotion, of_point
+from ..joint_wrenches import reaction_names
+from .motion_tangent import MotionTangent, of_point
 from .wrenches import closure_wrench, law_wrench, wrench_cross
 
 
-def load_slopes(motion: VariedMotion) -> tuple[Array, Array]:
-    """Return what `mbdae.mechanism.joint_wrenches.point_loads` does, (2, n, 2, 3), and its variations (2, n, 2, 3, m).
+def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
+    """Return what `mbdae.mechanism.joint_wrenches.point_reactions` does, (2, n, 2, 3), and its variations (2, n, 2, 3, m).
 
     The first half is along the world's axes, the other along their own; force and torque stand in turn.
     """
-    names, joints, m = loaded(motion.mechanism), joint_names(motion.model), len(motion.d.t)
+    names, joints, m = reaction_names(motion.mechanism), joint_names(motion.model), len(motion.d.t)
     closures = {name: closure_wrench(motion, name) for name in motion.system.constraints.frame_parts}
     F, dF = _joints(motion, closures)
     values, slopes = np.empty((2, len(names), 6)), np.empty((2, len(names), 6, m))
@@ -46,7 +46,7 @@ def load_slopes(motion: VariedMotion) -> tuple[Array, Array]:
     return values.reshape(2, -1, 2, 3), slopes.reshape(2, -1, 2, 3, m)
 
 
-def _joints(motion: VariedMotion, closures: dict[str, tuple[Array, Array]]) -> tuple[Array, Array]:
+def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> tuple[Array, Array]:
     """Wrenches in all joints at the world's origin, (njoints, 6), and their variations, (njoints, 6, m)."""
     model, parameters, d = motion.model, motion.parameters, motion.d
     F, dF = np.zeros((model.njoints, 6)), np.zeros((model.njoints, 6, len(d.t)))

@@ -3,9 +3,9 @@
 import numpy as np
 
 from ...system import Array
-from ..forces.force import PairElement, Turning
+from ..forces.force import PairElement, WrenchPartials
 from .friction import friction_wrench
-from .motion_tangent import VariedMotion
+from .motion_tangent import MotionTangent
 
 
 def wrench_cross(a: Array, F: Array) -> Array:
@@ -14,7 +14,7 @@ def wrench_cross(a: Array, F: Array) -> Array:
     return np.concatenate([np.cross(w, f).T, (np.cross(w, n) + np.cross(v, f)).T])
 
 
-def closure_wrench(motion: VariedMotion, name: str) -> tuple[Array, Array]:
+def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     """Return the wrench of a closure on its second frame, at the world's origin, (6,), and its variations (6, m)."""
     constraints, parameters = motion.system.constraints, motion.parameters
     pair, rows = constraints.frame_parts[name]
@@ -42,7 +42,7 @@ def closure_wrench(motion: VariedMotion, name: str) -> tuple[Array, Array]:
     return F, dF
 
 
-def law_wrench(motion: VariedMotion, law: PairElement, number: int) -> tuple[Array, Array]:
+def law_wrench(motion: MotionTangent, law: PairElement, number: int) -> tuple[Array, Array]:
     """Return the wrench of a force on its second frame, at the world's origin, (6,), and its variations (6, m).
 
     Args:
@@ -65,5 +65,5 @@ def law_wrench(motion: VariedMotion, law: PairElement, number: int) -> tuple[Arr
     return _sum(parts), dF
 
 
-def _sum(parts: tuple[Turning, ...]) -> Array:
+def _sum(parts: tuple[WrenchPartials, ...]) -> Array:
     return np.sum([part.F for part in parts], axis=0)

@@ -15,8 +15,8 @@ from ...solution.solution import Problem
 from ...system import Array
 from ..method_variant import Variant, usual, variants
 from .comparison import Comparison
-from .reference_motion import Motion, Trial
-from .run_queue import Bench, Progress
+from .reference_motion import ReferenceMotion, Trial
+from .run_queue import Progress, RunQueue
 
 __all__ = ["compare"]
 
@@ -105,7 +105,7 @@ def compare(
         raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")
     clock = repeats > 0 and (timed_together or workers == 1)
     passes = max(1, repeats + (not clock))
-    bench = Bench(motion, trials, pair, reference_rtol, Path(resume) if resume else None, progress, passes, fresh)
+    bench = RunQueue(motion, trials, pair, reference_rtol, Path(resume) if resume else None, progress, passes, fresh)
     complete = False
     try:
         bench.refer()
@@ -135,14 +135,14 @@ def _refuse_unsuited(problem: Problem, kinds: Iterable[Variant]) -> None:
 
 def _motion(
     problem: Problem, t_span: Sequence[float] | None, q: Array | None, v: Array | None, outputs: int, max_steps: int
-) -> Motion:
+) -> ReferenceMotion:
     t0, t1 = checked_span(problem.duration if t_span is None else t_span)
     if outputs < 1 or max_steps < 1:
         raise InputError(f"expected at least one output and one step, got {outputs = }, {max_steps = }")
     y, n = problem.point(q, v), problem.nq if isinstance(problem, Mechanism) else 0
     start = (y[:n], y[n : n + problem.nv]) if isinstance(problem, Mechanism) else ()
     times = np.linspace(t0, t1, outputs + 1)[1:]
-    return Motion(problem, start, (t0, t1), times, max_steps)
+    return ReferenceMotion(problem, start, (t0, t1), times, max_steps)
 
 
 def _trials(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequence[int] | None) -> list[Trial]:

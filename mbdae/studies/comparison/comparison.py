@@ -10,8 +10,8 @@ from ...backend import computed_by
 from ...errors import InputError, UnknownNameError
 from ...integrate.steppers.scipy_ivp import SCIPY
 from ...tabular import Columns, Tabular
-from .ranking import Place, rank, sentence, targets
-from .run_result import Point, number, read_point
+from .ranking import RankingEntry, rank, sentence, targets
+from .run_result import RunResult, parameter_value, read_point
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +43,7 @@ class Comparison(Tabular):
 
     title: str
     t_span: tuple[float, float]
-    points: tuple[Point, ...]
+    points: tuple[RunResult, ...]
     reference: str
     witness: str
     uncertainty: dict[str, float]
@@ -91,7 +91,7 @@ class Comparison(Tabular):
         scipy = f", steps of {', '.join(stepped)} in Python" if stepped else ""
         return computed_by(self.meta.get("backend", "unknown"), self.meta.get("because", "")) + scipy + where
 
-    def of(self, method: str) -> list[Point]:
+    def of(self, method: str) -> list[RunResult]:
         """The runs of a method that came to their end."""
         return [p for p in self.points if p.method == method and p.success]
 
@@ -99,7 +99,7 @@ class Comparison(Tabular):
         """Errors below are not known: five times the uncertainty of the reference."""
         return KNOWN * self.uncertainty[self.quantity(quantity)]
 
-    def known(self, point: Point, quantity: str | None = None) -> bool:
+    def known(self, point: RunResult, quantity: str | None = None) -> bool:
         """True when the error of a run stands clear of the uncertainty of the reference."""
         return point.success and point.errors[self.quantity(quantity)] >= self.floor(quantity)
 
@@ -109,7 +109,7 @@ class Comparison(Tabular):
         bound = self.floor(name) + self.uncertainty[name]
         return targets([[p.errors[name] for p in self.of(method)] for method in self.methods], bound)
 
-    def ranking(self, target: float, *, work: Work = "solves", quantity: str | None = None) -> list[Place]:
+    def ranking(self, target: float, *, work: Work = "solves", quantity: str | None = None) -> list[RankingEntry]:
         """Order the methods by the work that they need to an error of at most ``target``.
 
         Between two runs of a method the logarithm of the work is linear in that of the error. A run whose error is not
@@ -179,7 +179,7 @@ class Comparison(Tabular):
         """A row for each run; all else stands as JSON in the first row of the last column, ``about``."""
         rows = [{**p.row(self.quantities), "known": self.known(p), "about": ""} for p in self.points]
         rest = {k: v for k, v in self.to_dict().items() if k not in ("points", "ranking")}
-        rows = rows or [dict.fromkeys([*Point("", None, None, "").row(self.quantities), "known", "about"])]
+        rows = rows or [dict.fromkeys([*RunResult("", None, None, "").row(self.quantities), "known", "about"])]
         rows[0]["about"] = json.dumps(rest)
         rows = [{**row, "times": " ".join(map(repr, row["times"] or ()))} for row in rows]
         return Columns({name: [row[name] for row in rows] for name in rows[0]}, UNITS)
@@ -200,7 +200,7 @@ class Comparison(Tabular):
                     data = json.loads(rows[0]["about"]) | {"points": [row for row in rows if row["method"]]}
                 else:
                     data = json.load(file)
-            known = {name: number(x) for name, x in data["uncertainty"].items()}
+            known = {name: parameter_value(x) for name, x in data["uncertainty"].items()}
             points = tuple(read_point(row, tuple(known)) for row in data["points"])
             span = (float(data["t_span"][0]), float(data["t_span"][1]))
             rest = (data["reference"], data["witness"], known, bool(data["complete"]), dict(data["meta"]))

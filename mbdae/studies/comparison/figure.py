@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import WIDTH, logarithmic, look, plain, settled, sheet
+from ..figures import WIDTH, line_style, logarithmic, plain, settled, sheet
 from .comparison import QUANTITIES, Comparison
-from .run_result import Point
+from .run_result import RunResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,12 +45,12 @@ def work_precision(result: Comparison, quantity: str | None = None) -> "Figure":
     return figure
 
 
-def _curve(ax: "Axes", result: Comparison, points: list[Point], work: str, quantity: str) -> None:
+def _curve(ax: "Axes", result: Comparison, points: list[RunResult], work: str, quantity: str) -> None:
     """The known errors of a method as a line, the others as bounds."""
     points = [p for p in points if getattr(p, work) is not None]
     if not points:
         return
-    style = look(points[0].method)
+    style = line_style(points[0].method)
     known = [(getattr(p, work), p.errors[quantity]) for p in points if result.known(p, quantity)]
     ax.plot(*zip(*known, strict=True) if known else ([], []), **style, label=points[0].method)
     below = [getattr(p, work) for p in points if not result.known(p, quantity)]

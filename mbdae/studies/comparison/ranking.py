@@ -8,7 +8,7 @@ Runs = Sequence[tuple[float, float]]  # (error, work), from coarse to fine
 
 
 @dataclass(frozen=True)
-class Place:
+class RankingEntry:
     """A method in a ranking.
 
     Attributes:
@@ -38,9 +38,9 @@ def work_at(runs: Runs, target: float) -> tuple[float | None, bool]:
     return w0 * (w1 / w0) ** share, False
 
 
-def rank(table: Mapping[str, Runs], target: float) -> list[Place]:
+def rank(table: Mapping[str, Runs], target: float) -> list[RankingEntry]:
     """Order methods by work at an error; those that do not reach it come last."""
-    places = [Place(name, *work_at(runs, target)) for name, runs in table.items()]
+    places = [RankingEntry(name, *work_at(runs, target)) for name, runs in table.items()]
     return sorted(places, key=lambda p: float("inf") if p.work is None else p.work)
 
 
@@ -66,7 +66,7 @@ def log10(x: float) -> float:
     return round(log(x) / log(10.0), 9)
 
 
-def sentence(places: Sequence[Place], work: str) -> str:
+def sentence(places: Sequence[RankingEntry], work: str) -> str:
     """Say a ranking in words; empty when no method was measured."""
     reached = [(p, p.work) for p in places if p.work is not None]
     if not reached:

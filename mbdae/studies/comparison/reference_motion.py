@@ -18,7 +18,7 @@ from ...system import Array
 from ..drift.drift import drift
 from ..method_variant import Variant
 from .comparison import OF_TEXTBOOK
-from .run_result import COUNTS, Point
+from .run_result import COUNTS, RunResult
 
 EPS = float(np.finfo(float).eps)
 TIGHTEST, LOOSEST = 1e-13, 1e-6  # tolerances of a reference
@@ -35,7 +35,7 @@ class Trial:
 
     @property
     def label(self) -> tuple[str, float | None, int | None]:
-        """As `mbdae.studies.comparison.comparison.Point.label`."""
+        """As `mbdae.studies.comparison.comparison.RunResult.label`."""
         return str(self.variant), self.rtol, self.n
 
     def __str__(self) -> str:
@@ -43,7 +43,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Motion:
+class ReferenceMotion:
     """A mechanism or textbook problem, a start, a time span, and the common times of the samples.
 
     Attributes:
@@ -111,9 +111,9 @@ class Motion:
             apart["q"] = np.array([np.abs(self.problem.manifold.difference(y, x)).max() for x, y in pairs])
         return np.column_stack(list(apart.values()))
 
-    def measure(self, trial: Trial, sol: Solution, reference: Samples) -> Point:
+    def measure(self, trial: Trial, sol: Solution, reference: Samples) -> RunResult:
         """The row of a run, without times."""
-        row = Point(*trial.label, sol.status, **{name: sol.stats[name] for name in COUNTS})
+        row = RunResult(*trial.label, sol.status, **{name: sol.stats[name] for name in COUNTS})
         if not sol.ended:
             return row
         errors, kept = self.difference(self.sample(sol), reference), drift(sol)

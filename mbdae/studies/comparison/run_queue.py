@@ -18,8 +18,8 @@ from ...solution.solution import Problem
 from ..method_variant import Variant
 from ..workers import Stop, pool
 from .comparison import Comparison
-from .reference_motion import Motion, Samples, Trial
-from .run_result import Point, in_order
+from .reference_motion import ReferenceMotion, Samples, Trial
+from .run_result import RunResult, in_order
 
 LONG = 2.0  # s: a run that takes longer is timed once
 Progress = Callable[[float, str], None]
@@ -28,12 +28,12 @@ Progress = Callable[[float, str], None]
 class TrialConditions(NamedTuple):
     """What the runs share: what is computed, the reference, and whether the first time counts."""
 
-    motion: Motion
+    motion: ReferenceMotion
     reference: Samples | None = None
     clock: bool = False
 
 
-def measured(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> Point:
+def measured(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> RunResult:
     """Make a run and hold it against the reference."""
     assert job.reference is not None
     sol = job.motion.solve(trial, stop)
@@ -46,7 +46,7 @@ def timed(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> float
     return job.motion.solve(trial, stop).stats["seconds"]
 
 
-class Bench:
+class RunQueue:
     """The runs of a comparison, those that are finished, and the file that keeps them.
 
     Args:
@@ -65,7 +65,7 @@ class Bench:
 
     def __init__(
         self,
-        motion: Motion,
+        motion: ReferenceMotion,
         trials: list[Trial],
         pair: list[Variant],
         rtol: float,
@@ -77,7 +77,7 @@ class Bench:
         self.motion, self.trials, self.pair, self.rtol, self.path = motion, trials, pair, rtol, path
         self.tell: Progress = progress or (lambda done, name: None)
         self.passes, self.passed = passes, 0
-        self.points: dict[tuple, Point] = {}
+        self.points: dict[tuple, RunResult] = {}
         self.reference, self.witness = "", ""
         self.uncertainty: dict[str, float] = {}
         self.samples: Samples | None = None
@@ -168,7 +168,7 @@ class Bench:
                 self._say(len(finished) / len(trials), f"{what}{trial} done")
                 keep(trial, found)
 
-            sent = job._replace(motion=replace(job.motion, problem=light(job.motion.problem)))
+            sent = job._replace(motion=replace(job.motion, problem=without_geometry(job.motion.problem)))
             with pool("processes", workers, function, sent, "workers=1") as there:
                 there.work(trials, kept)
         self.passed += 1
@@ -177,7 +177,7 @@ class Bench:
         """Tell the progress: so many passes over the runs are done, and a share of the next one."""
         self.tell(min(1.0, (self.passed + share) / self.passes), name)
 
-    def _keep(self, point: Point) -> None:
+    def _keep(self, point: RunResult) -> None:
         self.points[point.label] = point
         if self.path:
             self._comparison(list(self.points), complete=False).save(self.path)
@@ -195,11 +195,11 @@ class Bench:
         return Comparison(c.problem.title, c.t_span, points, *about, complete, self.meta)
 
 
-def _again(point: Point) -> bool:
+def _again(point: RunResult) -> bool:
     return point.success and not (point.times and point.times[0] > LONG)
 
 
-def light(problem: Problem) -> Problem:
+def without_geometry(problem: Problem) -> Problem:
     """The problem, without the shapes of a mechanism, which can be hundreds of megabytes, and without what made it."""
     if not isinstance(problem, Mechanism):
         return problem

@@ -11,7 +11,7 @@ WHOLE = {"n", *COUNTS}
 
 
 @dataclass(frozen=True)
-class Point:
+class RunResult:
     """One run of a comparison; what could not be computed is None.
 
     Attributes:
@@ -81,14 +81,14 @@ class Point:
         return out | {"seconds": self.seconds}
 
 
-def read_point(row: Mapping[str, Any], quantities: Sequence[str]) -> Point:
+def read_point(row: Mapping[str, Any], quantities: Sequence[str]) -> RunResult:
     """A point from a row of JSON, or of CSV where everything is text and nothing is None.
 
     Raises:
         ValueError, KeyError, AttributeError, TypeError: for a row that is none.
     """
     values: dict[str, Any] = {}
-    for f in fields(Point):
+    for f in fields(RunResult):
         if f.name == "times":
             x = row["times"]
             values["times"] = tuple(float(t) for t in (x.split() if isinstance(x, str) else x))
@@ -96,17 +96,17 @@ def read_point(row: Mapping[str, Any], quantities: Sequence[str]) -> Point:
             found = {name: row[f"{f.name[:-1]}_{name}"] for name in quantities}
             if len({x in (None, "") for x in found.values()}) > 1:
                 raise ValueError(f"a run has some of its {f.name}, and not all")
-            values[f.name] = {name: number(x) for name, x in found.items() if x not in (None, "")}
+            values[f.name] = {name: parameter_value(x) for name, x in found.items() if x not in (None, "")}
         elif f.name in ("method", "status"):
             values[f.name] = str(row[f.name])
         elif row[f.name] in (None, ""):
             values[f.name] = None
         else:
-            values[f.name] = int(row[f.name]) if f.name in WHOLE else number(row[f.name])
-    return Point(**values)
+            values[f.name] = int(row[f.name]) if f.name in WHOLE else parameter_value(row[f.name])
+    return RunResult(**values)
 
 
-def number(x: Any) -> float:
+def parameter_value(x: Any) -> float:
     """A number of a file: finite, and not negative, as tolerances, errors and drifts are.
 
     Raises:
@@ -117,7 +117,7 @@ def number(x: Any) -> float:
     return float(x)
 
 
-def in_order(points: Iterable[Point], labels: Sequence[tuple]) -> tuple[Point, ...]:
+def in_order(points: Iterable[RunResult], labels: Sequence[tuple]) -> tuple[RunResult, ...]:
     """Points in the order of the labels asked for; others are left out."""
     found = {p.label: p for p in points}
     return tuple(found[key] for key in labels if key in found)

@@ -8,7 +8,7 @@ from .run_result import COUNTS
 
 if TYPE_CHECKING:
     from .comparison import Comparison
-    from .run_result import Point
+    from .run_result import RunResult
 
 SHORT = {"rejected": "rej.", "factorizations": "fact."}
 
@@ -38,7 +38,7 @@ def comparison_rows(result: "Comparison") -> tuple[list[str], list[list[str]]]:
     return heads, [_row(result, p, len(kept)) for p in result.points]
 
 
-def _row(result: "Comparison", p: "Point", kept: int) -> list[str]:
+def _row(result: "Comparison", p: "RunResult", kept: int) -> list[str]:
     setting = brief(p.rtol) if p.rtol is not None else f"{p.n} steps"
     counts = ["-" if getattr(p, name) is None else str(getattr(p, name)) for name in COUNTS]
     seconds = "-" if p.seconds is None else f"{p.seconds:.3f}"
@@ -50,5 +50,5 @@ def _row(result: "Comparison", p: "Point", kept: int) -> list[str]:
     return [p.method, setting, *errors, *drift, *counts, seconds]
 
 
-def _error(result: "Comparison", p: "Point", quantity: str) -> str:
+def _error(result: "Comparison", p: "RunResult", quantity: str) -> str:
     return f"{p.errors[quantity]:.1e}" if result.known(p, quantity) else f"<{result.floor(quantity):.1e}"

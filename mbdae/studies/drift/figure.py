@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..figures import WIDTH, beside, logarithmic, look, own_style, plain, positive, settled, sheet
+from ..figures import WIDTH, beside, line_style, logarithmic, own_style, plain, positive, settled, sheet
 from .drift import History
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def drifts(runs: Sequence[History]) -> "Figure":
     apart = len({run.method for run in runs}) == len(runs)
     energies = any(run.energy is not None for run in runs)
     for i, run in enumerate(runs):
-        style = look(run.method) | ({} if apart else own_style(i))
+        style = line_style(run.method) | ({} if apart else own_style(i))
         label = run.label if len(titles) == 1 else f"{run.title}: {run.label}"
         for ax, values in ((top, run.g), (bottom, run.energy if energies else run.Gv)):
             if values is not None:

@@ -15,17 +15,17 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import chi2 as chi2_distribution
 
-from ...errors import InputError, MbdaeError, require, several
+from ...errors import InputError, MbdaeError, as_list, require
 from ...mechanism import Mechanism
 from ...mechanism.formats.loaded_model import number
 from ...mechanism.formats.template import Template
 from ...solution.signals import signals as computed_signals
 from ...solution.signals import units
 from ...system import Array
-from ..sensitivity.run_parameters import Makes, maker, named_values, reals, scaled, teller
+from ..sensitivity.run_parameters import MechanismFactory, mechanism_factory, named_values, reals, scaled, teller
 from ..sweep.sweep_run import check_settings
 from .data import records
-from .fit_residuals import Misfit
+from .fit_residuals import FitResiduals
 from .result import TIED, Attempt, Fit
 
 __all__ = ["fit"]
@@ -101,13 +101,13 @@ def fit(
             raise InputError(f"a fit takes no {name}: the times of the data are those of its runs")
     check_settings(settings, others=("problem", "t_span", "t_eval", "events", "progress"))
     told = teller(progress)
-    found = records(data, several(signals, "signals are names of columns"))
+    found = records(data, as_list(signals, "signals are names of columns"))
     loaded = model if isinstance(model, Mechanism) else None
-    make = maker(loaded, None if loaded else model)
+    make = mechanism_factory(loaded, None if loaded else model)
     tables = _known(known, len(found), parameters)
     named_values(make, dict.fromkeys(parameters, 0.0))
     unknown = {name: _unknown(make, name, given) for name, given in parameters.items()}
-    problem = Misfit(make, list(unknown), found, tables, sigma, t_span, settings)
+    problem = FitResiduals(make, list(unknown), found, tables, sigma, t_span, settings)
     low, high = (np.array([getattr(u, key) for u in unknown.values()]) for key in ("low", "high"))
     scale = scaled(scales, {name: (u.high - u.low) / 10 for name, u in unknown.items()})
     first = np.clip([u.start for u in unknown.values()], low, high)
@@ -159,7 +159,7 @@ def _places(first: Array, low: Array, high: Array, n: int, seed: int) -> Iterato
 
 @np.errstate(over="ignore", invalid="ignore")  # of runs that explode, which say so
 def _search(
-    problem: Misfit, start: Array, low: Array, high: Array, scale: Array, shares: Sequence[float],
+    problem: FitResiduals, start: Array, low: Array, high: Array, scale: Array, shares: Sequence[float],
     tell: Callable[[str], None], where: str,
 ) -> Attempt:  # fmt: skip
     """Attempt from a start over growing shares of the samples.
@@ -181,7 +181,7 @@ def _search(
     return Attempt(begun, ended, float(r @ r), converged, message)
 
 
-def _unknown(make: Makes, name: str, given: Any) -> Unknown:
+def _unknown(make: MechanismFactory, name: str, given: Any) -> Unknown:
     """A parameter with its bounds.
 
     Raises:
@@ -207,7 +207,7 @@ def _unknown(make: Makes, name: str, given: Any) -> Unknown:
     return Unknown(start[0], low, high)
 
 
-def _result(problem: Misfit, searches: list[Attempt], low: Array, high: Array, scale: Array) -> Fit:
+def _result(problem: FitResiduals, searches: list[Attempt], low: Array, high: Array, scale: Array) -> Fit:
     best = min(searches, key=lambda s: s.chi2)
     x, problem.share = np.array(list(best.values.values())), 1.0
     r, J, names = problem.residuals(x), problem.jacobian(x) * scale, problem.names

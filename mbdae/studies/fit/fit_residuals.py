@@ -13,7 +13,7 @@ from ...mechanism.callbacks import numbers
 from ...solution.signals import signals as computed_signals
 from ...solution.solution import uninterrupted
 from ...system import Array
-from ..sensitivity.run_parameters import Makes
+from ..sensitivity.run_parameters import MechanismFactory
 from ..sensitivity.sensitivity import sensitivity
 from ..sensitivity.signal_jacobian import differentiable
 from .data import Recording
@@ -21,12 +21,12 @@ from .data import Recording
 FEWEST = 3  # samples of a span for each parameter
 
 
-class Misfit:
+class FitResiduals:
     """Residuals of all runs and their derivatives, of the first share of the samples."""
 
     def __init__(
         self,
-        make: Makes,
+        make: MechanismFactory,
         names: list[str],
         found: list[Recording],
         known: list[dict[str, float]],
@@ -119,7 +119,7 @@ class Misfit:
 class _With:
     """Mechanisms with some numbers known."""
 
-    def __init__(self, make: Makes, known: Mapping[str, float]) -> None:
+    def __init__(self, make: MechanismFactory, known: Mapping[str, float]) -> None:
         self.inner, self.known = make, known
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:

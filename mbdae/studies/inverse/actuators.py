@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import InputError, UnknownNameError, several
+from ...errors import InputError, UnknownNameError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units, effort_unit
 from ...mechanism.forces.dc_motor import DCMotor
@@ -60,7 +60,7 @@ def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str 
         if not chosen:
             raise InputError(f"{mech.title!r} has no drivers and motors: name the joints that are actuated")
     else:
-        chosen = several(names, "actuators is a list of joints and drivers")
+        chosen = as_list(names, "actuators is a list of joints and drivers")
     found: list[tuple[str, str, Array, int]] = []
     joints: set[str] = set()
     for name in chosen:

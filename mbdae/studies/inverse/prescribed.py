@@ -196,13 +196,13 @@ def _followed(mech: Mechanism, joints: list[Any], targets: Array) -> tuple[Array
             if np.abs(x).max() < 1e-10:
                 break
         names = ", ".join(free.coordinate_joint(k) for k in at)
-        if i == 0 and not free.positional.all() and _freedoms(G[free.positional], at):
+        if i == 0 and not free.positional.all() and _remaining_dof(G[free.positional], at):
             rolls = free.row_names[int(np.argmin(free.positional))]
             raise InputError(f"{rolls!r} has rows of velocity: where it goes depends on the way, not on {names} alone: "
                              "give a run, or (t, q, v, a)")  # fmt: skip
-        if i == 0 and _freedoms(G, at):
+        if i == 0 and _remaining_dof(G, at):
             raise InputError(
-                f"{_freedoms(G, at)} freedoms are left when {names} move as in the table: name more joints"
+                f"{_remaining_dof(G, at)} freedoms are left when {names} move as in the table: name more joints"
             )
         missed = float(np.abs(miss).max())
         if not (missed < CONTRADICTS and np.abs(g).max(initial=0.0) < CONTRADICTS):
@@ -226,7 +226,7 @@ def _solve(G: Array, rate: Array, at: list[int], target: Array) -> Array:
     return x + Z @ np.linalg.lstsq(Z[at], target - x[at], rcond=RANK)[0]
 
 
-def _freedoms(G: Array, at: list[int]) -> int:
+def _remaining_dof(G: Array, at: list[int]) -> int:
     """Freedoms that are left while some coordinates are given."""
     rows = np.vstack([G, np.eye(G.shape[1])[at]])
     sizes = np.linalg.svd(rows, compute_uv=False)

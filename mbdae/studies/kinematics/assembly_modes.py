@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, several
+from ...errors import InputError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import PARTS
 from ...mechanism.frames import find_joints
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ...tabular import Tabular
-from .driven_mechanism import Hold, check_freedom, driven, input_at, left_open, start_pose
+from .driven_mechanism import Hold, driven_mechanism, input_at, left_open, require_one_dof, start_pose
 from .mode_search import ModeSearch
 
 __all__ = ["assembly_modes"]
@@ -120,14 +120,14 @@ def assembly_modes(
     """
     mech = mechanism_of(mech, "assembly_modes")
     q0 = start_pose(mech)
-    moved = driven(mech, drive, hold, q0)
+    moved = driven_mechanism(mech, drive, hold, q0)
     system = moved.system()
-    check_freedom(moved, system, q0, drive, [d.joint or d.name for d in moved.drivers[:-1]], left_open(mech))
+    require_one_dof(moved, system, q0, drive, [d.joint or d.name for d in moved.drivers[:-1]], left_open(mech))
     here = input_at(moved, system, q0)
     if at is not None and not np.isfinite(at):
         raise InputError(f"the input must be a number, got {at!r}")
     u = here if at is None else float(at)
-    names = several(apart, "apart is a list of joints") or mech.joint_names
+    names = as_list(apart, "apart is a list of joints") or mech.joint_names
     counts = np.zeros(mech.nv, bool)
     for joint in find_joints(mech.model, names):
         counts[joint.idx_v : joint.idx_v + joint.nv] = True

@@ -10,7 +10,7 @@ from .pose_curve import NEAR, TURN, PoseCurve
 STEP = 0.02  # from a branch point onto a branch
 
 
-def leave(curve: PoseCurve, point: BranchPoint, direction: Array) -> PoseCurve | None:
+def branch_off(curve: PoseCurve, point: BranchPoint, direction: Array) -> PoseCurve | None:
     """A curve from a branch point along a tangent (nv,); None where no closed configuration is found there."""
     other, step = PoseCurve(curve.system, curve.turning), STEP
     other.r = curve.r
@@ -32,6 +32,6 @@ def _input_row(curve: PoseCurve, point: BranchPoint) -> Array:
     return curve.closures(point.q, point.u)[1][-1]
 
 
-def same(curve: PoseCurve, a: BranchPoint, b: BranchPoint) -> bool:
+def is_same_point(curve: PoseCurve, a: BranchPoint, b: BranchPoint) -> bool:
     """Whether two branch points are one pose at one value of the input."""
     return abs(a.u - b.u) < 100 * NEAR * curve.unit and bool(np.abs(curve.wrapped(a.q, b.q)).max() < 100 * NEAR)

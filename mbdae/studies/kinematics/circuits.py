@@ -40,7 +40,7 @@ def circuit(system: "Index2System", turning: Array, period: float, q: Array, u: 
     """Follow the circuit of a closed pose q (nq,) at the input u.
 
     Args:
-        system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven`.
+        system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
         turning: which coordinates are angles, (nv,).
         period: of the input, 2 pi for an angle, else 0.
         q: the pose.

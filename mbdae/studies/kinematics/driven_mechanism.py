@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import qr
 
-from ...errors import InputError, UnknownNameError, several
+from ...errors import InputError, UnknownNameError, as_list
 from ...mechanism import Driver, Mechanism
 from ...mechanism.assembly import close_position
-from ...mechanism.forces import held_joints
+from ...mechanism.forces import stiction_joints
 from ...mechanism.forces.coulomb_friction import CoulombFriction
 from ...mechanism.frames import find_joint
 from ...system import Array
@@ -24,7 +24,7 @@ RANK = 1e-9  # of the largest singular value of G
 Hold = str | Iterable[str] | Mapping[str, float]
 
 
-def driven(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
+def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
     """Return the mechanism with ``drive`` as its last driver, u(t) = t, behind what is held.
 
     Args:
@@ -48,7 +48,7 @@ def driven(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
     own = {d.name: d for d in mech.drivers}
     if drive not in own and drive not in mech.joint_names:
         raise UnknownNameError("drive", drive, [*own, *single(mech)])
-    values = dict(hold) if isinstance(hold, Mapping) else dict.fromkeys(several(hold, "hold is a list of joints"))
+    values = dict(hold) if isinstance(hold, Mapping) else dict.fromkeys(as_list(hold, "hold is a list of joints"))
     clock = {"kind": "polynomial", "coefficients": (0.0, 1.0)}
     if drive in own:
         target = _target(own[drive])
@@ -64,7 +64,7 @@ def driven(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mechanism:
         here = _coordinate(mech, name, q)
         rows.append(Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}"))
     rows.append(Driver.model_validate({**target, "motion": clock, "name": f"drive {drive}"}))
-    forces = [f for f in mech.forces if not (isinstance(f, CoulombFriction) or held_joints(mech.model, [f]))]
+    forces = [f for f in mech.forces if not (isinstance(f, CoulombFriction) or stiction_joints(mech.model, [f]))]
     closures = [c for c in mech.closures if not c.unilateral]
     return Mechanism(mech.model, closures, forces, drivers=rows, start=mech.start_values, title=mech.title)
 
@@ -121,7 +121,7 @@ def _coordinate(mech: Mechanism, name: str, q: Array) -> float:
     return float(x[0]) if joint.nq == 1 else float(np.arctan2(x[1], x[0]))
 
 
-def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str, hold: Iterable[str],
+def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: str, hold: Iterable[str],
                   opens: Sequence[str] = ()) -> None:  # fmt: skip
     """Refuse a mechanism that has not one freedom at a closed configuration q, with what is held and what is open.
 
@@ -143,7 +143,7 @@ def check_freedom(mech: Mechanism, system: "Index2System", q: Array, drive: str,
         raise InputError(f"no freedom is left for {drive!r} to move{f' (held: {held})' if held else ''}")
     if Z.shape[1] > 1:
         n = Z.shape[1] - 1
-        names = to_hold(mech, Z, e, n)
+        names = joints_to_lock(mech, Z, e, n)
         which = f"hold {n} of them besides {drive!r}" + (f", for instance {','.join(names)}" if names else "")
         told = f" (open: {', '.join(opens)})" if opens else ""
         raise InputError(f"{n + 1} freedoms are left{told}: {which}")
@@ -165,7 +165,7 @@ def _is_singular(system: "Index2System", G: Array, left: Array, Z: Array) -> boo
     return False
 
 
-def to_hold(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
+def joints_to_lock(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
     """Joints of one coordinate that leave nothing but the drive to move, n of them; sliding and driven ones first."""
     along = Z.T @ e
     if not np.abs(along).max() > RANK:

@@ -10,16 +10,16 @@ import numpy as np
 from ...errors import AssemblyError, InputError, StepError, is_number
 from ...mechanism import Mechanism
 from ...mechanism.assembly import close_position
-from ...mechanism.joints import turning
+from ...mechanism.joints import angle_components
 from ...solution.problem import mechanism_of
 from ...system import Array
-from .branch_following import leave, same
+from .branch_following import branch_off, is_same_point
 from .branch_points import BranchPoint
 from .curve_sampling import Events, at_crossing, events, sample
-from .driven_mechanism import Hold, check_freedom, driven, input_at, left_open, start_pose
+from .driven_mechanism import Hold, driven_mechanism, input_at, left_open, require_one_dof, start_pose
 from .passing import passed_by
 from .pose_curve import NEAR, CurvePoint, PoseCurve
-from .result import Kinematics, Stretch
+from .result import CurveSegment, Kinematics
 from .transmission import default_output, transmission
 
 __all__ = ["kinematics"]
@@ -78,17 +78,17 @@ def kinematics(
     if not (isinstance(points, int) and points >= 2):
         raise InputError(f"points is a number of poses, at least 2, got {points!r}")
     begin = start_pose(mech) if q is None else mech.vector("q", q, mech.nq)
-    moved = driven(mech, drive, hold, begin)
+    moved = driven_mechanism(mech, drive, hold, begin)
     system = moved.system()
     first, u = _first(moved, begin, span)
     held = [d.joint or d.name for d in moved.drivers[:-1]]
-    check_freedom(moved, system, first, drive, held, left_open(mech))
+    require_one_dof(moved, system, first, drive, held, left_open(mech))
     low, high = _range(moved, u, span, turns)
-    curve = PoseCurve(system, turning(mech.model))
+    curve = PoseCurve(system, angle_components(mech.model))
     curve.begin(first, u, None if span is None or span[1] > span[0] else _falling(curve, first, u))
     found = [Followed(curve.follow(low, high), events(curve))]
     if branches:
-        found += _others(found[0], low, high)
+        found += _other_branches(found[0], low, high)
     if curve.ended in ("long", "stuck"):
         raise StepError("newton", _unfinished(curve, drive, moved))
     if span is None and curve.ended == "range" and moved.row_units[-1] != "rad":
@@ -153,7 +153,7 @@ class Followed(NamedTuple):
     ends: BranchPoint | None = None
 
 
-def _others(first: Followed, low: float, high: float) -> list[Followed]:
+def _other_branches(first: Followed, low: float, high: float) -> list[Followed]:
     """Curves along all tangents at branch points that no curve has passed; each ends where it comes upon another."""
     met: list[BranchPoint] = []
     used: list[set[int]] = []  # ways +1, -1, +2, -2 that were gone from each
@@ -161,7 +161,7 @@ def _others(first: Followed, low: float, high: float) -> list[Followed]:
     start = first.curve.nodes[0]
 
     def number(curve: PoseCurve, point: BranchPoint) -> int:
-        k = next((k for k, other in enumerate(met) if same(curve, point, other)), len(met))
+        k = next((k for k, other in enumerate(met) if is_same_point(curve, point, other)), len(met))
         if k == len(met):
             met.append(point)
             used.append(set())
@@ -196,7 +196,7 @@ def _others(first: Followed, low: float, high: float) -> list[Followed]:
             if sign * (way + 1) in used[k]:
                 continue
             used[k].add(sign * (way + 1))
-            curve = leave(first.curve, met[k], sign * met[k].directions[way])
+            curve = branch_off(first.curve, met[k], sign * met[k].directions[way])
             if curve is not None and low <= curve.nodes[0].u <= high:
                 curve.follow(low, high)
                 found, ends = passed(curve, events(curve))
@@ -226,18 +226,18 @@ def _result(
     n: int,
 ) -> Kinematics:
     points: list[CurvePoint] = []
-    stretches: list[Stretch] = []
+    stretches: list[CurveSegment] = []
     for curve, seen, begins, ends in found:
         sampled = sample(curve, seen, n)
         sampled[:0] = [at_crossing(curve, begins, curve.nodes[0], behind=True)] if begins else []
         sampled += [at_crossing(curve, ends, curve.nodes[-1])] if ends else []
         inputs = [p.u for p in sampled]
-        stretches.append(Stretch(len(points), len(points) + len(sampled), min(inputs), max(inputs), curve.ended))
+        stretches.append(CurveSegment(len(points), len(points) + len(sampled), min(inputs), max(inputs), curve.ended))
         points += sampled
     dead = [d.point for _, seen, *_ in found for d in seen.dead]
     crossings: list[BranchPoint] = []
     for curve, seen, *_ in found:
-        crossings += [b for b in seen.branches.values() if not any(same(curve, b, c) for c in crossings)]
+        crossings += [b for b in seen.branches.values() if not any(is_same_point(curve, b, c) for c in crossings)]
     curve = found[0].curve
     tau = np.array([p.tau for p in points]) * curve.columns
     q = np.array([p.q for p in points])

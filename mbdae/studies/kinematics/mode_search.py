@@ -13,7 +13,7 @@ from ...mechanism import Mechanism
 from ...mechanism.assembly import gauss_newton, is_closed
 from ...mechanism.characteristic_length import linkage_lengths
 from ...mechanism.frames import find_joint
-from ...mechanism.joints import lengths, turning
+from ...mechanism.joints import angle_components, lengths
 from ...system import Array
 from .circuits import circuit
 from .pose_curve import NEAR, PoseCurve
@@ -47,7 +47,7 @@ class ModeSearch:
     """All poses of a mechanism at one value of its input.
 
     Args:
-        moved: the mechanism with its drive, see `mbdae.studies.kinematics.driven_mechanism.driven`.
+        moved: the mechanism with its drive, see `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
         q0: a closed configuration (nq,), at any input.
         u: the input.
         counts: by which coordinates modes are told apart, (nv,).
@@ -61,7 +61,7 @@ class ModeSearch:
 
     def __init__(self, moved: Mechanism, q0: Array, u: float, counts: Array) -> None:
         self.system, self.q0, self.u, self.counts = moved.system(), q0, u, counts
-        self.curve = PoseCurve(self.system, turning(moved.model))
+        self.curve = PoseCurve(self.system, angle_components(moved.model))
         self.modes: list[FoundMode] = []
         self.starts = self.closed = 0
         self.doubts: list[str] = []

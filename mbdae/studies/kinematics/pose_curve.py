@@ -67,7 +67,7 @@ class PoseCurve:
     """Closed configurations near each other.
 
     Args:
-        system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven`.
+        system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
         turning: which coordinates are angles that come again after a turn, (nv,).
         period: of the input: the curve is closed when the pose of the start comes again after a multiple of it; 0 where
             the input must come back, too.

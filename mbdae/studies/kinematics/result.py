@@ -30,7 +30,7 @@ ENDS = {
 }
 
 
-class Stretch(NamedTuple):
+class CurveSegment(NamedTuple):
     """A curve: where its poses begin and end, the range of the input in which it can be assembled, how it ends."""
 
     first: int
@@ -80,7 +80,7 @@ class Kinematics(Tabular):
     transmission: Array
     dead_points: tuple[tuple[float, Array], ...]
     branch_points: tuple[BranchPoint, ...]
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[CurveSegment, ...]
     hidden: tuple[float, ...] = ()
     passed: tuple[Passed, ...] = ()
 

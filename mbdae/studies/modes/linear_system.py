@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from ...errors import UnknownNameError, several
+from ...errors import UnknownNameError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.effort_signals import named_laws
 from ...mechanism.forces.linear import LinearElement
@@ -150,9 +150,9 @@ def linearize(
     """
     mech = mechanism_of(mech, "linearize")
     statics, here, motion, _ = operating_point(mech, q, v, t, hold)
-    into = several(inputs, "inputs is a list of names")
+    into = as_list(inputs, "inputs is a list of names")
     joints = labels(mech, np.arange(mech.nv))
-    out = several(outputs, "outputs is a list of names") or [f"{x}.{n}" for x in "qv" for n in joints]
+    out = as_list(outputs, "outputs is a list of names") or [f"{x}.{n}" for x in "qv" for n in joints]
     back, Z, k = motion.back, motion.speeds, motion.positions.shape[1]
     ns, n = len(here.s), len(motion.A)
     pushes = _pushes(statics, here.q, joints)

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import StepError
 from ...mechanism import Mechanism
 from ...mechanism.formulations.linearization import LinearMotion
-from ...mechanism.formulations.null_space import close
+from ...mechanism.formulations.null_space import close_loops
 from ...mechanism.formulations.spectrum import CERTAIN, Spectrum, spectrum
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
@@ -117,7 +117,7 @@ class Modes(Tabular):
             x = (amplitude or SWING) / largest * (np.exp(1j * phi) * shape).real
             out[k] = system.manifold.integrate(self.motion.q, x)
             try:
-                out[k] = close(system, self.t, out[k])
+                out[k] = close_loops(system, self.t, out[k])
             except StepError:  # the replay shows loops open where a swing is larger than they allow
                 continue
         return out

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...errors import InputError, several
+from ...errors import InputError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.formulations.equilibrium_equations import Balance, Statics
+from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.formulations.linearization import LinearMotion, linearize_at, refuse_unsteady
 from ...system import Array
-from ..statics.equilibrium import balanced, labels, settle_arguments, velocities
+from ..statics.equilibrium import balanced, complete_arguments, labels, velocities
 from ..statics.stability import loses_rank
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def operating_point(
     v: "Coordinates | Array | None",
     t: float,
     hold: str | Iterable[str],
-) -> tuple[Statics, Balance, LinearMotion, str]:
+) -> tuple[Statics, ForceBalance, LinearMotion, str]:
     """Return the balance around which to linearise, and what it is.
 
     A whole configuration (nq,) is taken as it is, with the speeds v. Without one, the start is taken where it is an
@@ -34,12 +34,12 @@ def operating_point(
             a force has no direction.
         EquilibriumError: where none is found.
     """
-    names = several(hold, "hold is a list of joints")
+    names = as_list(hold, "hold is a list of joints")
     held = np.unique(np.array([i for name in names for i in velocities(mech, name)], int))
     found = None
     if isinstance(q, np.ndarray):
         q0 = mech.assemble(q, t=t)[0]
-        speeds = settle_arguments(mech, q, t, v, hold)[1]
+        speeds = complete_arguments(mech, q, t, v, hold)[1]
         found = _at(mech, q0, speeds, t, held), "given"
     elif q is None and v is None:
         try:
@@ -47,7 +47,7 @@ def operating_point(
         except InputError:
             found = None
     if found is None:
-        q0, speeds, fixed, _ = settle_arguments(mech, q, t, v, hold)
+        q0, speeds, fixed, _ = complete_arguments(mech, q, t, v, hold)
         here = balanced(Statics(mech, t, speeds, fixed), q0, "stable")[0]
         statics = Statics(mech, t, speeds, held)
         found = (statics, statics.point(here.q, here.s)), "steady motion" if speeds.any() else "equilibrium"
@@ -65,7 +65,7 @@ def _held(mech: Mechanism, held: Array) -> str:
     return f" with {', '.join(labels(mech, held))} held" if len(held) else ""
 
 
-def _at(mech: Mechanism, q: Array, v: Array, t: float, held: Array) -> tuple[Statics, Balance]:
+def _at(mech: Mechanism, q: Array, v: Array, t: float, held: Array) -> tuple[Statics, ForceBalance]:
     statics = Statics(mech, t, v, held)
     here = statics.point(q, np.array(list(mech.states.values())))
     refuse_unsteady(statics, here)

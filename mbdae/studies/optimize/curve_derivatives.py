@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from ...errors import InputError, UnknownNameError
-from ...mechanism.discrete_sensitivity.frame_partials import frame_slopes
+from ...mechanism.discrete_sensitivity.frame_partials import frame_partials
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...mechanism.frames import WORLD, frame_names, paths
 from ...solution.columns import coordinates
@@ -113,7 +113,7 @@ class CurveSignals(Mapping[str, Array]):
             by_q = [self.system.manifold.coordinate_slopes(q)[at.i] for q in self.found.q]
             return np.einsum("ni,nik->nk", np.reshape(by_q, (-1, nv)), dq)
         frame, axis = _point(name)
-        parts = [frame_slopes(self.numbers, q, [frame]) for q in self.found.q]
+        parts = [frame_partials(self.numbers, q, [frame]) for q in self.found.q]
         row = AXES.index(axis)
         return np.array([by_q[0, row] @ d + by_p[0, row] for (by_q, by_p), d in zip(parts, dq, strict=True)])
 

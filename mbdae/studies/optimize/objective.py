@@ -15,12 +15,12 @@ from ...mechanism.callbacks import attempted, numbers
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
 from ...solution.solution import Solution, uninterrupted
 from ...system import Array
-from ..kinematics.driven_mechanism import driven
+from ..kinematics.driven_mechanism import driven_mechanism
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
-from ..sensitivity.cost import Cost, Told, evaluated, named
+from ..sensitivity.cost import Cost, NamedCost, evaluated, named
 from ..sensitivity.gradient import gradient
-from ..sensitivity.run_parameters import Makes
+from ..sensitivity.run_parameters import MechanismFactory
 from ..sweep.sweep_run import check_settings
 from .curve_derivatives import CurveSignals, check_whole
 
@@ -32,7 +32,7 @@ class Measured(NamedTuple):
     slopes: Callable[[], Array]
 
 
-class WithNumbers(Mapping[str, Any]):
+class SignalsAndParameters(Mapping[str, Any]):
     """Signals, and besides them the parameters by name."""
 
     def __init__(self, signals: Mapping[str, Array], values: Mapping[str, float]) -> None:
@@ -48,14 +48,14 @@ class WithNumbers(Mapping[str, Any]):
         return len(self.values_of) + len(self.signals)
 
 
-class _OfSignals(Told):
+class _OfSignals(NamedCost):
     """A cost without what it says of the parameters, which is kept aside."""
 
     def __init__(self, cost: Cost, values: Mapping[str, float], what: str) -> None:
         self.cost, self.values, self.own, self.what = cost, values, np.zeros(len(values)), what or named(cost)
 
     def __call__(self, signals: Mapping[str, Array]) -> Any:
-        known = WithNumbers(signals, self.values)
+        known = SignalsAndParameters(signals, self.values)
         found = attempted(self.what, lambda: self.cost(known), lambda: numbers(self.values))
         if not (isinstance(found, tuple | list) and len(found) == 2 and isinstance(found[1], Mapping)):
             return found
@@ -78,7 +78,7 @@ class RunMotion:
     """
 
     result: Solution
-    make: Makes
+    make: MechanismFactory
     values: dict[str, float]
 
     def measure(self, cost: Cost, what: str = "") -> Measured:
@@ -123,7 +123,7 @@ Motion = RunMotion | CurveMotion
 Moves = Callable[[dict[str, float]], Motion]
 
 
-def runs(make: Makes, t_span: tuple[float, float] | None, settings: Mapping[str, Any]) -> Moves:
+def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: Mapping[str, Any]) -> Moves:
     """What runs a mechanism with given numbers.
 
     Raises:
@@ -143,7 +143,7 @@ def runs(make: Makes, t_span: tuple[float, float] | None, settings: Mapping[str,
     return run
 
 
-def curves(make: Makes, drive: str, first: Mechanism, options: Mapping[str, Any]) -> Moves:
+def curves(make: MechanismFactory, drive: str, first: Mechanism, options: Mapping[str, Any]) -> Moves:
     """What follows the poses of a mechanism with given numbers over the inputs and with the joints held of the first.
 
     Raises:
@@ -163,7 +163,7 @@ def curves(make: Makes, drive: str, first: Mechanism, options: Mapping[str, Any]
         check_whole(found, span)
 
         def moved(other: Mapping[str, float]) -> Mechanism:
-            return driven(make.make(other), drive, hold, found.q[0])
+            return driven_mechanism(make.make(other), drive, hold, found.q[0])
 
         return CurveMotion(found, moved, values)
 

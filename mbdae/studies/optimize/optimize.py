@@ -17,9 +17,9 @@ from ...errors import InputError, MbdaeError, UnknownNameError, is_number, requi
 from ...mechanism import Mechanism
 from ...system import Array
 from ..sensitivity.cost import Cost
-from ..sensitivity.run_parameters import Names, maker, named_values, reals, scaled, teller
+from ..sensitivity.run_parameters import Names, mechanism_factory, named_values, reals, scaled, teller
 from .objective import Measured, Motion, Moves, curves, runs
-from .result import Optimum, Tried
+from .result import Evaluation, Optimum
 
 __all__ = ["optimize"]
 
@@ -90,7 +90,7 @@ def optimize(
     if search == "L-BFGS-B" and constraints:
         raise InputError("search 'L-BFGS-B' takes no constraints, only bounds")
     loaded = model if isinstance(model, Mechanism) else None
-    make = maker(loaded, None if loaded else model)
+    make = mechanism_factory(loaded, None if loaded else model)
     start = _start(make, parameters)
     box = _pairs("parameter", start, _table("bounds", bounds))
     limits = {name: _limits(name, given) for name, given in _table("constraints", constraints).items()}
@@ -118,9 +118,9 @@ class Problem:
     ) -> None:
         self.moves, self.functions, self.limits = moves, {"": cost, **functions}, limits
         self.start, self.tell, self.scale = start, progress, np.ones(len(start))
-        self.history: list[Tried] = []
+        self.history: list[Evaluation] = []
         self.last: tuple[Array, dict[str, Measured]] | None = None
-        self.best: tuple[Tried, Motion, dict[str, Measured]] | None = None
+        self.best: tuple[Evaluation, Motion, dict[str, Measured]] | None = None
         self.z = np.zeros(len(start))
         first = self.measure(self.z)
         for m in first.values():
@@ -147,11 +147,11 @@ class Problem:
         except MbdaeError as e:
             if not self.history:
                 raise
-            self.history.append(Tried(values, np.nan, {}, str(e)))
+            self.history.append(Evaluation(values, np.nan, {}, str(e)))
             assert self.best is not None  # the start was computed
             found = {**self.best[2], "": Measured(np.inf, lambda: np.zeros(len(z)))}
         else:
-            tried = Tried(values, found[""].value, {name: m.value for name, m in found.items() if name})
+            tried = Evaluation(values, found[""].value, {name: m.value for name, m in found.items() if name})
             self.history.append(tried)
             if self.best is None or self.rank(tried) < self.rank(self.best[0]):
                 self.best = tried, motion, found
@@ -159,13 +159,13 @@ class Problem:
         self.last = z.copy(), found
         return found
 
-    def missed(self, tried: Tried) -> float:
+    def missed(self, tried: Evaluation) -> float:
         """By how much the constraints are missed, in their sizes; 0 where they hold."""
         found = [(x, self.sizes[name], *self.limits[name]) for name, x in tried.constraints.items()]
         parts = [max(low - x, x - high) / size for x, size, low, high in found]
         return max((x for x in parts if x > HOLDS), default=0.0)
 
-    def rank(self, tried: Tried) -> tuple[float, float]:
+    def rank(self, tried: Evaluation) -> tuple[float, float]:
         """Points that keep the constraints come first, by their cost; others by what they miss."""
         return (self.missed(tried) if len(self.history) > 1 else 0.0), tried.cost
 

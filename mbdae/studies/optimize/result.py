@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__: list[str] = []
 
 
-class Tried(NamedTuple):
+class Evaluation(NamedTuple):
     """A point of a search: the parameters, the cost, the constraints by name, and why nothing could be computed."""
 
     values: dict[str, float]
@@ -53,13 +53,13 @@ class Optimum(Tabular):
     bounds: dict[str, tuple[float, float]]
     mechanism: Mechanism = field(repr=False)
     motion: Solution | Kinematics = field(repr=False)
-    history: tuple[Tried, ...] = field(repr=False)
+    history: tuple[Evaluation, ...] = field(repr=False)
     converged: bool = True
     interrupted: bool = False
     message: str = ""
 
     @property
-    def start(self) -> Tried:
+    def start(self) -> Evaluation:
         """Where the search began."""
         return self.history[0]
 

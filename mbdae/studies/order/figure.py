@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figures import WIDTH, beside, logarithmic, look, plain, settled, sheet
-from .result import OrderStudy, Slope
+from ..figures import WIDTH, beside, line_style, logarithmic, plain, settled, sheet
+from .result import ObservedOrder, OrderStudy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,8 +50,8 @@ def convergence(study: OrderStudy) -> "Figure":
     return figure
 
 
-def _convergence_line(ax: "Axes", name: str, slope: Slope, T: float) -> None:
-    style = {**look(name), "linestyle": "none"}
+def _convergence_line(ax: "Axes", name: str, slope: ObservedOrder, T: float) -> None:
+    style = {**line_style(name), "linestyle": "none"}
     h, e = T / np.array(slope.steps, float), np.array(slope.errors)
     shown = (e > 0) & np.isfinite(e)
     used = np.zeros(len(e), bool)

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, several
-from ...finite_differences import PLACES, quotient
+from ...errors import InputError, as_list
+from ...finite_differences import STENCIL, central_difference
 from ...integrate.binding import common
 from ...integrate.solve import solve
 from ...integrate.span import checked_span
@@ -26,7 +26,7 @@ from ...methods.radau import Method
 from ...solution.problem import mechanism_of
 from ...solution.solution import Solution
 from ...system import Array
-from ..sensitivity.run_parameters import maker
+from ..sensitivity.run_parameters import mechanism_factory
 from ..sensitivity.sensitivity import sensitivity
 from .measurement import LEAST_OUTPUTS, Measurement, Progress, ended, finished
 from .result import OrderStudy
@@ -113,7 +113,7 @@ def check_gradients(
         InputError: for wrong T or steps, no mechanism, or one without freedom and no parameter.
     """
     mech = mechanism_of(mech, "check_gradients")
-    names = several(methods or METHODS, "methods is a list of names")
+    names = as_list(methods or METHODS, "methods is a list of names")
     chosen = {m.name: m for m in map(find_method, names)}
     _, T = checked_span(T if T is not None else mech.order.T, end=True)
     steps = steps if steps is not None else mech.order.steps
@@ -169,7 +169,7 @@ class GradientMeasurement(Measurement):
         if self.parameter is None:
             v = self.own[1] + (moved or 0.0) * self.direction
         elif moved is not None:
-            mech = maker(mech, self.model).make({self.parameter: moved})
+            mech = mechanism_factory(mech, self.model).make({self.parameter: moved})
         return ended(solve(mech, (0.0, self.T), q, v, method=method, step=self.T / n, backend=self.backend))
 
     def beside(self, method: Method) -> tuple[float, float]:
@@ -192,9 +192,9 @@ class GradientMeasurement(Measurement):
     def _quotient(self, method: Method, n: int, width: float, sol: Solution) -> Array | None:
         """The derivative of order six by runs with other values, (n, 2 nv)."""
         h, nq = width * (abs(self.value) or 1.0), self.mech.nq
-        places: tuple[int, ...] = PLACES
+        places: tuple[int, ...] = STENCIL
         if (name := self.parameter) is not None:
-            make = maker(self.mech, self.model).make
+            make = mechanism_factory(self.mech, self.model).make
             h, places = possible(lambda by: make({name: self.value + by}), h)
         moves: dict[int, Array] = {}
         for k in places:
@@ -203,7 +203,7 @@ class GradientMeasurement(Measurement):
                 return None
             turns = [self.mech.manifold.difference(a, b) for a, b in zip(sol.q, other.q, strict=True)]
             moves[k] = np.hstack([np.array(turns), other.y[:, nq : nq + self.mech.nv] - sol.v])
-        return np.asarray(quotient(moves, h))
+        return np.asarray(central_difference(moves, h))
 
     def claims(self, tableau: Any) -> tuple[list[int], int]:
         """The claimed orders, and how many of the quantities are judged."""

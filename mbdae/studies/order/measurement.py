@@ -21,7 +21,7 @@ from ...methods.radau import Method
 from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
 from .rates import ABOVE, HALVINGS, above, done, fit
-from .result import Slope
+from .result import ObservedOrder
 
 LEAST_OUTPUTS = 10
 LARGEST_RUN = 120_000  # solves in one run of the study
@@ -150,7 +150,7 @@ class Measurement:
         found = [order] * (len(self.names) - 2) + [tableau.order_own, order]
         return found, len(found) if self.system.nz else len(found) - 2
 
-    def judge(self, tableau: Method) -> tuple[Slope, ...]:
+    def judge(self, tableau: Method) -> tuple[ObservedOrder, ...]:
         """Halve the steps of a method until its slopes can be judged, or never will; then try coarser ones."""
         reference, uncertainty = self.reference(tableau.name)
         samples: dict[int, tuple[Array, ...]] = {}
@@ -180,7 +180,7 @@ class Measurement:
         samples: dict[int, tuple[Array, ...]],
         reference: tuple[Array, ...],
         uncertainty: Array,
-    ) -> tuple[Slope, ...]:
+    ) -> tuple[ObservedOrder, ...]:
         """The slope of each quantity that is judged, from samples by number of steps."""
         claims, number = self.claims(tableau)
         errors = [self.difference(x, reference) for x in samples.values()]

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ...errors import InputError, several
+from ...errors import InputError, as_list
 from ...integrate.binding import common
 from ...integrate.span import checked_span
 from ...mechanism import Mechanism
@@ -45,7 +45,7 @@ def check_order(
         InputError: for wrong T or steps, or no problem.
     """
     problem = problem_of(problem, "check_order")
-    names = several(methods or METHODS, "methods is a list of names")
+    names = as_list(methods or METHODS, "methods is a list of names")
     chosen = {m.name: m for m in map(find_method, names)}
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None

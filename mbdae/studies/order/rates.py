@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...system import Array
-from .result import Slope
+from .result import ObservedOrder
 
 HALVINGS, LAST, MARGIN, ABOVE = 4, 2, 0.2, 100.0
 LARGE = 0.1  # of what a quantity moves by: errors as large are not of the leading order yet
@@ -29,7 +29,7 @@ def fit(
     uncertainty: float,
     moves: float,
     largest: int,
-) -> Slope:
+) -> ObservedOrder:
     """Fit a slope to errors over numbers of steps, coarse ones first, and hold it against the claim.
 
     Errors count above their floors; one that is a tenth of what the quantity moves by refutes nothing. Reasons name the
@@ -45,16 +45,18 @@ def fit(
             what = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
         else:
             what = f"{counted} above {ABOVE:g} times rounding"
-        return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
+        return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
     x, y = np.log2(ns[end - 1 - HALVINGS : end]), -np.log2(errors[end - 1 - HALVINGS : end])
     last, verdict = judged(x, y, claimed - MARGIN)
     if not verdict:
         changing = ", ".join(f"{rate:.2f}" for rate in np.diff(y) / np.diff(x))
-        return Slope(quantity, claimed, None, f"cannot be judged: rates still change, {changing}", *record)
+        return ObservedOrder(quantity, claimed, None, f"cannot be judged: rates still change, {changing}", *record)
     if verdict == "misses" and errors[end - 1 - HALVINGS] > LARGE * moves > 0:
         what = f"errors are up to {errors[end - 1 - HALVINGS]:.1e}, where it moves by {moves:.1e}"
-        return Slope(quantity, claimed, None, f"cannot be judged: {what}", *record)
-    return Slope(quantity, claimed, slope(x[-1 - last :], y[-1 - last :]), verdict, *record, (end - 1 - last, end))
+        return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
+    return ObservedOrder(
+        quantity, claimed, slope(x[-1 - last :], y[-1 - last :]), verdict, *record, (end - 1 - last, end)
+    )
 
 
 def slope(x: Array, y: Array) -> float:

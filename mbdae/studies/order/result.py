@@ -18,7 +18,7 @@ FEW = 3  # methods whose errors the text shows
 
 
 @dataclass(frozen=True)
-class Slope:
+class ObservedOrder:
     """One quantity of one method.
 
     Attributes:
@@ -70,7 +70,7 @@ class OrderStudy(Tabular):
 
     title: str
     T: float
-    slopes: dict[str, tuple[Slope, ...]]
+    slopes: dict[str, tuple[ObservedOrder, ...]]
     backend: str = "python"
     because: str = ""
     missing: tuple[str, ...] = ()

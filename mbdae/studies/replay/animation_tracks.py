@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InputError, several
+from ...errors import InputError, as_list
 from ...mechanism.contacts import path, rolling
 from ...mechanism.frames import joint_paths, paths
 from ...system import Array
@@ -118,7 +118,7 @@ def traces(mechanism: "Mechanism", names: str | Sequence[str], q: Array) -> list
     Raises:
         UnknownNameError: for a frame or rolling closure that does not exist.
     """
-    listed = several(names, "traces is a list of frames")
+    listed = as_list(names, "traces is a list of frames")
     found = [
         path(mechanism, n.removeprefix(TOUCHED), q) if n.startswith(TOUCHED) else paths(mechanism.model, [n], q)[0]
         for n in listed
@@ -145,7 +145,7 @@ def arrows(sol: "Solution", names: bool | str | Sequence[str], times: Array) -> 
     if names is True and not joined:
         raise InputError(f"{mech.title!r} has no closures between frames: there are no forces to draw; name a joint")
     sample = sol.resampled(times)
-    chosen = joined if names is True else several(names, "arrows is True, or a list of closures and joints")
+    chosen = joined if names is True else as_list(names, "arrows is True, or a list of closures and joints")
     found = [sample.reaction(name) for name in chosen]
     wheels = {c.name for c in rolling(mech)}
     at = [

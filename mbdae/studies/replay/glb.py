@@ -17,7 +17,7 @@ from .solids import coil, parts, solid
 
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
-    from .mode_tracks import Switched
+    from .mode_tracks import ModeTrack
 
 GREY = (0.7, 0.7, 0.7, 1.0)
 SPRING = (0.8, 0.22, 0.2, 1.0)
@@ -103,7 +103,7 @@ class _File:
         return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
 
 
-def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks: Sequence["Switched"] = ()) -> bytes:
+def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks: Sequence["ModeTrack"] = ()) -> bytes:
     """The file of a motion.
 
     Args:
@@ -183,7 +183,7 @@ def normals(surface: Surface) -> Array:
     return np.where(sizes[:, None] > 0, sums / np.maximum(sizes, 1e-300)[:, None], unit[np.arange(len(point)) // 3])
 
 
-def _holding(mark: "Switched", times: Array, speed: float) -> tuple[Array, Array]:
+def _holding(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array, Array]:
     """Seconds (n,) at which a mark appears or goes, and its sizes from there on, (n,)."""
     ends = np.abs(np.reshape(mark.held, (-1, 2)) - times[0]) / speed
     at = np.unique(np.append(ends.ravel(), 0.0).astype("f4"))
@@ -191,7 +191,7 @@ def _holding(mark: "Switched", times: Array, speed: float) -> tuple[Array, Array
     return at, ((low <= at[:, None]) & (at[:, None] < high)).any(axis=1).astype(float)
 
 
-def _flashing(mark: "Switched", times: Array, speed: float) -> tuple[Array, Array]:
+def _flashing(mark: "ModeTrack", times: Array, speed: float) -> tuple[Array, Array]:
     """Seconds (n,) and the sizes of a mark there, (n,), which an impact makes large and which then falls to 0."""
     if not mark.struck:
         return np.zeros(1), np.zeros(1)

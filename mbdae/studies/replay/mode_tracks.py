@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 HELD, STRUCK = "#6741d9", "#f59f00"
 
 
-class Switched(NamedTuple):
+class ModeTrack(NamedTuple):
     """What held or was struck in a run.
 
     Attributes:
@@ -41,7 +41,7 @@ class Switched(NamedTuple):
         return {**self._asdict(), "places": [typed(place, "float32") for place in self.places]}
 
 
-def switched(sol: "Solution", q: Array) -> list[Switched]:
+def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:
     """What held or was struck in a run, with its places at the configurations q (m, nq) of the frames."""
     out = []
     for switch in sol.mechanism.switches:
@@ -56,7 +56,7 @@ def switched(sol: "Solution", q: Array) -> list[Switched]:
         strength = np.sqrt(impulses / (impulses.max(initial=0.0) or 1.0)).tolist()
         ends = [t for span in held for t in span]
         places = _places(sol.mechanism, switch, q)
-        out.append(Switched(switch.name, word, places, ends, [t for t, _ in struck], strength))
+        out.append(ModeTrack(switch.name, word, places, ends, [t for t, _ in struck], strength))
     return out
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...errors import InputError, several
+from ...errors import InputError, as_list
 from ...solution.signals import find, signals, units
 from ...system import Array
 from ..figures import NAMES
@@ -88,7 +88,7 @@ class _Group(NamedTuple):
 
 def _entries(plots: str | Sequence[Plot] | None) -> list[tuple[str, ...]]:
     what = "plots is a list of signals, or of lists of them"
-    return [tuple(several(entry, what)) for entry in several(plots or (), what)]
+    return [tuple(as_list(entry, what)) for entry in as_list(plots or (), what)]
 
 
 def _defaults(table: Mapping[str, Curve], mech: "Mechanism") -> list[_Group]:

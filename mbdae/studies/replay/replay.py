@@ -12,7 +12,7 @@ from ...file_io import write_page, write_whole
 from ..figures import COLOURS
 from . import animation_tracks as tracks
 from .html_page import document, drawn, frame
-from .mode_tracks import HELD, STRUCK, switched
+from .mode_tracks import HELD, STRUCK, mode_tracks_of
 from .plot_panels import Plot, PlotPanel, Signal, panes
 from .threejs import typed
 from .video import VIDEO, film
@@ -95,7 +95,7 @@ def animate(
         _checked(sol, fps, speed)
         times, q = _frames(sol, 30.0 if fps is None else fps, MAX_FRAMES)
         with write_whole(path) as draft:
-            scene, marks = sol.mechanism.scene.travelled(q), switched(sol, q)
+            scene, marks = sol.mechanism.scene.travelled(q), mode_tracks_of(sol, q)
             draft.write_bytes(glb(scene, times, q, sol.mechanism.title, speed or pace(sol), marks))
         return Path(path)
     shown: dict[str, Any] = {"plots": plots, "signals": signals, "traces": traces, "ghosts": ghosts, "arrows": arrows}
@@ -162,7 +162,11 @@ def page(
         "choices": tracks.choices(sol, choices or {}, times),
         "traces": tracks.traces(mechanism, traces, q),
         "arrows": tracks.arrows(sol, arrows, times),
-        "switched": {"held": HELD, "struck": STRUCK, "each": [] if choices else [x.plain() for x in switched(sol, q)]},
+        "switched": {
+            "held": HELD,
+            "struck": STRUCK,
+            "each": [] if choices else [x.plain() for x in mode_tracks_of(sol, q)],
+        },
         "panes": [_pane(p) for p in panes(sol, plots, signals or {}, ghosts.values())],
     }
     return document(mechanism.title, payload)

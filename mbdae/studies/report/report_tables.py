@@ -14,7 +14,7 @@ from ...mechanism import Mechanism
 from ...mechanism.joints import kind_of
 from ...tabular import wordy
 from ..comparison.comparison import Work
-from ..comparison.ranking import Place
+from ..comparison.ranking import RankingEntry
 
 if TYPE_CHECKING:
     from ..comparison.comparison import Comparison
@@ -116,7 +116,7 @@ def _brief(value: Any) -> str:
     return " ".join(f"{k} {_brief(v)}" for k, v in value.items()) if isinstance(value, dict) else str(value)
 
 
-def _cell(place: Place, best: float) -> str:
+def _cell(place: RankingEntry, best: float) -> str:
     if place.work is None:
         return "-"
     text = ("&lt; " if place.bound else "") + (f"{place.work:.3g}" if place.work < 100 else f"{place.work:.0f}")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import UnknownNameError, several
+from ...errors import UnknownNameError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units
 from ...solution.signals import find, signals, units
@@ -57,7 +57,7 @@ def motion(sol: Solution, names: str | Sequence[str] = ()) -> "Figure":
 def _textbook(sol: Solution, names: str | Sequence[str]) -> "Figure":
     """Draw y and z over time, or some of them: ``"y.1"``, ``"z"``."""
     columns = sol.signals()
-    asked = several(names or ("y", "z"), "signals are a list of names")
+    asked = as_list(names or ("y", "z"), "signals are a list of names")
     for name in asked:
         if name not in columns and name not in ("y", "z"):
             raise UnknownNameError("signal", name, ["y", "z", *columns])

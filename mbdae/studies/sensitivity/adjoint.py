@@ -4,16 +4,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...integrate.native_trajectory import Nodes
-from ...integrate.trajectory import Part, Trace
+from ...integrate.native_trajectory import NodeRange
+from ...integrate.trajectory import Trajectory, TrajectoryPart
 from ...system import Array
-from .signal_jacobian import SignalSlopes
-from .terminal_event import Ending
+from .signal_jacobian import SignalJacobian
+from .terminal_event import EventTimeDerivative
 
 Cotangents = tuple[Array, Array, float]  # of y and what is carried, (ny + nc,), of the parameters, (k,), and of time
 
 
-class Arriving:
+class NodeCotangents:
     """What a cost says of the nodes of a run.
 
     Args:
@@ -23,9 +23,9 @@ class Arriving:
         weights: derivatives of the cost with respect to signals by name, (n,) each.
     """
 
-    def __init__(self, trace: Trace, t: Array, points: Array, weights: Mapping[str, Array]) -> None:
+    def __init__(self, trace: Trajectory, t: Array, points: Array, weights: Mapping[str, Array]) -> None:
         self.trace, self.t, self.points = trace, t, points
-        self.signals = SignalSlopes(trace, list(weights))
+        self.signals = SignalJacobian(trace, list(weights))
         self.weights = np.array(list(weights.values())).reshape(len(weights), len(t))
         places = trace.sol.before(t) if trace.sol.steps else np.arange(len(t))
         self.fixed: Array | None = None  # rows of signals that are the same everywhere, times the weights
@@ -62,7 +62,9 @@ class Arriving:
         return _all_reversed(parts, bar, trace.slopes.ny, trace.slopes.k)
 
 
-def backwards(trace: Trace, arriving: Arriving, end: Ending | None, k: int) -> tuple[Array, Array]:
+def adjoint_sweep(
+    trace: Trajectory, arriving: NodeCotangents, end: EventTimeDerivative | None, k: int
+) -> tuple[Array, Array]:
     """Return the cotangents of the given start y, (ny,), and of the parameters, (k,).
 
     Args:
@@ -93,7 +95,7 @@ def backwards(trace: Trace, arriving: Arriving, end: Ending | None, k: int) -> t
     return bar[:ny], p + by_p
 
 
-def _at_once(trace: Trace, arriving: Arriving, nodes: Nodes, bar: Array) -> tuple[Array, Array] | None:
+def _at_once(trace: Trajectory, arriving: NodeCotangents, nodes: NodeRange, bar: Array) -> tuple[Array, Array] | None:
     """The same along some steps in the core; None where it does not go."""
     assert trace.core is not None
     own = [arriving.at(i) for i in nodes.steps]
@@ -102,7 +104,7 @@ def _at_once(trace: Trace, arriving: Arriving, nodes: Nodes, bar: Array) -> tupl
     return found and (found[0] + own[0][0], found[1] + sum(x[1] for x in own))
 
 
-def _all_reversed(parts: list[Part], bar: Array, ny: int, k: int) -> tuple[Array, Array]:
+def _all_reversed(parts: list[TrajectoryPart], bar: Array, ny: int, k: int) -> tuple[Array, Array]:
     """Back through parts of a run: cotangents of y and what is carried, and of the parameters."""
     p = np.zeros(k)
     for part in reversed(parts):

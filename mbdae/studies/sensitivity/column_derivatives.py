@@ -10,14 +10,14 @@ from ...mechanism.contacts import rolling
 from ...mechanism.effort_signals import effort_units
 from ...mechanism.momentum import MOMENTUM
 from ...mechanism.signal_derivatives import (
-    VariedMotion,
-    contact_slopes,
-    drive_power_slopes,
-    effort_slopes,
-    load_slopes,
-    momentum_slopes,
-    motion_slopes,
-    path_slopes,
+    MotionTangent,
+    contact_derivatives,
+    driver_power_derivatives,
+    effort_derivatives,
+    frame_motion_derivatives,
+    momentum_derivatives,
+    path_derivatives,
+    reaction_derivatives,
 )
 from ...solution.columns import CONTACT, frame_units, load_units, moving_frames
 from ...system import Array
@@ -25,7 +25,7 @@ from ...system import Array
 ROUNDING = 1e-11  # of the largest vector of a kind: smaller ones are what rounding leaves of zero
 
 
-class SlopeFamily(NamedTuple):
+class DerivativeFamily(NamedTuple):
     """Columns whose slopes are found together.
 
     Attributes:
@@ -35,7 +35,7 @@ class SlopeFamily(NamedTuple):
     """
 
     names: Callable[[Mechanism], Mapping[str, str] | list[str]]
-    rows: Callable[[VariedMotion], Array]
+    rows: Callable[[MotionTangent], Array]
     rated: bool
 
 
@@ -47,21 +47,21 @@ def _flat(rows: Array) -> Array:
     return rows.reshape(-1, rows.shape[-1])
 
 
-def _loads(motion: VariedMotion) -> Array:
-    values, slopes = load_slopes(motion)
+def _loads(motion: MotionTangent) -> Array:
+    values, slopes = reaction_derivatives(motion)
     world, own = slopes
     size = along(values[0], world)
     return _flat(np.concatenate([size[:, :, None], world, own], axis=2))
 
 
-def _speeds(motion: VariedMotion) -> Array:
+def _speeds(motion: MotionTangent) -> Array:
     """Positions, and velocities with their magnitudes before them."""
-    values, slopes = motion_slopes(motion, moving_frames(motion.mechanism))
+    values, slopes = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
     return np.concatenate([_flat(slopes[0]), _with_size(values[1], slopes[1])])
 
 
-def _accelerations(motion: VariedMotion) -> Array:
-    values, slopes = motion_slopes(motion, moving_frames(motion.mechanism))
+def _accelerations(motion: MotionTangent) -> Array:
+    values, slopes = frame_motion_derivatives(motion, moving_frames(motion.mechanism))
     return _with_size(values[2], slopes[2])
 
 
@@ -84,19 +84,19 @@ def _of_frames(mech: Mechanism, rated: bool) -> list[str]:
 
 
 FAMILIES = (
-    SlopeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling(mech) for x in "xyz"],
-           lambda motion: _flat(path_slopes(motion)), False),
-    SlopeFamily(_contact_names, lambda motion: _flat(contact_slopes(motion)), True),
-    SlopeFamily(load_units, _loads, True),
-    SlopeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], drive_power_slopes, True),
-    SlopeFamily(effort_units, effort_slopes, False),
-    SlopeFamily(lambda mech: _of_frames(mech, False), _speeds, False),
-    SlopeFamily(lambda mech: _of_frames(mech, True), _accelerations, True),
-    SlopeFamily(lambda mech: MOMENTUM, momentum_slopes, False),
+    DerivativeFamily(lambda mech: [f"contact.{c.name}.{x}" for c in rolling(mech) for x in "xyz"],
+           lambda motion: _flat(path_derivatives(motion)), False),
+    DerivativeFamily(_contact_names, lambda motion: _flat(contact_derivatives(motion)), True),
+    DerivativeFamily(load_units, _loads, True),
+    DerivativeFamily(lambda mech: [f"power.{d.name}" for d in mech.drivers], driver_power_derivatives, True),
+    DerivativeFamily(effort_units, effort_derivatives, False),
+    DerivativeFamily(lambda mech: _of_frames(mech, False), _speeds, False),
+    DerivativeFamily(lambda mech: _of_frames(mech, True), _accelerations, True),
+    DerivativeFamily(lambda mech: MOMENTUM, momentum_derivatives, False),
 )  # fmt: skip
 
 
-def find_column(mech: Mechanism, name: str) -> tuple[SlopeFamily, int] | None:
+def find_column(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int] | None:
     """The family of a column, and its number there; None where it has no slopes."""
     for family in FAMILIES:
         if name in (names := list(family.names(mech))):

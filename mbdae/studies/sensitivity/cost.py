@@ -36,7 +36,7 @@ class Signals(Mapping[str, Array]):
 Cost = Callable[[Mapping[str, Array]], tuple[float, Mapping[str, Array]]]
 
 
-class Told:
+class NamedCost:
     """A function of signals that messages call otherwise than a cost.
 
     Attributes:
@@ -109,7 +109,7 @@ def real(x: Any) -> Array:
 
 def named(cost: Any) -> str:
     """What messages call a cost."""
-    return cost.what if isinstance(cost, Told) else f"cost {function_name(cost)!r}"
+    return cost.what if isinstance(cost, NamedCost) else f"cost {function_name(cost)!r}"
 
 
 def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, dict[str, Array]]:

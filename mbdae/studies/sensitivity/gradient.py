@@ -8,13 +8,13 @@ import numpy as np
 
 from ...errors import require
 from ...integrate.events import Event
-from ...integrate.trajectory import Trace
+from ...integrate.trajectory import Trajectory
 from ...solution.solution import Solution
 from ...tabular import Columns, Tabular
-from .adjoint import Arriving, backwards
+from .adjoint import NodeCotangents, adjoint_sweep
 from .cost import Cost, Signals, evaluated
 from .run_parameters import Model, Names, bound
-from .sensitivity import begun, places, start_columns
+from .sensitivity import places, start_columns, start_tangent
 from .terminal_event import ending
 
 __all__ = ["gradient"]
@@ -79,16 +79,16 @@ def gradient(
     require(sol, Solution, "gradient takes a Solution (see mbdae.solve)")
     require(start, bool, "start is True or False")
     values, numbers = bound(sol, parameters, model)
-    trace = Trace(sol, numbers)
+    trace = Trajectory(sol, numbers)
     end, at = ending(trace, event), places(sol)
     between = np.flatnonzero(sol.t != trace.ts[at])
     points = sol.y.copy() if len(between) else sol.y
     for k in between:
         points[k] = trace.between(int(at[k]), float(sol.t[k]))
     value, weights = evaluated(cost, Signals(replace(sol, y=points)), len(sol.t))
-    arriving = Arriving(trace, sol.t, points, weights)
-    bar, p = backwards(trace, arriving, end, len(values))
-    both = begun(trace, np.eye(len(values), len(values) + (trace.slopes.ny - 1) * start), start).T @ bar
+    arriving = NodeCotangents(trace, sol.t, points, weights)
+    bar, p = adjoint_sweep(trace, arriving, end, len(values))
+    both = start_tangent(trace, np.eye(len(values), len(values) + (trace.slopes.ny - 1) * start), start).T @ bar
     total = both + np.concatenate([p, np.zeros(len(both) - len(p))])
     names = [*values, *(start_columns(trace) if start else ())]
     return Gradient(value, dict(zip(names, total.tolist(), strict=True)))

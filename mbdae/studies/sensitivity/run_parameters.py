@@ -14,7 +14,7 @@ from ...errors import InputError, StepError, UnknownNameError, is_number, requir
 from ...mechanism import Mechanism
 from ...mechanism.callbacks import attempted
 from ...mechanism.discrete_sensitivity.parameter_partials import Parameters
-from ...mechanism.formats.loaded_model import Remembered, number
+from ...mechanism.formats.loaded_model import LoadedModel, number
 from ...mechanism.formats.template import Template
 from ...solution.solution import Solution
 from ...system import Array
@@ -30,21 +30,21 @@ Names = Sequence[str] | Mapping[str, float]
 Model = Any  # str | Path | Maker | Callable[..., Mechanism] | None
 
 
-class Makes(Protocol):
+class MechanismFactory(Protocol):
     """What makes mechanisms with other numbers."""
 
     def make(self, values: Mapping[str, Any]) -> Mechanism:
         """The mechanism with these values."""
 
 
-def maker(mech: Mechanism | None, model: Model) -> Makes:
+def mechanism_factory(mech: Mechanism | None, model: Model) -> MechanismFactory:
     """What makes mechanisms like one: its own files, a file, or a function.
 
     Raises:
         InputError: where a mechanism was not read from files and no model is given.
     """
     if model is None and mech is not None:
-        return Remembered(mech)
+        return LoadedModel(mech)
     return model if hasattr(model, "make") else maker_of(model)
 
 
@@ -67,7 +67,7 @@ def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, f
     key = get_ident(), t, float(sol.nodes[0][-1]), sol.mode(0), repr(names)
     if model is None and key in _BOUND.get(mech, {}):
         return _BOUND[mech][key]
-    values, parameters = _bound(sol, names, maker(mech, model))
+    values, parameters = _bound(sol, names, mechanism_factory(mech, model))
     if isinstance(names, Mapping) or model is not None:
         _moves_alike(parameters.mech, sol)
     if parameters.mech.ng:
@@ -77,7 +77,7 @@ def _last_or_new(sol: Solution, names: Names, model: Model) -> tuple[dict[str, f
     return values, parameters
 
 
-def _bound(sol: Solution, names: Names, make: Makes) -> tuple[dict[str, float], Parameters]:
+def _bound(sol: Solution, names: Names, make: MechanismFactory) -> tuple[dict[str, float], Parameters]:
     values, mech, (ts, ys) = named_values(make, names), sol.mechanism, sol.nodes[:2]
     own = isinstance(make, Template) and not isinstance(names, Mapping)
     cuts = np.cumsum([mech.nq, mech.nv, len(mech.states)])
@@ -88,7 +88,7 @@ def _bound(sol: Solution, names: Names, make: Makes) -> tuple[dict[str, float], 
     return values, parameters
 
 
-def named_values(make: Makes, names: Names) -> dict[str, float]:
+def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:
     """The parameters by name, with their values.
 
     Raises:

@@ -10,13 +10,13 @@ import numpy as np
 
 from ...errors import InputError, MbdaeError, require
 from ...integrate.events import Event
-from ...integrate.trajectory import Trace
+from ...integrate.trajectory import Trajectory
 from ...mechanism.coordinate_units import coordinate_units
 from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from .run_parameters import Model, Names, bound
-from .signal_jacobian import SignalSlopes
+from .signal_jacobian import SignalJacobian
 from .terminal_event import ending
 
 __all__ = ["sensitivity"]
@@ -43,7 +43,7 @@ class Sensitivity(Tabular):
     y: Array
     dy: Array
     dt: Array
-    trace: Trace = field(repr=False)
+    trace: Trajectory = field(repr=False)
     places: Array = field(repr=False)
 
     @property
@@ -89,7 +89,7 @@ class Sensitivity(Tabular):
             InputError: for one without a derivative.
         """
         require(name, str, "a signal is asked for by its name")
-        slopes = SignalSlopes(self.trace, [name])
+        slopes = SignalJacobian(self.trace, [name])
         out = np.zeros((len(self.t), len(self.columns)))
         for i, (t, y) in enumerate(zip(self.t, self.y, strict=True)):
             row = slopes.rows(int(self.places[i]), float(t), y)[0]
@@ -155,11 +155,11 @@ def sensitivity(
     values, numbers = bound(sol, parameters, model)
     if not values and not start:
         raise InputError("a sensitivity is by parameters, a list of dotted names, or by the start, start=True")
-    trace = Trace(sol, numbers)
+    trace = Trajectory(sol, numbers)
     end = ending(trace, event)
     columns = (*values, *(start_columns(trace) if start else ()))
     dp = np.eye(len(values), len(columns))
-    dy, carry = begun(trace, dp, start), np.zeros((trace.n_carry, len(columns)))
+    dy, carry = start_tangent(trace, dp, start), np.zeros((trace.n_carry, len(columns)))
     for part in trace.start():
         dy, carry = part.forward(dy, carry, dp)
     n, after = len(sol.t), places(sol)
@@ -208,7 +208,7 @@ def places(sol: Solution) -> Array:
     return sol.before(sol.t) if sol.steps else np.arange(len(sol.t))
 
 
-def begun(trace: Trace, dp: Array, start: bool) -> Array:
+def start_tangent(trace: Trajectory, dp: Array, start: bool) -> Array:
     """Variations of the start, (ny, k)."""
     k, ny = trace.slopes.k, trace.slopes.ny
     dy = np.zeros((ny, dp.shape[1]))
@@ -219,7 +219,7 @@ def begun(trace: Trace, dp: Array, start: bool) -> Array:
     return dy
 
 
-def _own_start(trace: Trace) -> Array:
+def _own_start(trace: Trajectory) -> Array:
     """Slopes of the mechanism's own start, (ny, k): zeros for (q, v), and for s, where the run began elsewhere."""
     t, y, s, slopes = float(trace.ts[0]), trace.given, trace.system, trace.slopes
     out, own, nx = np.zeros((s.ny, slopes.k)), np.empty(0), s.nq + s.nv
@@ -232,7 +232,7 @@ def _own_start(trace: Trace) -> Array:
     return out
 
 
-def _between(trace: Trace, i: int, t: float, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
+def _between(trace: Trajectory, i: int, t: float, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
     """The point at a time behind node i, and its derivatives."""
     if t == trace.ts[i]:
         return trace.ys[i], dy
@@ -246,7 +246,7 @@ def _between(trace: Trace, i: int, t: float, dy: Array, carry: Array, dp: Array)
     return y, dy
 
 
-def start_columns(trace: Trace) -> list[str]:
+def start_columns(trace: Trajectory) -> list[str]:
     mech, out = trace.system.mechanism, []
     for letter in "qv":
         for name in mech.joint_names:

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...errors import InputError
-from ...integrate.trajectory import Trace
+from ...integrate.trajectory import Trajectory
 from ...mechanism import Mechanism
-from ...mechanism.signal_derivatives import Directions, VariedMotion
+from ...mechanism.signal_derivatives import MotionTangent, TangentDirections
 from ...solution.signal_value import RESIDUALS, SignalValue, find_signal, signal_values
 from ...system import Array
-from .column_derivatives import SlopeFamily, find_column
+from .column_derivatives import DerivativeFamily, find_column
 
 ENERGIES = {"kinetic": (1.0, 0.0), "potential": (0.0, 1.0), "energy": (1.0, 1.0)}
 KNOWN = ("t", "y", "angle", "rate", "lam", "force", *ENERGIES)
@@ -21,7 +21,7 @@ NONE = {
 }
 
 
-class SignalSlopes:
+class SignalJacobian:
     """Rows of derivatives of signals of `mbdae.Solution.signals`.
 
     Args:
@@ -33,7 +33,7 @@ class SignalSlopes:
         InputError: for one that has no gradient.
     """
 
-    def __init__(self, trace: Trace, names: Sequence[str]) -> None:
+    def __init__(self, trace: Trajectory, names: Sequence[str]) -> None:
         self.trace, self.names = trace, list(names)
         mech = trace.system.mechanism
         known = signal_values(mech)
@@ -41,7 +41,7 @@ class SignalSlopes:
         found = zip(names, self.signals, strict=True)
         self.columns = {name: column_of(mech, name) for name, signal in found if signal.kind not in KNOWN}
         self.families = {id(family): family for family, _ in self.columns.values()}
-        self.motion = VariedMotion(trace.slopes.parameters) if self.families else None
+        self.motion = MotionTangent(trace.slopes.parameters) if self.families else None
         self.kinds = {signal.kind for signal in self.signals}
         self.rated = bool(self.kinds & {"lam", "force", "rate"}) or any(f.rated for f in self.families.values())
         self._fixed: Array | None = None
@@ -103,7 +103,7 @@ class SignalSlopes:
         s, (q, v) = self.trace.system, self.trace.system.split(y)
         nv, k, every = s.nv, self.trace.slopes.k, np.eye(rates.shape[1])
         parts = every[:nv], every[nv : 2 * nv], every[2 * nv : 2 * nv + s.ns], rates[nv : 2 * nv], slopes
-        d = Directions(*parts, every[s.ny : s.ny + k], every[-1])
+        d = TangentDirections(*parts, every[s.ny : s.ny + k], every[-1])
         self.motion.stand(t, q, v, s.inner(y), F[nv : 2 * nv], lam, d)
         found = {at: family.rows(self.motion) for at, family in self.families.items()}
         return {name: found[id(family)][i] for name, (family, i) in self.columns.items()}
@@ -122,7 +122,7 @@ def differentiable(mech: Mechanism, name: str, known: dict[str, SignalValue] | N
     return found
 
 
-def column_of(mech: Mechanism, name: str) -> tuple[SlopeFamily, int]:
+def column_of(mech: Mechanism, name: str) -> tuple[DerivativeFamily, int]:
     """The family of a column, and its number there.
 
     Raises:

@@ -6,22 +6,22 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
-from ...finite_differences import slope, slopes
+from ...finite_differences import numerical_derivative, numerical_jacobian
 from ...integrate.events import Event
 from ...integrate.signal_events import TURN, parse
 from ...integrate.termination import event_value
-from ...integrate.trajectory import LinearPart, Part, Trace
+from ...integrate.trajectory import LinearMap, Trajectory, TrajectoryPart
 from ...mechanism.callbacks import function_name
 from ...solution.signal_value import value as signal_value
 from ...system import Array
-from .signal_jacobian import SignalSlopes
+from .signal_jacobian import SignalJacobian
 
 WIDTH = 1e-3  # of differences of event functions, which are the user's
 LATE = 1e-6  # of the span: how far from its event a run ends at most
 
 
 @dataclass(frozen=True)
-class Ending:
+class EventTimeDerivative:
     """The last step, which ends in an event e(t, y, p) = 0, and how its size moves.
 
     Attributes:
@@ -31,16 +31,16 @@ class Ending:
         by_p: de/dp, (k,).
     """
 
-    parts: list[Part]
+    parts: list[TrajectoryPart]
     by_t: float
     by_y: Array
     by_p: Array
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array) -> tuple[Array, Array]:
         """Return the variations behind the step, whose size moves by dh, (m,)."""
-        steps = [p for p in self.parts if not isinstance(p, LinearPart)]
+        steps = [p for p in self.parts if not isinstance(p, LinearMap)]
         for part in self.parts:
-            if isinstance(part, LinearPart):
+            if isinstance(part, LinearMap):
                 dy, carry = part.forward(dy, carry, dp)
             else:
                 dy, carry = part.forward(dy, carry, dp, dh / len(steps))
@@ -64,7 +64,7 @@ class Ending:
         return y + by_e * self.by_y[:, None], by_e * self.by_p
 
 
-def ending(trace: Trace, event: Any) -> Ending | None:
+def ending(trace: Trajectory, event: Any) -> EventTimeDerivative | None:
     """The last step of a run that ended in an event; None for others.
 
     Args:
@@ -86,23 +86,27 @@ def ending(trace: Trace, event: Any) -> Ending | None:
     parts = list(trace.parts(last - 1))
     if isinstance(given, str):
         signal, level, _ = parse(given)
-        row = (slopes_of := SignalSlopes(trace, [signal])).rows(last, t, y)[0]
+        row = (slopes_of := SignalJacobian(trace, [signal])).rows(last, t, y)[0]
         there = signal_value(s, slopes_of.signals[0], t, y) - level
         if slopes_of.signals[0].kind == "angle":
             there -= TURN * round(there / TURN)
-        return _rising(trace, Ending(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), given, there)
+        return _with_event_time(
+            trace, EventTimeDerivative(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), given, there
+        )
     if not callable(given):
         raise InputError(f"an event is a signal or a function of (t, q, v), got {given!r:.60}")
 
     def value(t: float, y: Array) -> float:
         return event_value(s, Event(given), t, y)
 
-    by_t = slope(lambda x: value(t + x, y), WIDTH)
-    by_y = slopes(lambda x: value(t, s.add(y, x)), s.ny, WIDTH)
-    return _rising(trace, Ending(parts, by_t, by_y, np.zeros(trace.slopes.k)), function_name(given), value(t, y))
+    by_t = numerical_derivative(lambda x: value(t + x, y), WIDTH)
+    by_y = numerical_jacobian(lambda x: value(t, s.add(y, x)), s.ny, WIDTH)
+    return _with_event_time(
+        trace, EventTimeDerivative(parts, by_t, by_y, np.zeros(trace.slopes.k)), function_name(given), value(t, y)
+    )
 
 
-def _rising(trace: Trace, end: Ending, name: str, value: float) -> Ending:
+def _with_event_time(trace: Trajectory, end: EventTimeDerivative, name: str, value: float) -> EventTimeDerivative:
     """Refuse an event that has no time, or another one than the end of the run.
 
     Raises:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError, MbdaeError, StepError
-from ...mechanism.formulations.equilibrium_equations import Balance, Statics
+from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.formulations.spectrum import CERTAIN, EPS, Curvature, curvature, null_space, scale_of
 from ...system import Array
 from .trust_region import symmetric
@@ -70,7 +70,7 @@ class PathPoint(NamedTuple):
     """
 
     u: float
-    here: Balance
+    here: ForceBalance
     dq: Array
     du: float
     bent: Curvature | None
@@ -84,7 +84,7 @@ class Continuation:
         self.statics, self.first, self.range = statics, first, range
         self.l = statics.sizes.l
 
-    def run(self, start: Balance) -> tuple[list[PathPoint], list[CriticalPoint], bool]:
+    def run(self, start: ForceBalance) -> tuple[list[PathPoint], list[CriticalPoint], bool]:
         """Follow the path from an equilibrium at u = 0; say whether it came to u = 1."""
         here = self.tangent(0.0, start, None)
         points, critical, h = [here], list[CriticalPoint](), LARGEST
@@ -138,7 +138,7 @@ class Continuation:
     def _point(self, kind: str, at: PathPoint, shapes: Array) -> CriticalPoint:
         return CriticalPoint(kind, float(self.first + self.range * at.u), at.here.q, shapes)
 
-    def balance(self, q: Array, s: Array, u: float) -> Balance:
+    def balance(self, q: Array, s: Array, u: float) -> ForceBalance:
         """The balance at a closed configuration under a share of the load."""
         self.statics.factor = self.first + self.range * u
         return self.statics.point(q, s)
@@ -167,17 +167,17 @@ class Continuation:
         before, after = (np.append(p.dq / self.l, p.du) for p in (at, found))
         return found if before @ after >= TURNED * np.linalg.norm(before) * np.linalg.norm(after) else None
 
-    def rows(self, here: Balance) -> tuple[Array, Array]:
+    def rows(self, here: ForceBalance) -> tuple[Array, Array]:
         """The matrix [H  -Z^T f_load] (k, k + 1) for unknowns (d y, u), in scaled rows too, and d with 1, (k + 1,)."""
         d = np.append(scale_of(here.noise), 1.0)
         return np.column_stack([here.H, -self.range * (here.free.Z.T @ here.load)]) / np.outer(d[:-1], d), d
 
-    def ways(self, here: Balance, d: Array) -> Array:
+    def ways(self, here: ForceBalance, d: Array) -> Array:
         """How (dq / l, u) follow from (d y, u), (nv + 1, k + 1)."""
         Z = here.free.Z / self.l[:, None]
         return np.block([[Z, np.zeros((len(Z), 1))], [np.zeros(Z.shape[1]), np.ones(1)]]) / d
 
-    def correction(self, here: Balance, at: PathPoint) -> Array:
+    def correction(self, here: ForceBalance, at: PathPoint) -> Array:
         """The change (y, u) that balances forces across the tangent of another point."""
         rows, d = self.rows(here)
         along = np.append(at.dq / self.l, at.du) @ self.ways(here, d)
@@ -187,7 +187,7 @@ class Continuation:
         x = np.linalg.lstsq(A, np.append(here.rho / d[:-1], 0.0), rcond=CERTAIN * EPS)[0]
         return x * columns / d
 
-    def tangent(self, u: float, here: Balance, before: PathPoint | None) -> PathPoint:
+    def tangent(self, u: float, here: ForceBalance, before: PathPoint | None) -> PathPoint:
         """The unit tangent at a point of the path, in the direction of the point before it.
 
         Motions against which there is no force are no part of it.

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from ...errors import AssemblyError, InputError, StepError, several
+from ...errors import AssemblyError, InputError, StepError, as_list
 from ...mechanism import Mechanism
-from ...mechanism.formulations.equilibrium_equations import Balance, Statics
-from ...mechanism.joints import turning
+from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
+from ...mechanism.joints import angle_components
 from ...solution.problem import mechanism_of
 from ...system import Array
 from ..kinematics.assembly_modes import assembly_modes
@@ -19,7 +19,7 @@ from ..kinematics.mode_search import FLAT
 from ..kinematics.result import Kinematics
 from .equilibrium import Equilibrium, labels, velocities
 from .stability import verdict
-from .trust_region import Search
+from .trust_region import TrustRegion
 
 __all__ = ["equilibria"]
 
@@ -55,7 +55,7 @@ def equilibria(
         UnknownNameError, AssemblyError, StepError: as `mbdae.kinematics`.
     """
     mech = mechanism_of(mech, "equilibria")
-    held = several(hold, "hold is a list of joints")
+    held = as_list(hold, "hold is a list of joints")
     first = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
     fixed = np.array([i for name in held for i in velocities(mech, name)], int)
     statics, names = Statics(mech, 0.0, np.zeros(mech.nv), fixed), labels(mech, fixed)
@@ -64,7 +64,7 @@ def equilibria(
     if statics.point(first.q[0], s0).free.Z.shape[1] != 1:
         raise InputError(f"{_given(mech, drive)}: there is no branch of equilibria over it")
 
-    def point(q: Array) -> Balance:
+    def point(q: Array) -> ForceBalance:
         return statics.point(statics.close(q, s0), s0)
 
     out: list[Equilibrium] = []
@@ -129,12 +129,12 @@ def _passes(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
 
 
 def _balanced(
-    statics: Statics, curve: Kinematics, point: Callable[[Array], Balance]
-) -> Iterator[tuple[Balance, Search]]:
+    statics: Statics, curve: Kinematics, point: Callable[[Array], ForceBalance]
+) -> Iterator[tuple[ForceBalance, TrustRegion]]:
     """The equilibria along a curve, where the force along it changes its sign."""
     manifold = statics.system.manifold
 
-    def along(here: Balance, tangent: Array) -> float:
+    def along(here: ForceBalance, tangent: Array) -> float:
         U = here.free.U
         side = np.sign((U @ tangent) @ (U @ here.free.Z[:, 0]))
         return float(side * here.rho[0])
@@ -151,7 +151,7 @@ def _balanced(
                 share = brentq(
                     lambda c, i=i, x=x, tau=tau: along(point(manifold.integrate(curve.q[i], c * x)), tau), 0, 1
                 )
-                search = Search(statics, point(manifold.integrate(curve.q[i], share * x)))
+                search = TrustRegion(statics, point(manifold.integrate(curve.q[i], share * x)))
                 found = search.run("any")
             except (StepError, ValueError):
                 continue
@@ -162,4 +162,4 @@ def _balanced(
 def _apart(mech: Mechanism, a: Array, b: Array) -> Array:
     """How far poses are apart, in rad and characteristic lengths; full turns of a hinge are none."""
     x = mech.manifold.difference(a, b) / mech.coordinate_scales
-    return np.where(turning(mech.model), x - 2 * np.pi * np.round(x / (2 * np.pi)), x)
+    return np.where(angle_components(mech.model), x - 2 * np.pi * np.round(x / (2 * np.pi)), x)

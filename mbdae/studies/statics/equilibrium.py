@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import EquilibriumError, StepError, UnknownNameError, several
+from ...errors import EquilibriumError, StepError, UnknownNameError, as_list
 from ...mechanism import Mechanism
 from ...mechanism.coordinate_units import coordinate_units, effort_unit
-from ...mechanism.formulations.equilibrium_equations import Balance, Statics
+from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.formulations.linearization import refuse_unsteady
 from ...mechanism.frames import find_joint
 from ...mechanism.reactions import Reaction, reaction
@@ -21,7 +21,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from .stability import Verdict, verdict
-from .trust_region import Search
+from .trust_region import TrustRegion
 
 if TYPE_CHECKING:
     from ...mechanism.mechanism import Coordinates
@@ -188,7 +188,7 @@ def equilibrium(
     mech = mechanism_of(mech, "equilibrium")
     if find not in FIND:
         raise UnknownNameError("kind of equilibrium", find, FIND)
-    q0, speeds, held, names = settle_arguments(mech, q, t, v, hold)
+    q0, speeds, held, names = complete_arguments(mech, q, t, v, hold)
     statics = Statics(mech, t, speeds, held)
     here, residual, iterations = balanced(statics, q0, find)
     holding = dict(zip(names, here.holding.tolist(), strict=True))
@@ -196,7 +196,7 @@ def equilibrium(
     return Equilibrium(mech, t, here.q, speeds, here.s, here.lam, holding, residual, iterations, judged)
 
 
-def settle_arguments(
+def complete_arguments(
     mech: Mechanism, q: Any, t: float, v: Any, hold: str | Iterable[str]
 ) -> tuple[Array, Array, Array, list[str]]:
     """Return a closed start (nq,), speeds (nv,), the indices of held velocities, and the names of these.
@@ -210,7 +210,7 @@ def settle_arguments(
     else:
         speeds = np.zeros(mech.nv) if v is None else mech.vector("v", v, mech.nv)
         turning = np.flatnonzero(speeds)
-    fixed = [i for name in several(hold, "hold is a list of joints") for i in velocities(mech, name)]
+    fixed = [i for name in as_list(hold, "hold is a list of joints") for i in velocities(mech, name)]
     held = np.unique(np.array([*fixed, *turning], int))
     return start, speeds, held, labels(mech, held)
 
@@ -232,7 +232,7 @@ def labels(mech: Mechanism, indices: Array) -> list[str]:
     return [n if len(at) == 1 else f"{n}.{i - at[0] + 1}" for n, at, i in zip(joints, spans, indices, strict=True)]
 
 
-def balanced(statics: Statics, q: Array, find: str) -> tuple[Balance, float, int]:
+def balanced(statics: Statics, q: Array, find: str) -> tuple[ForceBalance, float, int]:
     """Search from a configuration; return the balance, its residual, and the number of steps tried.
 
     Raises:
@@ -241,7 +241,7 @@ def balanced(statics: Statics, q: Array, find: str) -> tuple[Balance, float, int
     """
     mech = statics.mech
     try:
-        search = Search(statics, statics.point(q, np.array(list(mech.states.values()))))
+        search = TrustRegion(statics, statics.point(q, np.array(list(mech.states.values()))))
         found = search.run(find)
     except StepError as e:
         raise EquilibriumError(f"no equilibrium: {e}", q.tolist(), np.inf, "") from e

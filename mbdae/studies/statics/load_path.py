@@ -18,7 +18,7 @@ from ...solution.solution import Solution
 from ...system import Array
 from ...tabular import Columns, Tabular
 from .continuation import Continuation, CriticalPoint
-from .equilibrium import balanced, settle_arguments
+from .equilibrium import balanced, complete_arguments
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -156,7 +156,7 @@ def load_path(
     first, last = (float(x) for x in span)
     if not np.isfinite([first, last]).all() or first == last:
         raise InputError(f"a path leads from one factor to another, got {first:g} to {last:g}")
-    q0, speeds, held, _ = settle_arguments(mech, q, t, v, hold)
+    q0, speeds, held, _ = complete_arguments(mech, q, t, v, hold)
     follow = Continuation(Statics(mech, t, speeds, held, [load]), first, last - first)
     if follow.statics.loads.names == [] and load != "gravity":
         raise UnknownNameError("force", load, [f.name for f in mech.forces])

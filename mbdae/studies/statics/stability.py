@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import StepError
-from ...mechanism.formulations.equilibrium_equations import Balance, Statics
+from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.formulations.linearization import LinearMotion, linearize_at
 from ...mechanism.formulations.spectrum import curvature, null_space, spectrum
 from ...system import Array
@@ -56,7 +56,7 @@ class Verdict:
         }[self.stability]
 
 
-def verdict(statics: Statics, here: Balance) -> Verdict:
+def verdict(statics: Statics, here: ForceBalance) -> Verdict:
     """Judge a balance.
 
     By the stiffness where it has a potential and velocities only dissipate (Kelvin, Tait, Chetaev); by the eigenvalues
@@ -89,7 +89,7 @@ def _resting(motion: LinearMotion) -> int:
     return len(null_space(motion.A, motion.noise).free) - len(still.free)
 
 
-def loses_rank(statics: Statics, here: Balance) -> bool:
+def loses_rank(statics: Statics, here: ForceBalance) -> bool:
     """Whether the closures have more rank in a neighbouring pose than here."""
     Z, system = here.free.Z, statics.system
     if not Z.shape[1] or not system.ng:

@@ -18,7 +18,7 @@ from ...mechanism.joints import lengths
 from ...system import Array
 
 if TYPE_CHECKING:
-    from ...mechanism.formulations.equilibrium_equations import Balance, Statics
+    from ...mechanism.formulations.equilibrium_equations import ForceBalance, Statics
 
 START, LARGEST, LEAST = 0.3, 1.5, 1e-12  # rad or slides: radii of trust
 SLIDES = 5.0  # characteristic lengths: forces bend more where a mechanism turns by 1 rad than where it slides by 1
@@ -37,7 +37,7 @@ ITERATIONS = 100
 
 
 @dataclass
-class Search:
+class TrustRegion:
     """A search from one configuration.
 
     Attributes:
@@ -48,7 +48,7 @@ class Search:
     """
 
     statics: "Statics"
-    here: "Balance"
+    here: "ForceBalance"
     radius: float = START
     iterations: int = 0
 
@@ -57,7 +57,7 @@ class Search:
         """The largest share that rho is of the terms it is summed from, and of what 1 rad or length would change."""
         return self.statics.residual(self.here)
 
-    def length(self, here: "Balance", y: Array) -> float:
+    def length(self, here: "ForceBalance", y: Array) -> float:
         """How long a motion y is, in rad or slides."""
         return float(np.abs(here.free.Z @ y / self.units).max(initial=0.0))
 
@@ -122,7 +122,7 @@ class Search:
             self.radius = min(self.radius, self.length(self.here, y)) / 3
         return False
 
-    def relaxed(self, there: "Balance | None", length: float) -> "Balance | None":
+    def relaxed(self, there: "ForceBalance | None", length: float) -> "ForceBalance | None":
         """Let stiff springs, which a step of this length stretched across a bend, find their rest: Newton's steps."""
         for _ in range(RELAXED):
             if there is None or np.linalg.norm(there.rho) <= np.linalg.norm(self.here.rho):
@@ -162,17 +162,17 @@ class Search:
             radius /= 3
         return False
 
-    def work(self, there: "Balance") -> float:
+    def work(self, there: "ForceBalance") -> float:
         """The work of the forces on the way to another point, in J."""
         x = self.statics.system.manifold.difference(self.here.q, there.q)
         return float((self.here.f + there.f) @ x / 2)
 
-    def moved(self, y: Array) -> "Balance | None":
+    def moved(self, y: Array) -> "ForceBalance | None":
         """The balance at q (+) Z y, closed; None where loops cannot be closed."""
         self.iterations += 1
         return self.at(self.here, y)
 
-    def at(self, here: "Balance", y: Array) -> "Balance | None":
+    def at(self, here: "ForceBalance", y: Array) -> "ForceBalance | None":
         """The same for any point."""
         try:
             q = self.statics.system.manifold.integrate(here.q, here.free.Z @ y)
@@ -181,7 +181,7 @@ class Search:
             return None
 
 
-def newton_step(here: "Balance") -> Array:
+def newton_step(here: "ForceBalance") -> Array:
     """The step y (k,) with H y = rho, of least size along directions in which no stiffness is known."""
     d = scale_of(here.noise)
     return np.linalg.lstsq(here.H / np.outer(d, d), here.rho / d, rcond=CERTAIN * EPS)[0] / d

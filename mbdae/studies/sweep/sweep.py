@@ -149,10 +149,10 @@ def _job(model: Model, t_span: Any, times: Any, outputs: Sequence[Output], setti
         raise InputError(f"outputs is a list of texts and functions, got {outputs!r:.60}")
     check_settings(list(settings))
     span = None if t_span is None else checked_span(t_span)
-    return Job(_settled(model), span, _times(times), tuple(outputs), settings)
+    return Job(_absolute_path(model), span, _times(times), tuple(outputs), settings)
 
 
-def _settled(model: Model) -> str | Callable[..., Mechanism]:
+def _absolute_path(model: Model) -> str | Callable[..., Mechanism]:
     """A path as other processes, which may stand in other folders, find it."""
     if not isinstance(model, str | Path):
         return model

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import InputError, NotCompiled
 from ...mechanism import Mechanism
-from ...mechanism.expanded_tree import expand, parts
+from ...mechanism.expanded_tree import expand, factor_joints
 from ...mechanism.formulations.core_description import constraints_of
 from ...mechanism.frames import find_joint
 from ...mechanism.joints import joint_transform, subspace
@@ -33,7 +33,7 @@ def linkage(mech: Mechanism, q: Array, sliders: Sequence[Slider]) -> dict[str, A
         return None
     if free.switches or any(row.get("kind") not in ROWS for row in rows):
         return None
-    last = np.cumsum([0, *(len(parts(joint)) for joint in list(mech.model.joints)[1:])]).tolist()
+    last = np.cumsum([0, *(len(factor_joints(joint)) for joint in list(mech.model.joints)[1:])]).tolist()
     values = np.zeros(mech.nv)  # of joints with one coordinate
     for joint in list(mech.model.joints)[1:]:
         if joint.nv == 1:

@@ -64,7 +64,7 @@ def test_jacobian_is_the_derivative_of_g(model, closure):
         mech = Mechanism(model, [closure(*pair)])
         for q, v in far_states(model):
             g = lambda h: mech.residual(pin.integrate(model, q, h * v), v)[0]  # noqa: B023, E731
-            rate = finite_differences.slope(g, 2e-3)
+            rate = finite_differences.numerical_derivative(g, 2e-3)
             assert np.abs(g(0)).max() > 1e-3
             np.testing.assert_allclose(mech.residual(q, v)[1], rate, atol=1e-9 * (1 + np.abs(rate).max()))
 
@@ -78,7 +78,7 @@ def test_accelerations_meet_the_hidden_constraint(model, closure):
         mech = Mechanism(model, [closure(*pair)])
         for q, v in far_states(model, seed=2):
             rate = lambda h: mech.residual(pin.integrate(model, q, h * v), v)[1]  # noqa: B023, E731
-            gamma = finite_differences.slope(rate, 1e-3)
+            gamma = finite_differences.numerical_derivative(rate, 1e-3)
             vdot, _, _ = rates(mech, q, v)
             size = 1 + np.abs(gamma).max() + np.abs(vdot).max()
             np.testing.assert_allclose(mech.residual(q, vdot)[1] + gamma, 0, atol=2e-8 * size)
@@ -215,7 +215,7 @@ def test_springs_pull_down_their_potential(force):
         def energy(x, q=q, v=v):
             return with_force.energy(pin.integrate(model, q, x), v)[1]
 
-        gradient = finite_differences.slopes(energy, model.nv, 1e-3)
+        gradient = finite_differences.numerical_jacobian(energy, model.nv, 1e-3)
         M, f = free_force(model, q, 0 * v)
         vdot, _, power = rates(with_force, q, 0 * v)
         np.testing.assert_allclose(M @ vdot, -gradient, atol=1e-8)
@@ -235,7 +235,7 @@ def test_dampers_take_energy_at_the_rate_they_say():
             ends = [data.oMf[model.getFrameId(n)].translation for n in ("tip_3", "tip_6")]
             return np.linalg.norm(ends[1] - ends[0])
 
-        speed = finite_differences.slope(length, 1e-3)
+        speed = finite_differences.numerical_derivative(length, 1e-3)
         assert rates(Mechanism(model, [], [damper]), q, v)[2] == pytest.approx(-4.0 * speed**2, rel=1e-8)
 
 

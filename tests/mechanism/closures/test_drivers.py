@@ -31,7 +31,7 @@ def test_motions_have_their_derivatives(kind):
     driver = MOTIONS[kind]
     for t in (-0.7, 0.1, 0.77, 1.6, 2.9):
         for k in (0, 1):
-            slope = finite_differences.slope(lambda s, t=t, k=k: driver.follow(t + s)[k], 1e-2)
+            slope = finite_differences.numerical_derivative(lambda s, t=t, k=k: driver.follow(t + s)[k], 1e-2)
             assert slope == pytest.approx(driver.follow(t)[k + 1], abs=1e-9)
 
 

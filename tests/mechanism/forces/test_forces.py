@@ -52,7 +52,7 @@ def gradient(force, q, model=MODEL):
     mech, level = Mechanism(model, forces=[force]), Mechanism(model)
     rest = np.zeros(model.nv)
     V = lambda x: mech.energy(x, rest)[1] - level.energy(x, rest)[1]  # noqa: E731
-    return finite_differences.slopes(lambda x: V(pin.integrate(model, q, x)), model.nv, 2e-3)
+    return finite_differences.numerical_jacobian(lambda x: V(pin.integrate(model, q, x)), model.nv, 2e-3)
 
 
 def frame_jacobian(q, name, model=MODEL):
@@ -153,7 +153,7 @@ def test_thrust_and_damper_between_points():
             frame_jacobian(pin.integrate(MODEL, q, h * v), "tip_5")[1].translation  # noqa: B023
             - frame_jacobian(pin.integrate(MODEL, q, h * v), "tip_3")[1].translation  # noqa: B023
         )
-        rate = finite_differences.slope(gap, 1e-3)
+        rate = finite_differences.numerical_derivative(gap, 1e-3)
         other = parts(force, 0.5, q, v)[1]
         assert other @ v == pytest.approx((3.0 - 2.0 * rate) * rate, abs=1e-9)
 

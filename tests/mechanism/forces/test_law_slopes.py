@@ -25,7 +25,7 @@ from mbdae.errors import StepError
 from mbdae.mechanism.forces import FORCES, PYTHON_FORCES
 from mbdae.mechanism.forces.force import ForceElement, PairElement
 from mbdae.mechanism.forces.linear import LinearElement
-from mbdae.mechanism.formulations.equation_partials import jacobians, time_slopes
+from mbdae.mechanism.formulations.equation_partials import equation_partials, time_partials
 
 MIXED = ["free", "revolute", "spherical", "universal", "planar", "prismatic", "continuous", "composite", "helical"]
 PARENTS = [0, 1, 2, 3, 1, 5, 0, 7, 8]
@@ -138,7 +138,7 @@ def law_differences(mech, q, v, s, t):
         pin.computeJointJacobians(system.model, system.data, moved)
         return np.concatenate(system.laws.torque(t, moved, v + x[nv : 2 * nv], s + x[2 * nv :]))
 
-    expected = finite_differences.slopes(at, 2 * mech.nv + len(s), 1e-3)
+    expected = finite_differences.numerical_jacobian(at, 2 * mech.nv + len(s), 1e-3)
     pin.computeJointJacobians(system.model, system.data, q)
     return system.laws.slopes(t, q, v, s), expected
 
@@ -180,9 +180,9 @@ def test_all_forces_and_closures_together():
         G = s.jacobian()[rows]
         return np.concatenate([tau + lam @ G - pin.rnea(s.model, s.data, moved, v[:nv], vdot), rates, G @ u[:nv]])
 
-    found = jacobians(s, 0.3, q, u, vdot, lam, rows)
-    close(np.vstack([found.K, found.B]), finite_differences.slopes(at, nv, 1e-3))
-    close(found.D, finite_differences.slopes(lambda du: at(np.zeros(nv), du), n, 1e-3)[:n])
+    found = equation_partials(s, 0.3, q, u, vdot, lam, rows)
+    close(np.vstack([found.K, found.B]), finite_differences.numerical_jacobian(at, nv, 1e-3))
+    close(found.D, finite_differences.numerical_jacobian(lambda du: at(np.zeros(nv), du), n, 1e-3)[:n])
     np.testing.assert_allclose(found.E @ np.r_[vdot, np.ones(n - nv)], np.r_[mass(mech, q) @ vdot, np.ones(n - nv)])
     np.testing.assert_array_equal(found.G, s.jacobian(q)[rows])
 
@@ -231,7 +231,11 @@ def test_slopes_in_time():
         rates[-1] -= lam @ s.g_t(t + x[0])
         return np.concatenate([tau, rates, s.g_t(t + x[0]), s.gamma(q, v, t + x[0])])
 
-    close(np.concatenate(time_slopes(s, 0.3, q, v, states, lam)), finite_differences.slopes(at, 1, 1e-3)[:, 0], 1e-9)
+    close(
+        np.concatenate(time_partials(s, 0.3, q, v, states, lam)),
+        finite_differences.numerical_jacobian(at, 1, 1e-3)[:, 0],
+        1e-9,
+    )
 
 
 def wave():

@@ -9,7 +9,7 @@ import mbdae
 from mbdae import DCMotor, JointPID, Sampled
 from mbdae.errors import InputError
 from mbdae.mechanism.time_functions import Steps
-from mbdae.studies.comparison.reference_motion import Motion
+from mbdae.studies.comparison.reference_motion import ReferenceMotion
 from mbdae.studies.order.measurement import Measurement
 
 
@@ -156,7 +156,7 @@ def test_what_is_read_at_a_step_is_of_that_step():
     np.testing.assert_array_equal(asked.y, sol.y)
     np.testing.assert_array_equal(asked.lam_own, sol.lam_own)
     np.testing.assert_allclose(asked.lam, sol.lam, rtol=1e-12, atol=1e-12)
-    samples = Motion(mech, mech.start, (0.0, 1.0), sol.t[1:], 100).sample(sol)
+    samples = ReferenceMotion(mech, mech.start, (0.0, 1.0), sol.t[1:], 100).sample(sol)
     np.testing.assert_array_equal(samples["v"], sol.v[1:])
     np.testing.assert_allclose(samples["lam"], sol.lam[1:], rtol=1e-12, atol=1e-12)
     q, _, own, hidden = Measurement(mech, 1.0, 14, None, lambda name: None, "auto").sample(sol)

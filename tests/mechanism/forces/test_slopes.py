@@ -42,7 +42,9 @@ def test_linear_laws_know_their_slopes(forces):
         dq, dv, ds = np.split(e, [MODEL.nv, 2 * MODEL.nv])
         return np.concatenate(s.laws.torque(0.3, pin.integrate(MODEL, q, dq), v + dv, x + ds))
 
-    np.testing.assert_allclose(known, finite_differences.slopes(values, 2 * MODEL.nv + s.ns, 0.01), atol=1e-9)
+    np.testing.assert_allclose(
+        known, finite_differences.numerical_jacobian(values, 2 * MODEL.nv + s.ns, 0.01), atol=1e-9
+    )
     assert np.abs(known).max() > 0.01
 
 

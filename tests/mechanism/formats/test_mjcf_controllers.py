@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbdae
-from mbdae.mechanism.formats.loaded_model import Remembered, number
+from mbdae.mechanism.formats.loaded_model import LoadedModel, number
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed")
 FIVE_BAR = """<mujoco>
@@ -99,7 +99,7 @@ def test_runs_have_slopes_by_the_numbers_of_actuators(name, five_bar):
     def end(x):
         return mbdae.solve(files.make({key: x}), (0, 0.5), **tight).signals()["q.left"][-1]
 
-    files = Remembered(mech)
+    files = LoadedModel(mech)
     x = number(files, key)
     assert slope == pytest.approx((end(x + 1e-4) - end(x - 1e-4)) / 2e-4, rel=1e-5)
 

@@ -10,7 +10,7 @@ from chains import JOINTS, tree
 import mbdae
 from mbdae.errors import InputError
 from mbdae.mechanism import depth_first
-from mbdae.mechanism.model_serialization import NUMBERS, made, written
+from mbdae.mechanism.model_serialization import NUMBERS, model_from_data, model_to_data
 
 MODELS = mbdae.model_names()
 
@@ -44,7 +44,7 @@ def every_joint():
 
 def test_every_kind_of_joint_comes_back_bit_for_bit():
     model = every_joint()
-    again = made(json.loads(json.dumps(written(model))))
+    again = model_from_data(json.loads(json.dumps(model_to_data(model))))
     q = pin.integrate(model, pin.neutral(model), np.linspace(-0.4, 0.5, model.nv))
     v = np.linspace(1, -1, model.nv)
     for law in (lambda m, data: pin.crba(m, data, q), lambda m, data: pin.nle(m, data, q, v)):
@@ -89,13 +89,13 @@ def test_a_saved_mechanism_moves_as_before(name, tmp_path):
     ],
 )
 def test_a_wrong_number_is_named(where, value, said):
-    data = written(tree(["composite", "revolute", "spherical"], [0, 1, 2]))
+    data = model_to_data(tree(["composite", "revolute", "spherical"], [0, 1, 2]))
     inner = data
     for key in where[:-1]:
         inner = inner[key]
     inner[where[-1]] = value
     with pytest.raises(InputError, match=said):
-        made(json.loads(json.dumps(data)))
+        model_from_data(json.loads(json.dumps(data)))
 
 
 def test_runs_of_earlier_formats_are_refused_in_one_line(tmp_path):

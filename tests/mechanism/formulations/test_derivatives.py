@@ -12,7 +12,7 @@ from mbdae import Bushing, Closure, Driver, Mechanism, SpringDamper, finite_diff
 from mbdae.mechanism.closures.closure import KINDS
 from mbdae.mechanism.closures.constraints import Constraints
 from mbdae.mechanism.closures.rows import FrameRows
-from mbdae.mechanism.formulations.equation_partials import hidden_slopes, jacobians
+from mbdae.mechanism.formulations.equation_partials import equation_partials, gamma_partials
 from mbdae.mechanism.frames import wrench_matrix
 
 PAIRS = [("tip_3", "tip_5"), ("tip_5", "tip_3"), ("tip_2", "tip_5"), ("ground", "tip_5"), ("tip_0", "tip_3")]
@@ -63,11 +63,13 @@ def test_closures_on_every_kind_of_joint(kind):
     def at(x):
         return pin.integrate(model, q, x)
 
-    turned = finite_differences.slopes(lambda x: s.jacobian(at(x)), nv, 4e-4)  # (ng, nv, nv): G_ik by q_m in [i, k, m]
-    bias_q = finite_differences.slopes(lambda x: s.gamma(at(x), v, 0.3), nv, 4e-4)
+    turned = finite_differences.numerical_jacobian(
+        lambda x: s.jacobian(at(x)), nv, 4e-4
+    )  # (ng, nv, nv): G_ik by q_m in [i, k, m]
+    bias_q = finite_differences.numerical_jacobian(lambda x: s.gamma(at(x), v, 0.3), nv, 4e-4)
     bias_v = [(s.gamma(q, v + e, 0.3) - s.gamma(q, v - e, 0.3)) / 2 for e in np.eye(nv)]  # gamma is quadratic in v
-    Gdot = finite_differences.slope(lambda e: s.jacobian(at(e * v)), 4e-4)
-    gamma_q, gamma_v = hidden_slopes(s, q, v)
+    Gdot = finite_differences.numerical_derivative(lambda e: s.jacobian(at(e * v)), 4e-4)
+    gamma_q, gamma_v = gamma_partials(s, q, v)
     lam, whole = rng.standard_normal(mech.ng), np.zeros((nv, nv))
     K, B = s.constraints.slopes(v, lam)
     for spec in mech.constraints:
@@ -108,7 +110,7 @@ def test_stiffness_is_symmetric_at_an_equilibrium():
     s, nv, q, lam = mech.system(), mech.nv, pin.neutral(model), np.zeros(1)
     u, sizes = np.zeros(nv + 1), []
     for _ in range(60):
-        J = jacobians(s, 0.0, q, u, np.zeros(nv), lam, np.array([0]))
+        J = equation_partials(s, 0.0, q, u, np.zeros(nv), lam, np.array([0]))
         f, (g, G) = s.force(0.0, q, u[:nv], np.empty(0))[0], s.closures(None, 0.0)
         residual = np.concatenate([f + lam @ G, g])
         sizes.append(np.abs(residual).max())

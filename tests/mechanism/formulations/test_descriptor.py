@@ -26,7 +26,9 @@ def dense_solution(mech, q, v, tau=0.0):
     """v' and lam of smallest norm from one least-squares solve of [M -G^T; G 0], gamma by differences."""
     M, f = free_force(mech.model, q, v)
     G = jacobian(mech, q)
-    gamma = finite_differences.slope(lambda h: mech.residual(mech.manifold.integrate(q, h * v), v)[1], 1e-3)
+    gamma = finite_differences.numerical_derivative(
+        lambda h: mech.residual(mech.manifold.integrate(q, h * v), v)[1], 1e-3
+    )
     matrix = np.block([[M, -G.T], [G, np.zeros((mech.ng, mech.ng))]])
     x = np.linalg.lstsq(matrix, np.concatenate([f + tau, -gamma]), rcond=1e-10)[0]
     return x[: mech.nv], x[mech.nv :]

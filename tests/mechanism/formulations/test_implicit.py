@@ -91,9 +91,9 @@ def test_solver_inverts_the_slopes_of_the_residual(name, formulation, mu):
     def residual(by_x, by_dx, by_z):
         return np.concatenate(chart.residual(t, x + by_x, dx + by_dx, z + by_z))
 
-    by_x = finite_differences.slopes(lambda e: residual(e, 0, 0), n, 1e-3)
-    by_dx = finite_differences.slopes(lambda e: residual(0, e, 0), n, 1e-3)
-    by_z = finite_differences.slopes(lambda e: residual(0, 0, e), m, 1e-3) if m else np.empty((n, 0))
+    by_x = finite_differences.numerical_jacobian(lambda e: residual(e, 0, 0), n, 1e-3)
+    by_dx = finite_differences.numerical_jacobian(lambda e: residual(0, e, 0), n, 1e-3)
+    by_z = finite_differences.numerical_jacobian(lambda e: residual(0, 0, e), m, 1e-3) if m else np.empty((n, 0))
     matrix = -np.hstack([by_dx + mu * by_x, by_z])
     rhs = np.random.default_rng(1).standard_normal(n + m)
     linearized = chart.linearize(x, dx, z)

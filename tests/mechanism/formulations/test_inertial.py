@@ -7,7 +7,7 @@ from chains import JOINTS, close, random_q, tree
 
 from mbdae import finite_differences
 from mbdae.errors import InputError
-from mbdae.mechanism.expanded_tree import expand, parts
+from mbdae.mechanism.expanded_tree import expand, factor_joints
 from mbdae.mechanism.formulations import inertial_forces
 
 
@@ -23,9 +23,9 @@ def test_inertial_slopes_on_every_kind_of_joint(kind, largest, monkeypatch):
     def tau(x, dv=0.0):
         return pin.rnea(model, data, pin.integrate(model, q, x), v + dv, a).copy()
 
-    M, by_q, by_v = inertial_forces.Inertial(model).slopes(q, v, a)
-    close(by_q, finite_differences.slopes(tau, model.nv, 1e-2))
-    close(by_v, finite_differences.slopes(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
+    M, by_q, by_v = inertial_forces.InertialForces(model).slopes(q, v, a)
+    close(by_q, finite_differences.numerical_jacobian(tau, model.nv, 1e-2))
+    close(by_v, finite_differences.numerical_jacobian(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
     U = np.triu(pin.crba(model, data, q))
     close(M, U + np.triu(U, 1).T, 1e-14)
 
@@ -49,4 +49,4 @@ def test_nested_joints_are_expanded():
     flat = tree(["revolute", "free"], [0, 1])
     assert expand(flat) is flat
     with pytest.raises(InputError, match="ellipsoid"):
-        parts(pin.JointModel(pin.JointModelEllipsoid(0.1, 0.2, 0.3)))
+        factor_joints(pin.JointModel(pin.JointModelEllipsoid(0.1, 0.2, 0.3)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mbdae.errors import StepError
-from mbdae.mechanism.hybrid.impact_law import strike
+from mbdae.mechanism.hybrid.impact_law import solve_impact
 
 
 def scene(seed, scale):
@@ -28,7 +28,7 @@ def test_a_row_that_depends_on_kept_ones_changes_nothing(seed, scale):
     W = inverse - inverse @ kept.T @ np.linalg.solve(kept @ inverse @ kept.T, kept @ inverse)
     p = -(1 + e) * (row @ v) / (row @ W @ row)
     rows, c = np.array([weights @ kept, row, -weights @ kept]), np.array([weights @ b, 0.0, -weights @ b])
-    found = strike(np.linalg.cholesky(M).T, kept, b, rows, c, np.array([0.3, e, 0.3]), v)
+    found = solve_impact(np.linalg.cholesky(M).T, kept, b, rows, c, np.array([0.3, e, 0.3]), v)
     np.testing.assert_allclose(found.v, v + W @ row * p, rtol=1e-10, atol=1e-11)
     np.testing.assert_allclose(found.p, [0.0, p, 0.0], rtol=1e-9)
     np.testing.assert_allclose(M @ (found.v - v), kept.T @ found.P + row * p, rtol=1e-9, atol=1e-9)
@@ -38,4 +38,4 @@ def test_a_row_that_kept_ones_drive_into_a_stop_is_refused():
     M, kept, b, weights, row, v = scene(3, 1.0)
     rows, c = np.array([weights @ kept, row]), np.array([weights @ b - 0.01, 0.0])
     with pytest.raises(StepError, match="closures keep what strikes from giving way"):
-        strike(np.linalg.cholesky(M).T, kept, b, rows, c, np.zeros(2), v)
+        solve_impact(np.linalg.cholesky(M).T, kept, b, rows, c, np.zeros(2), v)

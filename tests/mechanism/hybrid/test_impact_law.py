@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from mbdae.errors import StepError
-from mbdae.mechanism.hybrid.impact_law import Rub, strike
+from mbdae.mechanism.hybrid.impact_law import FrictionRow, solve_impact
 
 
 def hit(M, rows, v, e, kept=None, b=None, c=None):
     U = np.linalg.cholesky(M).T
     kept, n = np.zeros((0, len(v))) if kept is None else kept, len(rows)
-    return strike(U, kept, np.zeros(len(kept)) if b is None else b, rows, np.zeros(n) if c is None else c, e, v)
+    return solve_impact(U, kept, np.zeros(len(kept)) if b is None else b, rows, np.zeros(n) if c is None else c, e, v)
 
 
 @pytest.mark.parametrize(("angle", "e"), [(0.3, 0.0), (0.7, 0.5), (1.2, 1.0)])
@@ -60,7 +60,7 @@ def test_it_agrees_with_enumeration(seed):
     M, rows = A @ A.T + np.eye(n), rng.normal(size=(3, n))
     rows *= -np.sign(rows @ v)[:, None]  # all of them approach
     U = np.linalg.cholesky(M).T
-    once = strike(U, *nothing(n), rows, np.zeros(3), e, v)
+    once = solve_impact(U, *nothing(n), rows, np.zeros(3), e, v)
     if (rows @ once.v > -1e-9).all():
         np.testing.assert_allclose(once.v, enumerated(M, rows, v, e), atol=1e-12)
 
@@ -102,9 +102,15 @@ def rubbed(seed, e):
     rng = np.random.default_rng(seed)
     A, v = rng.normal(size=(6, 6)), rng.normal(size=6)
     M, rows, tangents = A @ A.T + np.eye(6), rng.normal(size=(2, 6)), rng.normal(size=(2, 6))
-    rubs = [Rub(k, tangents[k], 0.0, 0.4) for k in range(2)]
+    rubs = [FrictionRow(k, tangents[k], 0.0, 0.4) for k in range(2)]
     nothing = np.zeros((0, 6)), np.zeros(0)
-    return M, v, rows, tangents, strike(np.linalg.cholesky(M).T, *nothing, rows, np.zeros(2), np.full(2, e), v, rubs)
+    return (
+        M,
+        v,
+        rows,
+        tangents,
+        solve_impact(np.linalg.cholesky(M).T, *nothing, rows, np.zeros(2), np.full(2, e), v, rubs),
+    )
 
 
 @pytest.mark.parametrize("seed", [*range(30), 379])  # the last one goes round in circles

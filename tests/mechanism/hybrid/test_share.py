@@ -5,8 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from mbdae.mechanism.hybrid.box_lcp import choose
-from mbdae.mechanism.hybrid.friction_utilisation import smallest
+from mbdae.mechanism.hybrid.box_lcp import solve_box_lcp
+from mbdae.mechanism.hybrid.friction_utilisation import least_utilisation
 
 INF = np.inf
 
@@ -43,16 +43,16 @@ def test_what_holds_is_what_a_look_at_all_cases_finds(seed):
     limit = rng.uniform(0.1, 1.5, m) * size
     presses = rng.random(m) < 0.4
     lower, upper = np.where(presses, 0.0, -limit), np.where(presses, INF, limit)
-    acc = a + B.T @ B @ choose(B, a, lower, upper)
+    acc = a + B.T @ B @ solve_box_lcp(B, a, lower, upper)
     scaled = enumerate_cases(B.T @ B * np.outer(size, size), a * size, lower / size, upper / size)
     np.testing.assert_allclose(acc * size, scaled, atol=1e-8)
 
 
 def test_a_block_on_a_slope_slides_with_what_friction_leaves():
     B, weight = np.array([[0.5**0.5]]), 7.0  # 2 kg
-    (lam,) = choose(B, np.array([weight / 2]), np.array([-5.0]), np.array([5.0]))
+    (lam,) = solve_box_lcp(B, np.array([weight / 2]), np.array([-5.0]), np.array([5.0]))
     assert lam == -5.0
-    (lam,) = choose(B, np.array([weight / 2]), np.array([-7.5]), np.array([7.5]))
+    (lam,) = solve_box_lcp(B, np.array([weight / 2]), np.array([-7.5]), np.array([7.5]))
     assert lam == pytest.approx(-7.0, abs=1e-14)
 
 
@@ -63,8 +63,8 @@ def test_rows_that_depend_on_each_other_share_the_load(gear, together, part):
     B, a, limit = np.array([[1.0, gear]]), np.array([1.0, gear]), np.array([3.0, 1.0])
     lam = -part * together * np.linalg.pinv(B)[:, 0]  # of least norm
     null = np.array([[gear], [-1.0]])
-    assert smallest(lam / limit, null / limit[:, None]) == pytest.approx(part, rel=1e-13)
-    acc = part * together + (B @ choose(B, part * together * a, -limit, limit))[0]
+    assert least_utilisation(lam / limit, null / limit[:, None]) == pytest.approx(part, rel=1e-13)
+    acc = part * together + (B @ solve_box_lcp(B, part * together * a, -limit, limit))[0]
     assert acc == pytest.approx(max(0.0, part - 1) * together, abs=1e-12)
 
 
@@ -75,5 +75,5 @@ def test_the_smallest_share_is_the_least_largest_one(seed):
     load, null = rng.normal(size=5), rng.normal(size=(5, 1))
     z = np.linspace(-20, 20, 400001)
     searched = np.abs(load[:, None] + null * z).max(axis=0).min()
-    assert smallest(load, null) == pytest.approx(searched, abs=3e-4)
-    assert smallest(load, null) <= searched
+    assert least_utilisation(load, null) == pytest.approx(searched, abs=3e-4)
+    assert least_utilisation(load, null) <= searched

@@ -10,8 +10,8 @@ from mbdae.integrate.binding import common
 from mbdae.studies.comparison import run_queue
 from mbdae.studies.comparison.comparison import Comparison
 from mbdae.studies.comparison.ranking import rank, sentence, targets, work_at
-from mbdae.studies.comparison.reference_motion import Motion
-from mbdae.studies.comparison.run_result import Point
+from mbdae.studies.comparison.reference_motion import ReferenceMotion
+from mbdae.studies.comparison.run_result import RunResult
 from mbdae.studies.method_variant import Variant
 from mbdae.textbook.problems import TEXTBOOK
 
@@ -81,7 +81,7 @@ def test_fixed_steps_show_the_order(four_bar):
 def test_samples_are_not_interpolated(four_bar):
     """A step over the whole span has the error of its end at every common time, not that of a polynomial."""
     y = four_bar.point()
-    motion = Motion(four_bar, (y[:3], y[3:6]), (0.0, 0.2), np.array([0.05, 0.2]), 1000)
+    motion = ReferenceMotion(four_bar, (y[:3], y[3:6]), (0.0, 0.2), np.array([0.05, 0.2]), 1000)
     sol = mbdae.solve(four_bar, (0, 0.2), method="radau5", step=0.2)
     tight = mbdae.solve(four_bar, (0, 0.2), method="pherk6", rtol=1e-11, t_eval=[0.05, 0.2])
     error = np.abs(motion.sample(sol)["q"] - tight.q).max(axis=1)
@@ -207,7 +207,10 @@ def test_files_hold_everything(study, tmp_path, name):
 
 def test_failed_runs_survive_files(tmp_path):
     found = {"q": 0.1, "v": 0.2, "lam": 0.3}
-    points = (Point("herk1", 1e-7, None, "max_steps", steps=5), Point("DOP853", None, 7, "finished", found, found))
+    points = (
+        RunResult("herk1", 1e-7, None, "max_steps", steps=5),
+        RunResult("DOP853", None, 7, "finished", found, found),
+    )
     result = Comparison("x", (0.0, 1.0), points, "a", "b", {"q": 1e-9, "v": 1e-9, "lam": 1e-9})
     for name in ("c.csv", "c.json"):
         result.save(tmp_path / name)
@@ -217,8 +220,10 @@ def test_failed_runs_survive_files(tmp_path):
 @pytest.mark.parametrize("name", ["c.csv", "c.json"])
 def test_what_is_finished_is_not_done_again(four_bar, tmp_path, monkeypatch, name):
     runs = []
-    real = Motion.solve
-    monkeypatch.setattr(Motion, "solve", lambda self, trial, *rest: runs.append(str(trial)) or real(self, trial, *rest))
+    real = ReferenceMotion.solve
+    monkeypatch.setattr(
+        ReferenceMotion, "solve", lambda self, trial, *rest: runs.append(str(trial)) or real(self, trial, *rest)
+    )
 
     def stop(done, what):
         if what.startswith("herk3, rtol 1e-05"):
@@ -247,8 +252,10 @@ def test_what_is_finished_is_not_done_again(four_bar, tmp_path, monkeypatch, nam
 
 def test_times_are_taken_in_turn(four_bar, monkeypatch):
     order = []
-    real = Motion.solve
-    monkeypatch.setattr(Motion, "solve", lambda self, run, *rest: order.append(str(run)) or real(self, run, *rest))
+    real = ReferenceMotion.solve
+    monkeypatch.setattr(
+        ReferenceMotion, "solve", lambda self, run, *rest: order.append(str(run)) or real(self, run, *rest)
+    )
     told = []
     study = mbdae.compare(four_bar, (0, 0.2), **QUICK | {"repeats": 3}, progress=lambda done, name: told.append(done))
     names = [f"{m}, rtol {r:g}" for m in QUICK["methods"] for r in QUICK["rtol"]]

@@ -14,7 +14,7 @@ from commands import call
 import mbdae
 from mbdae.errors import InputError
 from mbdae.studies.comparison.comparison import Comparison
-from mbdae.studies.comparison.run_queue import light
+from mbdae.studies.comparison.run_queue import without_geometry
 
 RUNS = {"methods": ("pherk5", "herk3", "ggl:pherk5", "index1:RK45"), "rtol": (1e-3, 1e-5)}
 
@@ -39,7 +39,7 @@ def test_what_cannot_be_sent_is_said():
 
 def test_shapes_are_not_sent():
     panda = mbdae.load("panda_handle")
-    assert light(panda).visuals is None
+    assert without_geometry(panda).visuals is None
     assert panda.visuals is not None
 
 

@@ -15,7 +15,7 @@ from mbdae.mechanism.formats.model_library import find
 from mbdae.mechanism.formats.template import Template
 from mbdae.studies.fit.data import records
 from mbdae.studies.fit.fit import ROUGH, SPANS, TOLERANCE
-from mbdae.studies.fit.fit_residuals import Misfit
+from mbdae.studies.fit.fit_residuals import FitResiduals
 
 COMMANDS = (
     "run four_bar -t 0.4 --step 0.02 -o fit.csv",
@@ -129,7 +129,7 @@ def test_fewer_runs_than_with_quotients(tmp_path):
     given = {"force.spring.stiffness": (40.0, 10, 1000), "joint.slider.mass": (1.5, 0.1, 5)}
     found = mbdae.fit(path, given, data, sigma=1e-4, **STEP)
     assert found.values == pytest.approx(truth, rel=1e-6)
-    problem = Misfit(Template(str(path)), list(given), records(data), [{}], 1e-4, None, dict(STEP))
+    problem = FitResiduals(Template(str(path)), list(given), records(data), [{}], 1e-4, None, dict(STEP))
     x, low, high = np.array(list(given.values())).T
     for share in problem.shares(SPANS, 2):
         problem.share, tolerance = share, ROUGH if share < 1 else TOLERANCE

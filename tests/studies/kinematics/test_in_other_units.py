@@ -5,7 +5,7 @@ import pytest
 from unit_systems import UNIT_SYSTEMS
 
 import mbdae
-from mbdae.mechanism.joints import turning
+from mbdae.mechanism.joints import angle_components
 
 LEGS = [f"piston_{i}" for i in range(2, 7)]
 DRIVES = {  # drive, what is held, a range without dead points
@@ -58,7 +58,7 @@ def test_assembly_modes_know_no_units(name):
             found.modes, expected.modes, strict=True
         ):  # up to full turns: some are half a turn off the start
             x = mech.manifold.difference(b.q, a.q / units.configuration(mech))
-            x -= 2 * np.pi * np.round(x / (2 * np.pi)) * turning(mech.model)
+            x -= 2 * np.pi * np.round(x / (2 * np.pi)) * angle_components(mech.model)
             assert np.abs(x).max() < WITHIN * np.abs(b.q).max()
         near([m.margin for m in found.modes], [m.margin for m in expected.modes])
 

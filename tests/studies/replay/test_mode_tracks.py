@@ -5,14 +5,14 @@ import pinocchio as pin
 import pytest
 
 import mbdae
-from mbdae.studies.replay.mode_tracks import switched
+from mbdae.studies.replay.mode_tracks import mode_tracks_of
 
 
 def marked(model, end):
     sol = mbdae.solve(mbdae.load(model), (0, end), rtol=1e-6)  # rounding of points grows with shorter steps
     times = np.linspace(0, end, 501)
     q, v = (np.array(x) for x in zip(*(sol(t) for t in times), strict=True))
-    return sol, times, q, v, switched(sol, q)
+    return sol, times, q, v, mode_tracks_of(sol, q)
 
 
 def during(times, track):
@@ -65,11 +65,11 @@ def test_backlash_is_marked_at_both_joints():
         model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
     play = mbdae.Stop(joints=("a", "b"), coefficients=(0.0, 2.0), lower=-0.1, upper=0.1)
     sol = mbdae.solve(mbdae.Mechanism(model, stops=[play]), (0, 1), [0.0, 0.0], [1.0, 0.0])
-    (track,) = switched(sol, sol.q)
+    (track,) = mode_tracks_of(sol, sol.q)
     assert track.struck == pytest.approx([0.1])
     np.testing.assert_allclose(track.places, np.array([[[0, 0, 0]], [[1, 0, 0]]]) + 0 * sol.q[:, :1], atol=1e-12)
 
 
 def test_nothing_is_marked_where_nothing_switches():
     sol = mbdae.solve(mbdae.load("pendulum"), (0, 0.1))
-    assert switched(sol, sol.q) == []
+    assert mode_tracks_of(sol, sol.q) == []

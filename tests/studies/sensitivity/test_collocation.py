@@ -6,7 +6,7 @@ from frozen import best, compare, free_velocity, retraced, runs_of
 from smooth import SMOOTH
 
 import mbdae
-from mbdae.mechanism.formats.loaded_model import Remembered, number
+from mbdae.mechanism.formats.loaded_model import LoadedModel, number
 
 SHORT = {"andrews_squeezer": (2e-4, 4e-5), "rolling_disc": (0.04, 5e-3),
          "snakeboard": (0.02, 2e-3), "heavy_top": (0.1, 0.01), "humanoid_stance": (0.01, 5e-3),
@@ -62,7 +62,7 @@ def test_every_sort_of_parameter(name, options):
 def test_multipliers_that_the_iteration_leaves_behind(options):
     """In a parallelogram those of stages are 1e-7 off when x and x' are at rounding."""
     name = "frame.crank_1_tip.xyz.0"
-    make = Remembered(mbdae.load("n_four_bar"))
+    make = LoadedModel(mbdae.load("n_four_bar"))
     value = number(make, name)
 
     def run(x):

@@ -19,12 +19,12 @@ STEPS = {"andrews_squeezer": 5e-4, "humanoid_stance": 2e-3, "flyball_governor": 
 @contextmanager
 def in_python():
     """Let Python go along the steps of traces."""
-    known = trajectory.core_steps
-    trajectory.core_steps = lambda trace: None
+    known = trajectory.native_trajectory
+    trajectory.native_trajectory = lambda trace: None
     try:
         yield
     finally:
-        trajectory.core_steps = known
+        trajectory.native_trajectory = known
 
 
 def random_cost(sol, seed=0):

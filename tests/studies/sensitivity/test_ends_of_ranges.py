@@ -6,7 +6,7 @@ import pytest
 import mbdae
 import mbdae.finite_differences as differences
 from mbdae.errors import InputError
-from mbdae.finite_differences import ABOVE, BELOW, PLACES
+from mbdae.finite_differences import ABOVE, BELOW, STENCIL
 from mbdae.mechanism.discrete_sensitivity.parameter_direction import FIRST, possible
 from mbdae.mechanism.formats.template import Template
 
@@ -59,13 +59,17 @@ def test_differences_are_of_order_six_on_either_side(places):
     """Exact for polynomials of degree six, and zero to the bit for what does not change."""
     for degree in range(7):
         exact = float(degree == 1)
-        assert differences.quotient({k: float(k) ** degree for k in places}, 1.0) == pytest.approx(exact, abs=1e-10)
-    assert differences.quotient(dict.fromkeys(places, 0.1), 1e-3) == 0.0
-    found = [abs(differences.quotient({k: np.exp(k * h) for k in places}, h) - 1) for h in (0.2, 0.1)]
+        assert differences.central_difference({k: float(k) ** degree for k in places}, 1.0) == pytest.approx(
+            exact, abs=1e-10
+        )
+    assert differences.central_difference(dict.fromkeys(places, 0.1), 1e-3) == 0.0
+    found = [abs(differences.central_difference({k: np.exp(k * h) for k in places}, h) - 1) for h in (0.2, 0.1)]
     assert np.log2(found[0] / found[1]) == pytest.approx(6, abs=0.4)
     values = {k: np.sin(1 + 0.1 * k) for k in places}
     weights = differences.weights(places, 0.1)
-    assert sum(w * values[k] for k, w in weights.items()) == pytest.approx(differences.quotient(values, 0.1), abs=1e-13)
+    assert sum(w * values[k] for k, w in weights.items()) == pytest.approx(
+        differences.central_difference(values, 0.1), abs=1e-13
+    )
 
 
 @pytest.mark.usefixtures("back_end")
@@ -161,12 +165,12 @@ def test_a_design_may_begin_and_end_at_the_end_of_a_range(path):
 
 
 @pytest.mark.parametrize(("low", "high", "found"), [
-    (-3.5, 9.0, (1.0, PLACES)),
-    (-9.0, 2.5, (1 / 8, PLACES)),  # not all places of both sides at the full width
+    (-3.5, 9.0, (1.0, STENCIL)),
+    (-9.0, 2.5, (1 / 8, STENCIL)),  # not all places of both sides at the full width
     (0.0, 9.0, (1.0, ABOVE)),
     (0.0, 2.5, (1 / 8, ABOVE)),
     (-9.0, 0.0, (1.0, BELOW)),
-    (0.0, 0.0, (1.0, PLACES)),  # neither way: the refusal names the usual width
+    (0.0, 0.0, (1.0, STENCIL)),  # neither way: the refusal names the usual width
 ])  # fmt: skip
 def test_mechanisms_exist_at_all_places_of_a_width(low, high, found):
     def make(by):

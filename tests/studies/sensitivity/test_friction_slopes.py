@@ -9,7 +9,7 @@ import mbdae
 from mbdae import Closure, CoulombFriction, Mechanism
 from mbdae.errors import InputError
 from mbdae.mechanism.closures.profiles import CircleProfile
-from mbdae.studies.sensitivity.run_parameters import maker
+from mbdae.studies.sensitivity.run_parameters import mechanism_factory
 
 
 def planar_body(joints):
@@ -99,7 +99,7 @@ def test_closures_that_depend_on_each_other(name):
     own = mbdae.load("four_bar", forces=[friction])
 
     def run(x):
-        made = maker(own, None).make({name: x})
+        made = mechanism_factory(own, None).make({name: x})
         return mbdae.solve(made, (0.0, 0.4), step=0.04, method="pherk5", project=True)
 
     sol = mbdae.solve(own, (0.0, 0.4), step=0.04, method="pherk5", project=True)

@@ -10,7 +10,7 @@ import mbdae
 from mbdae.errors import InputError
 from mbdae.solution.signals import signals as columns
 from mbdae.solution.signals import units
-from mbdae.studies.sensitivity.signal_jacobian import SignalSlopes
+from mbdae.studies.sensitivity.signal_jacobian import SignalJacobian
 
 ALL_SORTS = str(Path(__file__).parents[2] / "data" / "all_sorts.toml")
 WITHOUT = ("g", "Gv")  # a largest magnitude has no derivative
@@ -31,7 +31,7 @@ def wrong(model, name, T, **options):
         return np.array([found[key] for key in known])
 
     size = np.maximum(1.0, np.abs([here[key] for key in known]).max(axis=1))
-    slopes = SignalSlopes(moves.trace, known)
+    slopes = SignalJacobian(moves.trace, known)
     variations = np.hstack([moves.dy[..., 0], np.ones((len(sol.t), 1)), moves.dt])
     moved = np.array([slopes.rows(i, sol.t[i], y) @ variations[i] for i, y in enumerate(sol.y)]).T
     errors = []

@@ -7,12 +7,12 @@ from frozen import best, compare
 import mbdae
 from mbdae import Driver
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.loaded_model import Remembered, number
+from mbdae.mechanism.formats.loaded_model import LoadedModel, number
 from mbdae.mechanism.formats.template import Template
 
 WIDTHS = (1e-5, 1e-4, 1e-3)
 GENEVA = Template("geneva_drive")
-DRIVEN = Remembered(mbdae.load("geneva_drive", drivers=[Driver(joint="crank", speed=6.0)]))
+DRIVEN = LoadedModel(mbdae.load("geneva_drive", drivers=[Driver(joint="crank", speed=6.0)]))
 SLOT = {"start.q.crank": -0.5, "start.q.wheel": -0.0562421, "start.v.wheel": -2.7935}  # with a few digits
 ON_ROWS = [(GENEVA, {}, "closure.dwell.coefficients.0"), (GENEVA, SLOT, "frame.pin.xyz.0"),
            (GENEVA, SLOT, "start.v.crank"), (DRIVEN, SLOT, "frame.pin.xyz.0")]  # fmt: skip

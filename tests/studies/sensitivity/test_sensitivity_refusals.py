@@ -138,7 +138,8 @@ def test_a_spring_without_length_has_a_slope_everywhere(tmp_path):
     with pytest.raises(InputError, match=LOST):
         mbdae.sensitivity(run, {"force.spring.force": 0.0})
     path.write_text(hung(0.4, "length = 0.3"))
-    signals = curves(mbdae.studies.sensitivity.run_parameters.maker(None, str(path)), "arm", mbdae.load(path),
+    signals = curves(mbdae.studies.sensitivity.run_parameters.mechanism_factory(None, str(path)), "arm",
+    mbdae.load(path),
                      {"span": (0.0, 0.5), "points": 3})({"force.spring.stiffness": 10.0}).signals  # fmt: skip
     with pytest.raises(InputError, match=LOST):
         signals.derivative("holding")

@@ -8,7 +8,7 @@ from chains import random_inertia
 import mbdae
 from mbdae import JointPID, backend
 from mbdae.errors import InputError
-from mbdae.mechanism.formats.loaded_model import Remembered, number
+from mbdae.mechanism.formats.loaded_model import LoadedModel, number
 
 
 def with_pid(**more):
@@ -47,7 +47,7 @@ def test_values_of_another_run_are_refused():
 def test_a_projection_counts_where_nothing_was_amiss(method):
     """Steps of a parallelogram end on the closures; those of one whose coupler is longer do not."""
     name = "frame.coupler_2_tip.xyz.0"
-    make = Remembered(mbdae.load("n_four_bar", N=2))
+    make = LoadedModel(mbdae.load("n_four_bar", N=2))
     h, x = 2e-4, number(make, name)
 
     def end(value):

@@ -7,7 +7,7 @@ from frozen import best
 
 import mbdae
 from mbdae.errors import InputError
-from mbdae.finite_differences import settled
+from mbdae.finite_differences import converged_difference
 from mbdae.mechanism.formats.loaded_model import number
 from mbdae.mechanism.formats.template import Template
 
@@ -133,14 +133,14 @@ def test_widths_shrink_until_differences_agree():
             raise InputError("too far")
         return 5 * x
 
-    assert settled(lambda h: values(lambda x: x**2 + 7 * x, h), 0.1).h == 0.1
-    waves = settled(lambda h: values(lambda x: np.sin(200 * x), h), 0.1)
+    assert converged_difference(lambda h: values(lambda x: x**2 + 7 * x, h), 0.1).h == 0.1
+    waves = converged_difference(lambda h: values(lambda x: np.sin(200 * x), h), 0.1)
     np.testing.assert_allclose(waves.slope, [200, 400], rtol=1e-9)
     assert waves.h < 0.01
-    np.testing.assert_allclose(settled(lambda h: values(edge, h), 1.0).slope, [5, 10], rtol=1e-12)
-    assert settled(lambda h: values(lambda x: float(x > 0), h), 0.1).apart > 0.1
+    np.testing.assert_allclose(converged_difference(lambda h: values(edge, h), 1.0).slope, [5, 10], rtol=1e-12)
+    assert converged_difference(lambda h: values(lambda x: float(x > 0), h), 0.1).apart > 0.1
     with pytest.raises(InputError, match="too far"):
-        settled(lambda h: values(edge, h), 1e9)
+        converged_difference(lambda h: values(edge, h), 1e9)
 
 
 def test_what_assembly_tolerates_is_no_start():

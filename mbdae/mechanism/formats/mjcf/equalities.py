@@ -34,7 +34,7 @@ def loops_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]:
             held.append(Driver(name=name, joint=c.joints[m.eq_obj1id[i]], motion=_held(c, i)))
         elif kind == kinds.mjEQ_JOINT:
             out.append(_coupling(c, i, name))
-        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _stands(c, i):
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _same_carrier(c, i):
             unread.append(f"{name} (its bodies do not move against each other)")
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             out.append(_closure(c, i, name))
@@ -43,7 +43,7 @@ def loops_of(c: "MjcfModel") -> tuple[list[Closure], list[Driver], list[str]]:
     return out, held, unread
 
 
-def _stands(c: "MjcfModel", i: int) -> bool:
+def _same_carrier(c: "MjcfModel", i: int) -> bool:
     """Whether both sides of an equality are carried by the same joint."""
     sides = int(c.m.eq_obj1id[i]), int(c.m.eq_obj2id[i])
     sites = c.lib.mjtObj(c.m.eq_objtype[i]) == c.lib.mjtObj.mjOBJ_SITE

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ....errors import InputError
-from ...allowed_paths import Places, refused
+from ...allowed_paths import AllowedPaths, access_error
 
 ATTRIBUTE = re.compile(rb"""([A-Za-z_]\w*)\s*=\s*("[^"]*"|'[^']*')""")
 FOLDERS = ("meshdir", "texturedir", "assetdir")
@@ -40,7 +40,7 @@ class XmlFiles(NamedTuple):
     named: dict[str, Path]
 
 
-def check_files(path: Path, places: Places) -> XmlFiles:
+def check_files(path: Path, places: AllowedPaths) -> XmlFiles:
     """Check what an MJCF file names, and the files that it includes, and return those.
 
     Raises:
@@ -74,7 +74,7 @@ def _attributes(text: bytes) -> list[tuple[str, str]]:
     return [*pairs, *((key, unescape(value)) for key, value in pairs if "&" in value)]
 
 
-def _found(name: str, bases: set[Path], folders: set[str], places: Places) -> list[Path]:
+def _found(name: str, bases: set[Path], folders: set[str], places: AllowedPaths) -> list[Path]:
     """The files that a name may mean to MuJoCo, which may drop its folders."""
     plain = name.rpartition("://")[2]
     out = []
@@ -86,7 +86,7 @@ def _found(name: str, bases: set[Path], folders: set[str], places: Places) -> li
         except (OSError, ValueError, RuntimeError):  # not a path
             continue
         if not places.holds(file):
-            raise refused(name, file, places.root)
+            raise access_error(name, file, places.root)
         if not file.is_file():
             raise InputError(f"{name!r} is not a plain file: {file}")
         out.append(file)

@@ -7,7 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ...imported_model import FRICTION, LIMITS, listed
+from ...imported_model import FRICTION, LIMITS, name_list
 from ...scene.shapes import LEVEL, ground, mesh
 from .actuators import actuator_name
 from .states import pose
@@ -92,7 +92,7 @@ def left_out(
         ("forces of a fluid", [""] if m.opt.density or m.opt.viscosity else []),
         ("shapes", shapes),
     ]
-    return [listed(what, names) for what, values in found if (names := list(values))]
+    return [name_list(what, names) for what, values in found if (names := list(values))]
 
 
 def _array(m: Any, name: str, rows: int) -> np.ndarray:

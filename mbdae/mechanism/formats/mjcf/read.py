@@ -16,10 +16,10 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError, UnknownNameError
-from ...allowed_paths import Places
+from ...allowed_paths import AllowedPaths
 from ...checked_table import HUGE
-from ...imported_model import Part
-from ...model_serialization import written
+from ...imported_model import ImportedModel
+from ...model_serialization import model_to_data
 from ...model_settings import Start
 from ...scene.shapes import pack
 from .actuators import actuators_of, disabled, springs_of, weightless
@@ -140,7 +140,7 @@ class MjcfModel:
         return number, after
 
 
-def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
+def read_mjcf(path: Path, places: AllowedPaths, key: str = "") -> ImportedModel:
     """Read an MJCF file.
 
     Args:
@@ -168,10 +168,10 @@ def read_mjcf(path: Path, places: Places, key: str = "") -> Part:
     gravity = (0.0, 0.0, 0.0) if disabled(c, "GRAVITY") else tuple(m.opt.gravity.tolist())
     closures, drivers, equalities = loops_of(c)
     forces, masses, (geometry, shapeless) = springs_of(c), weightless(c), visuals(c)
-    return Part(
+    return ImportedModel(
         c.model,
         geometry,
-        lambda: {"model": written(c.model), "visuals": pack(geometry)},
+        lambda: {"model": model_to_data(c.model), "visuals": pack(geometry)},
         gravity=gravity,
         closures=tuple(closures),
         drivers=tuple(drivers),

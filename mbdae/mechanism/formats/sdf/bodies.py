@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError
-from ...allowed_paths import Places
+from ...allowed_paths import AllowedPaths
 from ...scene.meshes import stand_in
 from ..inertias import judged_inertia
 from ..recorded import Recorded
@@ -83,7 +83,7 @@ def solid_of(of: SdfElements, geometry: Recorded | None, name: str) -> Any:
 
 
 def visuals_of(
-    of: SdfElements, places: Places, carried: Callable[[str], tuple[int, pin.SE3]]
+    of: SdfElements, places: AllowedPaths, carried: Callable[[str], tuple[int, pin.SE3]]
 ) -> tuple[pin.GeometryModel, list[str], str]:
     """What is to be seen of the links.
 

@@ -17,12 +17,12 @@ import numpy as np
 import pinocchio as pin
 
 from ....errors import InputError
-from ...allowed_paths import Places
+from ...allowed_paths import AllowedPaths
 from ...checked_table import Table
 from ...closures.closure import Closure
 from ...forces.joint_spring import JointSpring
 from ...frames import WORLD
-from ...imported_model import EFFORTS, FRICTION, LIMITS, LOST, Mimic, Part, listed
+from ...imported_model import EFFORTS, FRICTION, LIMITS, LOST, ImportedModel, Mimic, name_list
 from ...joints import subspace
 from ..recorded import Recorded, unread_phrases
 from .bodies import inertia_of, visuals_of
@@ -41,7 +41,7 @@ class SdfRecord(Table):
     packages: tuple[str, ...]
 
 
-def read_sdf(text: str, name: str, places: Places) -> Part:
+def read_sdf(text: str, name: str, places: AllowedPaths) -> ImportedModel:
     """Read an SDF text.
 
     Args:
@@ -81,7 +81,7 @@ class SdfModel:
         self.halved = [j for j in self.joints if j not in self.tree and self._halves(j)]
         self.shares = Counter(j.child for j in self.halved)
 
-    def part(self, gravity: str | None, places: Places, record: dict, root: Recorded) -> Part:
+    def part(self, gravity: str | None, places: AllowedPaths, record: dict, root: Recorded) -> ImportedModel:
         """What the file says, as a part of a mechanism."""
         self._grow(WORLD)
         for link in self.roots:
@@ -98,9 +98,9 @@ class SdfModel:
             warnings.warn(f"{self.of.file}: meshes left out, {reason}", stacklevel=2)
         weightless = dict(filter(None, map(self._weightless, self.of.links)))
         springs, mimics = self._springs(), self._mimics()
-        said = [listed(what, names) for what, names in self._said_only(shapeless) if names]
+        said = [name_list(what, names) for what, names in self._said_only(shapeless) if names]
         left = chain(root.unread([self.of.model]), self.of.model.unread())
-        return Part(
+        return ImportedModel(
             self.model,
             visuals,
             record.copy,
