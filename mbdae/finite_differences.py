@@ -59,7 +59,7 @@ class ConvergedDifference(NamedTuple):
 
     slope: Array
     h: float
-    apart: float
+    discrepancy: float
 
 
 def converged_difference(
@@ -91,7 +91,7 @@ def converged_difference(
                 miss = float(np.max(excess / np.where(size > 0, size, 1.0), initial=0.0))
                 apart = float(max(excess.max(initial=0.0), 0.0) / (size.max(initial=0.0) or 1.0))
                 if miss <= AGREEMENT:
-                    return last._replace(apart=apart)
+                    return last._replace(discrepancy=apart)
                 if miss < least:
                     best, least = ConvergedDifference(slope, h, apart), miss
             last = ConvergedDifference(slope, h, np.inf)

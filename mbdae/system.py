@@ -133,7 +133,7 @@ class System(Protocol):
     measured: slice
     native: ModuleType | None = None
 
-    def twin(self) -> "System":
+    def new_workspace(self) -> "System":
         """Return another workspace of the problem, computed by the same back end; it counts for itself."""
 
     def order_of(self, tableau: Any) -> int:
@@ -158,7 +158,7 @@ class System(Protocol):
                 F[i], z[i] = self.derivative(t[i], y[i], near[i])
         return F, z
 
-    def whole_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
+    def compiled_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
         """Return a step that is computed at once; None where `mbdae.methods` goes through its stages.
 
         Controlled steps of collocation methods have an error estimate, and give up soon; others always have theirs.

@@ -142,7 +142,7 @@ def test_motions_along_closed_branches(script):
         truth = branches.Truth(branch, 0.7, 1.0)
         sol = mbdae.solve(branch.mech, (0, 0.1), *truth.at(0), method="pherk6", rtol=1e-11, project=True)
         q, v = truth.at(0.1)
-        assert np.abs(branch.apart(sol.q[-1], q)).max() < 1e-9, kind
+        assert np.abs(branch.discrepancy(sol.q[-1], q)).max() < 1e-9, kind
         np.testing.assert_allclose(sol.v[-1], v, atol=1e-8, err_msg=kind)
         np.testing.assert_allclose(sol.lam[-1], truth.forces(0.1)[0], atol=1e-6, err_msg=kind)
         energy = [sum(branch.mech.energy(*truth.at(t))) for t in np.linspace(0, 1, 20)]

@@ -49,7 +49,7 @@ class BackwardStepper:
             StepError: where they cannot be reached.
         """
         run, tableau = self.run, method(DEFAULTS["method"])
-        system = run.system.twin()
+        system = run.system.new_workspace()
         system.hold(run.system.in_use)
         ts, ys, rates = [run.t], [run.ys[-1]], []
         for t in times.tolist():

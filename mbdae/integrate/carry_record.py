@@ -15,7 +15,7 @@ class CarryRecord:
         self.rows: dict[int, Array] = {}
         self.renewed: set[int] = set()
 
-    def room(self, n: int) -> int:
+    def capacity_left(self, n: int) -> int:
         """How many more nodes are kept behind the first n."""
         return max(SHORT - n, 0)
 

@@ -125,7 +125,7 @@ class EventDetector:
         """Return signals as the core takes them."""
         return [(s.signal.plain(), s.level, s.direction, self.events[i].terminal) for i, s in self.signals.items()]
 
-    def take_over(self, native: Any) -> None:
+    def adopt_native(self, native: Any) -> None:
         """Take over what the core has found, and where its events stand."""
         if not self.events or not self.by_signal:
             return

@@ -79,14 +79,14 @@ def _failure_message(run: RunState, e: StepError) -> str:
 
 def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | None = None) -> bool:
     """Step to the end of the span; True when a terminal event stopped the run before."""
-    total, events = run.to_go(), run.events
-    while run.to_go() > 0:
+    total, events = run.time_left(), run.events
+    while run.time_left() > 0:
         left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
         if left is not None and left <= 0:
             raise StepError("max_steps", f"{max_steps} steps did not suffice, stopped at t = {run.t:.17g}")
         before, start = len(run.ts), run.state
         events.looked = False
-        began = None if run.singular is not None and run.singular.leap(run) else start
+        began = None if run.singular is not None and run.singular.cross_if_near(run) else start
         if began:
             run.stepper.advance(run, 1 if run.modes or not events.by_signal else left)
         if len(run.ts) == before or reject_unresolved_step(run, began):
@@ -98,21 +98,21 @@ def time_loop(run: RunState, max_steps: int | None = None, progress: Progress | 
             return True
         fired = truncate_at_guard(run, began) if run.modes else []
         if run.modes and run.singular and began and len(run.ts) > before:
-            run.singular.step(run, run.to_go() == 0, bool(fired))
+            run.singular.step(run, run.time_left() == 0, bool(fired))
         if events.events and not events.looked:
             step = StepMap(run, began)
             stop = events.step(step)
             if stop:
                 terminate_at_event(step, *stop)
                 return True
-        if run.modes and fired and run.to_go() > 0:
-            run.modes.switch(run, fired)
+        if run.modes and fired and run.time_left() > 0:
+            run.modes.change_mode(run, fired)
         if run.t == run.leg.end and run.leg.restart is not None:
             run.cross(run.leg.restart)
-            if run.modes and (fired := run.modes.violated(run.t, run.ys[-1])):
-                run.modes.switch(run, fired)
+            if run.modes and (fired := run.modes.violated_guards(run.t, run.ys[-1])):
+                run.modes.change_mode(run, fired)
         if progress:
-            progress(1 - run.to_go() / total)
+            progress(1 - run.time_left() / total)
     return False
 
 

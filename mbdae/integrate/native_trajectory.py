@@ -64,7 +64,7 @@ class NativeTrajectory:
             i: a node.
             ends: leave the last step of the run out, whose size moves.
         """
-        kept = self.trace.walked.length if self.trace.walked else MANY
+        kept = self.trace.checkpoints.length if self.trace.checkpoints else MANY
         last, j = min(len(self.trace.ts) - 1 - ends, (i // kept + 1) * kept), i
         while j < last and self.plain(j) and not (j > i and self.trace.renewed[j]):
             j += 1
@@ -72,7 +72,7 @@ class NativeTrajectory:
 
     def before(self, i: int) -> int:
         """The first node from which nothing but steps leads to node i; i itself where there is none."""
-        kept = self.trace.walked.length if self.trace.walked else MANY
+        kept = self.trace.checkpoints.length if self.trace.checkpoints else MANY
         first, j = (i - 1) // kept * kept, i
         while j > max(0, first) and self.plain(j - 1) and not (j < i and self.trace.renewed[j]):
             j -= 1
@@ -85,8 +85,8 @@ class NativeTrajectory:
     def nodes(self, i: int, j: int) -> NodeRange:
         """Nodes i .. j, the rows of whose steps are in use then."""
         trace, carries = self.trace, np.zeros((j - i + 1, self.trace.n_carry))
-        if trace.walked:
-            carries[:-1] = trace.walked.carried(i, j)
+        if trace.checkpoints:
+            carries[:-1] = trace.checkpoints.carried(i, j)
         trace.hold(i)
         return NodeRange(range(i, j), np.ascontiguousarray(trace.ts[i : j + 1]), np.array(trace.ys[i : j + 1]), carries)
 

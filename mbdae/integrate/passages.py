@@ -48,7 +48,7 @@ class Passages:
     def workspace(self) -> Index2System:
         """A workspace of the watch's own, made when there is something to look at: what it computes is not counted."""
         if self._workspace is None:
-            self._workspace = self.system.twin()
+            self._workspace = self.system.new_workspace()
         self._workspace.enter(self.system.mode)
         if self._workspace.in_use != self.system.in_use:
             self._workspace.hold(self.system.in_use)

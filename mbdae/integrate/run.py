@@ -133,7 +133,7 @@ class RunState:
         """Time left to the end of the leg, positive."""
         return abs(self.leg.stop - self.t)
 
-    def to_go(self) -> float:
+    def time_left(self) -> float:
         """Time left to the end of the span, positive."""
         return abs(self.t1 - self.t)
 

@@ -145,7 +145,7 @@ def _signals(problem: Problem, system: System, events: tuple[Event, ...]) -> dic
         raise InputError(
             f"events of a textbook problem are functions event(t, y), got {next(iter(texts.values()))[0]!r}"
         )
-    workspace = system.twin()
+    workspace = system.new_workspace()
     return {i: SignalEvent.of(workspace, problem, *text) for i, text in texts.items()}
 
 

@@ -84,7 +84,7 @@ class SingularityMonitor(Passages):
         """Forget what solves outside of the next step tell."""
         self.system.least_pivot_ratio = 1.0
 
-    def refuse_landing(self, t: float, y: Array) -> None:
+    def reject_singular_step(self, t: float, y: Array) -> None:
         """Refuse a fixed step that has a stage in a singular configuration, or ends there at (t, y).
 
         Rounding says where such a stage leads, and no step can begin there.
@@ -146,14 +146,14 @@ class SingularityMonitor(Passages):
         """
         self.ratios.append(self.newest)
         self.largest = max(self.largest, self.ratios[-1])
-        self._look(run, len(self.ratios) - 2)
+        self._inspect_step(run, len(self.ratios) - 2)
         if last:
             near = self.ratios[-1] < SUSPICIOUS_RATIO * self.largest
             if near and self._ratio(run.ts[-1], run.ys[-1]) < ENDED * self.largest:
                 text = f"at t = {run.ts[-1]:.17g} the run ends in a singular configuration, where rounding decides"
                 self.end(run, len(run.ts) - 2, f"{text} velocities and multipliers: the step before is the last")
             self.ratios.append(np.inf)
-            self._look(run, len(self.ratios) - 2)
+            self._inspect_step(run, len(self.ratios) - 2)
         before, here = self.ratios[-2:]
         near = here < MONITORED_RATIO * self.largest and (
             _falls(before, here) or (self.entered is not None and here >= before)
@@ -174,7 +174,7 @@ class SingularityMonitor(Passages):
             StepError: as in `step`.
         """
         self.ratios.append(np.inf)
-        self._look(run, len(self.ratios) - 2)
+        self._inspect_step(run, len(self.ratios) - 2)
         if self.entered is not None:
             self._leave(run)
 
@@ -185,7 +185,7 @@ class SingularityMonitor(Passages):
         if self.control:
             self.control.cap = np.inf
 
-    def leap(self, run: "RunState") -> bool:
+    def cross_if_near(self, run: "RunState") -> bool:
         """Where a singular configuration is near, shorten the next step, or take the leap over it: then say True."""
         begins = len(run.ts) - 1 == self.first
         if self.control is None or (self.entered is None and not begins):
@@ -216,7 +216,7 @@ class SingularityMonitor(Passages):
         self.control.cap, self.control.h = np.inf, APPROACH * way
         self.tried, self.stalled = (np.inf, np.inf), 0
         self._begin(len(run.ts) - 1)
-        if self._ratio(found.t, found.y) >= (MONITORED_RATIO if run.to_go() else SINGULAR_RATIO) * self.largest:
+        if self._ratio(found.t, found.y) >= (MONITORED_RATIO if run.time_left() else SINGULAR_RATIO) * self.largest:
             self.compare(run, self.entered, len(run.ts) - 1)
             self.entered = None
         return True
@@ -246,7 +246,7 @@ class SingularityMonitor(Passages):
         """Return the point after a share of the leap of size h that was taken last."""
         return self.path(theta * h)
 
-    def _look(self, run: "RunState", k: int) -> None:
+    def _inspect_step(self, run: "RunState", k: int) -> None:
         """Look around step k, counted from 1, whose ratio is in place k."""
         before, here, after = self.ratios[max(0, k - 1) : k + 2] if k else (0.0, 1.0, 0.0)
         if not _suspicious(before, here, after, self.largest):

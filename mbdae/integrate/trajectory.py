@@ -45,18 +45,18 @@ class LinearMap(NamedTuple):
     """A part of a run that is linear in (dy, dp), a matrix (ny, ny + k) of y, or of the carry."""
 
     matrix: Array
-    renews: bool
+    maps_carry: bool
 
     def forward(self, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
         """Return the variations of y and of the carry."""
         found = self.matrix @ np.concatenate([dy, dp])
-        return (dy, found) if self.renews else (found, carry)
+        return (dy, found) if self.maps_carry else (found, carry)
 
     def reverse(self, y: Array, carry: Array) -> tuple[Array, Array, Array]:
         """Return the cotangents of y, of the carry and of the parameters."""
-        back = self.matrix.T @ (carry if self.renews else y)
+        back = self.matrix.T @ (carry if self.maps_carry else y)
         ny = len(y)
-        return (y + back[:ny], np.zeros_like(carry), back[ny:]) if self.renews else (back[:ny], carry, back[ny:])
+        return (y + back[:ny], np.zeros_like(carry), back[ny:]) if self.maps_carry else (back[:ny], carry, back[ny:])
 
 
 StepSensitivityPart = StepSensitivity | CollocationSensitivity
@@ -112,14 +112,16 @@ class Trajectory:
         self.jumped: list[bool] = (np.abs(np.diff(self.ts)) <= self.near).tolist()  # between nodes i and i + 1
         self.n_carry = self.slopes.width - self.system.nv if self.tableau.carries else 0
         self.renewed = np.zeros(len(self.ts), bool)
-        self.walked: Checkpoints | RecordedStates | None = None
+        self.checkpoints: Checkpoints | RecordedStates | None = None
         self.core = native_trajectory(self)
         if self.n_carry and sol.carried:
-            self.walked = RecordedStates(self.ys, sol.carried[0])
+            self.checkpoints = RecordedStates(self.ys, sol.carried[0])
             self.renewed[sol.carried[1]] = True
         elif self.n_carry:
             self.hold(0)
-            self.walked = Checkpoints(len(self.ts), State(self.ys[0], self._anew(0, self.ys[0])), self._walk)
+            self.checkpoints = Checkpoints(
+                len(self.ts), State(self.ys[0], self._restarted_carry(0, self.ys[0])), self._walk
+            )
 
     def hold(self, i: int) -> None:
         """Let the workspace solve for the rows that were in use at node i."""
@@ -136,7 +138,7 @@ class Trajectory:
 
     def state(self, i: int) -> State:
         """Where the step from node i starts."""
-        return State(self.ys[i], self.walked[i].carry if self.walked else None)
+        return State(self.ys[i], self.checkpoints[i].carry if self.checkpoints else None)
 
     def start(self) -> Iterator[TrajectoryPart]:
         """What leads from a given start to the first node."""
@@ -183,7 +185,7 @@ class Trajectory:
         if i + 1 in self.changes or self.jumped[i]:
             yield from self._renewal(t1, y1)
 
-    def trailing(self, i: int) -> Iterator[TrajectoryPart]:
+    def carry_restart_parts(self, i: int) -> Iterator[TrajectoryPart]:
         """What follows behind a step to node i and its projection, where nothing else leads there."""
         if self.renewed[i]:
             self.hold(i)
@@ -235,7 +237,7 @@ class Trajectory:
                 self.renewed[i + 1 : i + 1 + len(found.states)] = found.renewed
                 i += len(found.states)
                 if not found.complete:
-                    raise InputError(self._unlike(i))
+                    raise InputError(self._mismatch(i))
                 continue
             states.append(self._advance(i, states[-1]))
             i += 1
@@ -253,15 +255,15 @@ class Trajectory:
             state, self.renewed[i + 1] = self._repeat(i, state)
             apart = np.abs(self.system.difference(state.y, y1)).max()
             if not apart <= REPEATED * (1 + np.abs(y1).max()) and i + 1 not in self.changes:
-                raise InputError(self._unlike(i))
+                raise InputError(self._mismatch(i))
             if not apart <= SYNCHRONOUS * (1 + np.abs(y1).max()):
                 state = State(y1, state.carry)
         if self.jumped[i] or i + 1 in self.changes:
             self.hold(i + 1)
-            return State(y1, self._anew(i + 1, y1))
+            return State(y1, self._restarted_carry(i + 1, y1))
         return state
 
-    def _anew(self, i: int, y: Array) -> Any:
+    def _restarted_carry(self, i: int, y: Array) -> Any:
         return self.system.carry(*self.system.derivative(float(self.ts[i]), y))
 
     def _repeat(self, i: int, start: State) -> tuple[State, bool]:
@@ -274,7 +276,7 @@ class Trajectory:
             closed, standing = self.system.restore(t + h, state.y), _RunView(self.system, start)
             if self.stepper.tolerates(standing, closed, self.system.difference(state.y, closed)):
                 return State(closed, state.carry), False
-            return State(closed, self._anew(i + 1, closed)), True
+            return State(closed, self._restarted_carry(i + 1, closed)), True
         except StepError as e:
             raise InputError(f"the step from t = {t:.9g} s cannot be repeated: {e}") from None
 
@@ -285,6 +287,6 @@ class Trajectory:
         half = self.tableau.step(self.system, t, h / 2, start)
         return self.tableau.step(self.system, t + h / 2, h / 2, half.state).state
 
-    def _unlike(self, i: int) -> str:
+    def _mismatch(self, i: int) -> str:
         where = f"the step from t = {self.ts[i]:.9g} s cannot be repeated"
         return f"{where}: not a step of the method, or one with other forces"

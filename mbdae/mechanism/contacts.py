@@ -48,7 +48,7 @@ class Contact:
             return np.where(self.normal > 0, np.hypot(self.longitudinal, self.lateral) / self.normal, np.nan)
 
     @property
-    def lifts(self) -> float | None:
+    def lifts_off(self) -> float | None:
         """The first time in s at which N is negative: the surface would have to pull; None where it never is."""
         return first_negative(self.t, self.normal)
 
@@ -62,8 +62,8 @@ class Contact:
             f"contact {self.name}: N {low:.4g} to {high:.4g} N, ahead up to {ahead:.4g} N, "
             f"to the left up to {left:.4g} N, friction needed {slip:.3g}"
         ]
-        if self.lifts is not None:
-            lines.append(f"  N is negative from t = {self.lifts:.6g} s: it would lift")
+        if self.lifts_off is not None:
+            lines.append(f"  N is negative from t = {self.lifts_off:.6g} s: it would lift")
         if free := [n for n, known in zip(FORCES, self.unique, strict=True) if not known]:
             lines.append(f"  not unique: {', '.join(free)} ({NOT_UNIQUE})")
         return "\n".join(lines)

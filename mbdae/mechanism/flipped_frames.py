@@ -48,6 +48,6 @@ def flipped_closures(system: "Index2System") -> str:
     data = system.data
     for closure, (a, b) in system.mechanism.closure_anchors:
         relative = (data.oMi[a.joint].rotation @ a.R).T @ (data.oMi[b.joint].rotation @ b.R)
-        if closure.turned_over(relative):
+        if closure.flipped(relative):
             return closure.name
     return ""

@@ -201,7 +201,7 @@ class Manifold:
             out.T[s, s] = T.T
         return out
 
-    def coordinate_slopes(self, q: np.ndarray) -> np.ndarray:
+    def coordinate_partials(self, q: np.ndarray) -> np.ndarray:
         """Return the slopes of the numbers of q (+) x with respect to x at x = 0, (nq, nv)."""
         if self.flat:
             return np.eye(self.model.nv)

@@ -106,7 +106,7 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
         W = system.constraints.W[:, rows].copy()
         W[3:] -= (lever := skew(part.pair.pb)) @ W[:3]
         at_origin[i], wrench[i], turns[i] = W, W @ lam[i, rows], part.pair.Ra
-        if v is not None and system.sliding.rubs(name):
+        if v is not None and system.sliding.regularised_interfaces(name):
             friction = system.sliding.wrench(name, v[i], lam[i])
             wrench[i] += friction
             wrench[i, 3:] -= lever @ friction[:3]

@@ -90,7 +90,9 @@ def collocation_step(
         with suppress(StepError):
             found = stages.solve(K, Z, memory.slopes, memory.solvers)
     if found is None:
-        found = stages.afresh(K, Z) if estimate else stages.found(K, Z)  # a shorter step can be taken, or not
+        found = (
+            stages.simplified_newton(K, Z) if estimate else stages.found(K, Z)
+        )  # a shorter step can be taken, or not
     x = h * (a.A[-1] @ found.K) + (0.0 if state.compensation is None else state.compensation)
     y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))
@@ -190,7 +192,7 @@ class _Stages:
             last = size
         raise self._diverges()
 
-    def afresh(self, K: Array, Z: Array) -> StageMemory:
+    def simplified_newton(self, K: Array, Z: Array) -> StageMemory:
         """Iterate from a guess with the slopes of its middle."""
         i, X = self.a.middle, self.h * (self.a.A @ K)
         slopes = self.chart.linearize(X[i], K[i], Z[i])
@@ -199,14 +201,14 @@ class _Stages:
     def found(self, K: Array, Z: Array) -> StageMemory:
         """Iterate from a guess with the slopes of its middle, and where that does not converge, as `mixed` does."""
         try:
-            return self.afresh(K, Z)
+            return self.simplified_newton(K, Z)
         except StepError as failed:
             try:
-                return self.mixed(K, Z)
+                return self.anderson(K, Z)
             except StepError:
                 raise failed from None
 
-    def mixed(self, K: Array, Z: Array) -> StageMemory:
+    def anderson(self, K: Array, Z: Array) -> StageMemory:
         """Iterate from a guess where bodies turn so far within a step that slopes of one point serve badly.
 
         Each point is that combination of the last ones whose change would be least, plus this change (Anderson's

@@ -117,7 +117,7 @@ class ExplicitMethod:
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step: that of `mbdae.methods.half_explicit_step.half_explicit_step` where stages meet nothing."""
-        return system.whole_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
+        return system.compiled_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
 
     controlled_step = step
 

@@ -162,7 +162,7 @@ class RadauIIA:
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; see `mbdae.methods.collocation.collocation_step`. Its errors are empty, (0, ny)."""
-        return system.whole_step(self, t, h, state) or collocation_step(
+        return system.compiled_step(self, t, h, state) or collocation_step(
             system, self.arrays, t, h, state, PATIENCE, estimate=False
         )
 
@@ -174,7 +174,7 @@ class RadauIIA:
 
     def controlled_step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step with an error estimate, or give up where the iteration converges slowly."""
-        return system.whole_step(self, t, h, state, controlled=True) or collocation_step(
+        return system.compiled_step(self, t, h, state, controlled=True) or collocation_step(
             system, self.arrays, t, h, state, SHORT_PATIENCE, estimate=True
         )
 

@@ -176,7 +176,7 @@ class Tableau:
 
     def step(self, system: System, t: float, h: float, state: State) -> Step:
         """Take one step; see `mbdae.methods.half_explicit_step.half_explicit_step`."""
-        return system.whole_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
+        return system.compiled_step(self, t, h, state) or half_explicit_step(system, self, t, h, state)
 
     def slopes(self, system: System, slopes: DiscreteSensitivity, t: float, h: float, state: State) -> StepSensitivity:
         """The slopes of a step, see `mbdae.methods.step_sensitivity`."""

@@ -96,7 +96,7 @@ class HessenbergSystem(System):
                 f"expected ({self.ny},) and ({self.nz},)"
             )
 
-    def twin(self) -> "HessenbergSystem":  # noqa: D102
+    def new_workspace(self) -> "HessenbergSystem":  # noqa: D102
         return HessenbergSystem(self.problem)
 
     def chart(self, t: float, y: Array) -> "HessenbergChart":  # noqa: D102

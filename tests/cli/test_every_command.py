@@ -45,7 +45,7 @@ class Facts:
         self.windows = [c for c in self.mech.closures if c.within]
         self.switches = bool(self.mech.switches)
         self.several = [j.nv for j in self.mech.model.joints if j.nv > 1]
-        self.rubs = any(isinstance(f, CoulombFriction) for f in self.mech.forces)
+        self.regularised_interfaces = any(isinstance(f, CoulombFriction) for f in self.mech.forces)
         self.acts = bool(self.mech.drivers or self.mech.motors) or any(
             f.kind in ("joint_pid", "joint_torque", "dc_motor") for f in self.mech.forces if hasattr(f, "kind")
         )
@@ -120,7 +120,7 @@ REASONS = [
            lambda f: any(d.speed is not None for d in f.mech.drivers)),
     Reason(r"run .*--formulation|compare .*ggl", r"what opens, closes or steps needs formulation 'index2'",
            lambda f: f.switches),
-    Reason(r"inverse", r"^inverse dynamics does not know coulomb_friction", lambda f: f.rubs),
+    Reason(r"inverse", r"^inverse dynamics does not know coulomb_friction", lambda f: f.regularised_interfaces),
     Reason(r"inverse .*npz$", r"has no drivers and motors: name the joints", lambda f: not f.acts),
     Reason(r"inverse .*csv", r"^unknown joint of one coordinate '.*'; valid", lambda f: bool(f.several)),
     Reason(r"inverse .*csv|fit", r"times (of a motion )?must rise, got .* impact", lambda f: f.switches),

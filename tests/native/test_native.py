@@ -181,7 +181,7 @@ def compare_points(mech, states=6):
         assert_near(F, G, tolerance)
         assert_near(z, w, tolerance)
         for tableau, carry in ((herk, None), (carrying, python.carry(G, w))):
-            a = native.whole_step(tableau, t, 1e-3, State(y, carry))
+            a = native.compiled_step(tableau, t, 1e-3, State(y, carry))
             b = tableau.step(python, t, 1e-3, State(y, carry))
             assert_near(a.state.y, b.state.y, tolerance)
             assert_near(a.errors, b.errors, tolerance)
@@ -217,7 +217,7 @@ def test_a_point_near_the_last_stage_is_computed_for_itself():
     y, core = mech.point(), mech.system(native=backend.load())
     carry = core.carry(*core.derivative(0.0, y))
     for away in (0.0, 1e-12, 1e-9, 1e-4):
-        near = core.whole_step(METHODS["pherk4"], 0.0, 1e-2, State(y, carry)).state.y
+        near = core.compiled_step(METHODS["pherk4"], 0.0, 1e-2, State(y, carry)).state.y
         near[: mech.nq] += away
         for found, expected in zip(core.derivative(0.0, near), mech.system().derivative(0.0, near), strict=True):
             assert_near(found, expected, 1e-13)

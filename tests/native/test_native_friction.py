@@ -114,7 +114,7 @@ def test_friction_that_wedges_is_left_to_python():
 def test_wrong_places_are_refused():
     system = bead().system(native=backend.load())
     (right,) = system.sliding.plain()
-    acts, headings = system.sliding.acts, system.sliding.headings
+    acts, headings = system.sliding.acts, system.sliding.slip_directions
     core = system.core
     core.slide([right], acts, headings)
     wrong = {

@@ -85,7 +85,7 @@ class ModeMonitor:
 
     def _settled(self, run: "RunState", at: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.struck.items() if abs(at.t - when) < self.switches[i].rest}
-        y, impact = self.transition.impact(at, recent)
+        y, impact = self.transition.resolve_impact(at, recent)
         if impact:
             self.impacts.append(impact)
             self.struck |= {s.at: at.t for s in self.switches if s.name in impact.where}
@@ -103,7 +103,7 @@ class ModeMonitor:
                 guard.move(at(1.0))
         return theta, fired
 
-    def blind(self, run: "RunState", step: "StepMap") -> bool:
+    def unresolved_step(self, run: "RunState", step: "StepMap") -> bool:
         """Say whether a step is too long to see the loads of what sticks or rests, and bound the next one."""
         if not run.stepper.controls or not run.stepper.any_size:
             return False
@@ -133,7 +133,7 @@ class ModeMonitor:
         Raises:
             StepError: where an impact has no solution.
         """
-        if not any(g.kind in COMMANDS for g in self.violated(run.t, y)):
+        if not any(g.kind in COMMANDS for g in self.violated_guards(run.t, y)):
             return y
         y, mode = self._settled(run, self.transition.point(run.t, y), set())
         if mode != self.system.mode:
@@ -141,12 +141,12 @@ class ModeMonitor:
         self._enter(mode, run)
         return y
 
-    def violated(self, t: float, y: Array) -> list[Guard]:
+    def violated_guards(self, t: float, y: Array) -> list[Guard]:
         """Return guards that are negative at a point: where a load jumps."""
         at = self.transition.point(t, y)
         return [g.guard for g in self.guards if g.value(at) < -g.band]
 
-    def switch(self, run: "RunState", fired: list[Guard]) -> None:
+    def change_mode(self, run: "RunState", fired: list[Guard]) -> None:
         """Go on in the mode that follows: a second point of the run at the same time.
 
         Raises:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def reject_unresolved_step(run: "RunState", start: State | None) -> bool:
     """Take the last step back where loads of what sticks come and go within it, and say so."""
-    if not run.modes or start is None or not run.modes.blind(run, StepMap(run, start)):
+    if not run.modes or start is None or not run.modes.unresolved_step(run, StepMap(run, start)):
         return False
     run.stepper.take_back()
     run.take_back(start)

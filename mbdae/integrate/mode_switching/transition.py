@@ -43,7 +43,7 @@ class Transition:
         """Return a point in the mode of the workspace."""
         return ModePoint(self.system, self.all_rows, t, y)
 
-    def impact(self, at: ModePoint, soft: set[int]) -> tuple[Array, Impact | None]:
+    def resolve_impact(self, at: ModePoint, soft: set[int]) -> tuple[Array, Impact | None]:
         """Return the point behind an impact, and what happened; None where nothing approaches or is joined.
 
         Args:
@@ -114,7 +114,7 @@ class Transition:
         at = self.point(t, y)
         found: dict[int, tuple[LoadCandidate, ...]] = {}
         for s in self.switches:
-            candidates = s.candidate(at, before[s.at], NEAR)
+            candidates = s.load_candidates(at, before[s.at], NEAR)
             if candidates and abs(at.rate[candidates[0].row]) <= at.standstill:
                 found[s.at] = candidates
         mode, left = list(before), dict(found)
@@ -124,7 +124,7 @@ class Transition:
         waiting, largest = {i for i in opened if i in left}, 0.0
         while True:
             among = {i: c for i, c in left.items() if i not in waiting}
-            lam, rates, scale = self._loads(at, mode, among)
+            lam, rates, scale = self._constrained_accelerations(at, mode, among)
             largest = max(largest, float(np.abs(lam).max(initial=0.0)))
             pressed = [i for i in waiting if self._approaches(at, left[i][0], rates)]
             if pressed:  # it cannot let go: others press it
@@ -172,7 +172,7 @@ class Transition:
         inward = -rates[c.row] if np.isfinite(c.lower) else rates[c.row]
         return bool(inward > 1e-9 * (1 + float(np.abs(rates).max())))
 
-    def _loads(
+    def _constrained_accelerations(
         self, at: ModePoint, mode: list[int], found: dict[int, tuple[LoadCandidate, ...]]
     ) -> tuple[Array, Array, Array]:
         """Multipliers, accelerations G v' + gamma and their sizes of all rows, (ng,) each, with loads on candidates."""

@@ -47,7 +47,7 @@ class Fixed(PythonStepper):
         """Take a step of size h (signed)."""
         step = run.tableau.step(run.system, run.t, h, run.state)
         if run.singular and self._behind(run) is not None:
-            run.singular.refuse_landing(run.t + h, step.state.y)
+            run.singular.reject_singular_step(run.t + h, step.state.y)
         return step
 
     def error(self, run: "RunState", step: Step) -> float:

@@ -45,7 +45,7 @@ class NativeStepper(Stepper):
 
         Steps, rejections and the state are those of the run afterwards, also when this is interrupted.
         """
-        if not (self.inner.ready(run) and self._try(run, MANY if most is None else min(most, MANY))):
+        if not (self.inner.ready(run) and self._advance_core(run, MANY if most is None else min(most, MANY))):
             self.inner.advance(run)
 
     def take(self, run: "RunState", h: float) -> Step:  # noqa: D102
@@ -66,7 +66,7 @@ class NativeStepper(Stepper):
     def take_back(self) -> None:  # noqa: D102
         self.inner.take_back()
 
-    def _try(self, run: "RunState", most: int) -> int:
+    def _advance_core(self, run: "RunState", most: int) -> int:
         """Let the core try steps; return how many, 0 where the next one is one for Python."""
         self._to_native(run, most)
         try:
@@ -82,7 +82,7 @@ class NativeStepper(Stepper):
         r, leg, watch, inner = self.run, self.run.leg, run.singular, self.inner
         r.begin(run.state.y, self.system.carried(run.state), run.state.compensation)
         self._events_to_native(run)
-        r.kept = run.carried.room(len(run.ts))
+        r.kept = run.carried.capacity_left(len(run.ts))
         r.budget, r.watched, r.adaptive = most, watch is not None, isinstance(inner, Adaptive)
         leg.t, leg.t1, leg.sign, leg.stop, leg.end = run.t, run.t1, run.sign, run.leg.stop, run.leg.end
         if watch:
@@ -138,7 +138,7 @@ class NativeStepper(Stepper):
             return
         run.carried.extend(first, *r.carried())
         run.in_use += [(first + k, tuple(rows)) for k, rows in r.changes]
-        run.events.take_over(r.events)
+        run.events.adopt_native(r.events)
         state, leg = State(*r.state()), r.leg
         restart = None if np.isnan(r.jumps.restart) else r.jumps.restart
         times, i, behind = ts.tolist(), 0, r.behind

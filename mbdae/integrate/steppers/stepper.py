@@ -75,7 +75,7 @@ class PythonStepper(Stepper):
         if run.singular:
             run.singular.note()
             if not run.modes:  # else guards come first, which may cut the step
-                run.singular.step(run, run.to_go() == 0)
+                run.singular.step(run, run.time_left() == 0)
 
     @abstractmethod
     def propose(self, run: "RunState") -> tuple[float, float]:

@@ -283,7 +283,7 @@ class Closure(UnilateralOptions):
         axis, second = (unit_axis(x)[:, None] for x in (self.axis or Z, self.other_axis))
         return (axis, second) if direction == "axis" else (axis[:, :0], second[:, :0])
 
-    def turned_over(self, relative: np.ndarray) -> bool:
+    def flipped(self, relative: np.ndarray) -> bool:
         """True where rows vanish because the second frame is turned over; ``relative`` (3, 3) is its rotation.
 
         Products of perpendicular axes vanish for a frame turned by half a turn too, for a whole frame also by a

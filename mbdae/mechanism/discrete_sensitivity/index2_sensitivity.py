@@ -208,7 +208,7 @@ class Index2Sensitivity(ProjectionSensitivity):
                 if p.name.startswith("start.") or not decided:
                     raise InputError(f"the start cannot be assembled beside this value of {p.name!r}: {e}") from None
                 continue
-            if not found.apart <= APART:
+            if not found.discrepancy <= APART:
                 raise InputError(f"the start that is assembled jumps with {p.name!r}: no derivative")
             out[:, i] = found.slope
         if not assembled:

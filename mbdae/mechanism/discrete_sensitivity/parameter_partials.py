@@ -92,7 +92,7 @@ class Parameters:
                 end = f"parameter {name!r} = {value:.9g} is at the end of its range"
                 warnings.warn(f"{end}: its derivative is taken from {p.side}", stacklevel=2)
             if along and (p.forces or p.specs):
-                self._settle(p, along, mode)
+                self._choose_width(p, along, mode)
         self.laws = [LawDifferences(p, s, p.near) for p in self.all]
         self.rows = [RowDifferences(p, s, p.near) for p in self.all]
         places = sorted({j for p in self.all for j in p.places})
@@ -105,7 +105,7 @@ class Parameters:
     def __len__(self) -> int:
         return len(self.all)
 
-    def _settle(self, p: Parameter, along: Sequence[At], mode: Mode) -> None:
+    def _choose_width(self, p: Parameter, along: Sequence[At], mode: Mode) -> None:
         """Let differences of laws and rows be so narrow that they hold along a run: a frequency acts with the time.
 
         Raises:
@@ -128,7 +128,7 @@ class Parameters:
             return {k: np.array([x[k] for x in found]).T for k in near}
 
         held = converged_difference(sampled, p.h)
-        if not held.apart <= APART:
+        if not held.discrepancy <= APART:
             raise InputError(f"parameter {p.name!r} has no derivative along this run: its differences do not settle")
         p.use(held.h)
 
@@ -205,7 +205,7 @@ class Parameters:
         return [{k: Index2System(m) for k, m in p.near.items()} for p in self.all]
 
     @cached_property
-    def near_sliding(self) -> list[dict[int, ClosureFriction]]:
+    def perturbed_friction(self) -> list[dict[int, ClosureFriction]]:
         """What slides with other numbers of forces and closures, in the own workspace."""
         s, out = self.system, []
         for p in self.all:

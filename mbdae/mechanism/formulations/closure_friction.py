@@ -61,8 +61,8 @@ class ClosureFriction:
                 self.places.append(FrictionInterface(force, closure, pair, rows, slice(start + 1, start + closure.m)))
         self.coefficient = np.array([p.force.coefficient * (p.force.radius or 1.0) for p in self.places])
         self.acts = np.array([not p.force.sticks for p in self.places], np.uint8)  # what grips does not slide
-        self.headings = np.tile([1.0, 0.0], (len(self.places), 1))
-        self.heading = [x[: p.grip.stop - p.grip.start] for x, p in zip(self.headings, self.places, strict=True)]
+        self.slip_directions = np.tile([1.0, 0.0], (len(self.places), 1))
+        self.heading = [x[: p.grip.stop - p.grip.start] for x, p in zip(self.slip_directions, self.places, strict=True)]
 
     def __bool__(self) -> bool:
         return bool(self.acts.any())
@@ -96,7 +96,7 @@ class ClosureFriction:
         G = self.constraints.jacobian()
         return np.array([minimum_norm(G, r, g) for g in G[rows]]).T
 
-    def rubs(self, name: str) -> list[int]:
+    def regularised_interfaces(self, name: str) -> list[int]:
         """Return the numbers of the places of a closure with regularised friction, which no multiplier stands for."""
         return [k for k, p in enumerate(self.places) if p.closure.name == name and not p.force.sticks]
 
@@ -109,7 +109,7 @@ class ClosureFriction:
             lam: multipliers of all rows, (ng,).
         """
         out = np.zeros(6)
-        for k in self.rubs(name):
+        for k in self.regularised_interfaces(name):
             place = self.places[k]
             A = place.ways(self.constraints.W[:, place.rows])
             slip, F = A @ place.pair.relative(v), lam[place.rows]

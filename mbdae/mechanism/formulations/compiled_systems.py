@@ -58,8 +58,8 @@ class CompiledSystem(Index2System):
         except native.UnknownKind as e:
             raise NotCompiled(str(e)) from None
         self.core.sample(samplers_of(self.laws))
-        self.core.slide(self.sliding.plain(), self.sliding.acts, self.sliding.headings)
-        self._leave_out()
+        self.core.slide(self.sliding.plain(), self.sliding.acts, self.sliding.slip_directions)
+        self._deactivate_rows()
         self._seen = [0] * len(COUNTS)
         self._begun = False
         self._method: tuple[Any, Any] = (None, None)
@@ -90,7 +90,7 @@ class CompiledSystem(Index2System):
         self.after_python()
         return found
 
-    def whole_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
+    def compiled_step(self, method: Any, t: float, h: float, state: State, controlled: bool = False) -> Step | None:
         """See `mbdae.system.System`; None where the core cannot take the step."""
         if not self._begun:
             self.derivative(t, state.y)
@@ -192,7 +192,7 @@ class CompiledSystem(Index2System):
         self.after()
         return super().restore(t, y, tight) if found is None else found
 
-    def every_row(self, t: float, y: Array) -> tuple[Array, Array] | None:
+    def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None:
         """See `Index2System.every_row`."""
         return self.core.every(t, y)
 
@@ -200,13 +200,13 @@ class CompiledSystem(Index2System):
         """See `Index2System.enter`."""
         if mode != self.mode:
             super().enter(mode)
-            self._leave_out()
+            self._deactivate_rows()
             for k, (law, _) in enumerate(self.laws.acting):
                 if isinstance(law, KineticFrictionElement):
                     self.core.change_law(k, law.plain()["a"])
             self._begun = False
 
-    def _leave_out(self) -> None:
+    def _deactivate_rows(self) -> None:
         off = self.constraints.off
         if len(self.mechanism.switches):
             self.core.leave_out([k in off for k in range(self.ng)], self.sticks)

@@ -98,7 +98,7 @@ class GGLChart(Index2Chart):
         nv = self.system.nv
         return np.concatenate([self.v + carry[:nv], carry[nv:]]), np.empty(0)
 
-    def meet(
+    def solve_stage(
         self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
     ) -> tuple[Array, Array]:
         """Newton's method for mu in 0 = g(that, q_n (+) (xhat + factor x')): x' (nv,), and G (r, nv) there.
@@ -109,7 +109,7 @@ class GGLChart(Index2Chart):
         s, m = self.system, self.system.manifold
         self.mu, self._x = np.zeros(len(self.kept)), x
         if not len(self.kept):
-            return super().meet(that, x, v, xhat, factor, U, G)
+            return super().solve_stage(that, x, v, xhat, factor, U, G)
         self._slips = slips = dpotrs(U, G[self.kept].T)[0]
         B, dx = m.tangent(x, slips), m.tangent(x, v)
         last, scale = np.inf, 1 + np.abs(self.q).max()

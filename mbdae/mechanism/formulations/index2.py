@@ -156,14 +156,14 @@ class Index2System(System):
             return lam[rows.argsort()]
         return independent_rows.all_multipliers(U, G, rows, lam)
 
-    def twin(self) -> "Index2System":
+    def new_workspace(self) -> "Index2System":
         """See `mbdae.system.System`; it has the index-2 form whatever this one has."""
         out = self.mechanism.system(native=self.native)
         out.beside = self.beside
         out.enter(self.mode)
         return out
 
-    def every_row(self, t: float, y: Array) -> tuple[Array, Array] | None:
+    def rows_of_all_modes(self, t: float, y: Array) -> tuple[Array, Array] | None:
         """Return g and G v + g_t over all rows whatever the mode, (ng,) each; None where Python computes them."""
         return None
 

@@ -30,7 +30,7 @@ class Index2Chart(ImplicitStages):
         U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
         G = s.jacobian()
         slips = s.sliding.slips(v) if s.sliding else None
-        dx, Ghat = self.meet(that, x[:nv], v, xhat[:nv], factor, U, G)
+        dx, Ghat = self.solve_stage(that, x[:nv], v, xhat[:nv], factor, U, G)
         rate = Ghat.dot(self.v + xhat[nv : 2 * nv])
         if s.driven:
             rate += s.g_t(that)[self.rows]
@@ -40,7 +40,7 @@ class Index2Chart(ImplicitStages):
         s._last_q, s._last = q, (U, G)
         return np.concatenate((dx, vdot, rates)), lam
 
-    def meet(
+    def solve_stage(
         self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
     ) -> tuple[Array, Array]:
         """Return x' = J(x) v (nv,) and G (r, nv) where the stage meets the constraint: q_n (+) (xhat + factor x').

@@ -49,8 +49,8 @@ class OneWayClutch(UnilateralRow):
     def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         return (ImpactRow(self.row, self.sign),)
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
-        return (LoadCandidate.pressing(self.row, self.sign),)
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+        return (LoadCandidate.unilateral(self.row, self.sign),)
 
 
 class OpposedClutches(Switch):
@@ -143,8 +143,8 @@ class Ratchet(OneWayClutch):
     def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
         return (ImpactRow(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
-        return super().candidate(point, state, near) if state == LOCKED or self._in_tooth(point) else ()
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+        return super().load_candidates(point, state, near) if state == LOCKED or self._in_tooth(point) else ()
 
     def settled(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool

@@ -42,20 +42,20 @@ class CommandedClutch(Switch):
         """Return the state that the signal commands, whatever the motion."""
         return ENGAGED if self.spec.engaged and self.spec.engaged.at(t) > 0 else OPEN
 
-    def wanted(self, point: "ModePoint") -> int:
+    def commanded_state(self, point: "ModePoint") -> int:
         """Return the state that the signal commands at a point."""
         return self.prescribed(point.t, point.q, point.v)
 
     def guards(self, state: int) -> tuple[Guard, ...]:  # noqa: D102
-        return (Guard("command", self.name, self.at, lambda x: 1.0 if self.wanted(x) == state else -1.0),)
+        return (Guard("command", self.name, self.at, lambda x: 1.0 if self.commanded_state(x) == state else -1.0),)
 
     def strike(self, point: "ModePoint", state: int, near: float) -> tuple[ImpactRow, ...]:  # noqa: D102
-        return (ImpactRow(self.row, 0.0),) if self.wanted(point) == ENGAGED else ()
+        return (ImpactRow(self.row, 0.0),) if self.commanded_state(point) == ENGAGED else ()
 
     def settled(  # noqa: D102
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], held: bool
     ) -> int:
-        return self.wanted(point)
+        return self.commanded_state(point)
 
 
 class SpeedStepDriver(Switch):

@@ -33,7 +33,7 @@ def friction_utilisation(point: "ModePoint", row: int, limits: dict[int, float])
         row: number of the row.
         limits: F_i of all rows that stick, by their numbers.
     """
-    lam, free = point.lam, point.null
+    lam, free = point.lam, point.null_multipliers
     if not free.shape[1] or np.abs(free[row]).max() < NONE:
         return abs(float(lam[row])) / limits[row]
     rows = [k for k in limits if np.abs(free[k]).max() >= NONE]

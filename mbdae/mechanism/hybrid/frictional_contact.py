@@ -61,8 +61,8 @@ class FrictionalContact(Unilateral):
         found = super().strike(point, min(state, 1), near)
         return (*found, ImpactRow(self.grip, 0.0, share=self.limit)) if found else ()
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
-        found = super().candidate(point, min(state, 1), near)
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+        found = super().load_candidates(point, min(state, 1), near)
         if not found:
             return ()
         share, drag = self.limit, np.nan

@@ -71,7 +71,7 @@ class JointStiction(Switch):
             )
         return ()
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
         limit = self.spec.static
         if state == STUCK and self.margin(point) < AT_LIMIT:
             limit = min(self.spec.kinetic, (1.0 - LESS) * limit)

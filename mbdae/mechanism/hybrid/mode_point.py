@@ -58,7 +58,7 @@ class ModePoint:
 
     @cached_property
     def _rows(self) -> tuple[Array, Array]:
-        found = self.system.every_row(self.t, self.y)
+        found = self.system.rows_of_all_modes(self.t, self.y)
         if found is not None:
             return found
         g, G, g_t = self.values
@@ -90,7 +90,7 @@ class ModePoint:
         return self.system.derivative(self.t, self.y)
 
     @cached_property
-    def null(self) -> Array:
+    def null_multipliers(self) -> Array:
         """Return a basis of the multipliers that do nothing in the mode, (ng, k), G^T null = 0."""
         there = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.off)
         left, sizes, _ = np.linalg.svd(self.G[there])

@@ -84,7 +84,7 @@ class RollingStiction(Switch):
             return (Guard("slip", self.name, self.at, self.margin, loads=True, load=lambda x: self.share(x.lam)),)
         return (Guard("rest", self.name, self.at, self.slip()),) if state == SLIDES else ()
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
         if self.slips(point) or (state == GRIPS and self.margin(point) < AT_LIMIT):
             return ()
         system, before = point.system, point.system.mode

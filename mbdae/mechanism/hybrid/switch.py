@@ -78,7 +78,7 @@ class LoadCandidate(NamedTuple):
     drag: float = np.nan
 
     @classmethod
-    def pressing(cls, row: int, sign: float) -> "LoadCandidate":
+    def unilateral(cls, row: int, sign: float) -> "LoadCandidate":
         """A row whose multiplier has a sign, 1 or -1."""
         return cls(row, lower=0.0) if sign > 0 else cls(row, upper=0.0)
 
@@ -151,7 +151,7 @@ class Switch:
         """Return rows that take part in an impact at a point: those that touch, within ``near``."""
         return ()
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:
         """Return rows that may carry load behind a point; the first one decides, others go with it."""
         return ()
 

@@ -69,7 +69,7 @@ class Unilateral(UnilateralRow):
             return ()
         return (ImpactRow(self.row, self.sign, self.restitution), *(ImpactRow(row, 0.0) for row in self.others))
 
-    def candidate(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
+    def load_candidates(self, point: "ModePoint", state: int, near: float) -> tuple[LoadCandidate, ...]:  # noqa: D102
         if state != CLOSED and self.gap(point) > near:
             return ()
-        return (LoadCandidate.pressing(self.row, self.sign), *(LoadCandidate(row) for row in self.others))
+        return (LoadCandidate.unilateral(self.row, self.sign), *(LoadCandidate(row) for row in self.others))

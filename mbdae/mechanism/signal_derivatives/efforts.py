@@ -48,7 +48,7 @@ def _along(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]
     tau, _ = alone.torque(t, q, v, s)
     by_state = alone.slopes(t, q, v, s)[:nv]
     dtau = by_state @ np.concatenate([d.q, d.v, d.s[at]]) + np.outer(alone.by_time(t, q, v, s)[:nv], d.t)
-    for i, near in motion.near_laws(number):
+    for i, near in motion.perturbed_laws(number):
         found = {k: ForceElements([other], motion.model).torque(t, q, v, s)[0] for k, other in near.items()}
         dtau += np.outer(motion.parameters.all[i].quotient(found), d.p[i])
     return [*dtau[law.acts(nv)], v @ dtau + tau @ d.v]
@@ -86,7 +86,7 @@ def _deflected(motion: MotionTangent, law: ForceElement, number: int) -> list[Ar
             out = (unit_gap(law.pair)[1] @ (of_point(Xb, pb) - of_point(Xa, pa)))[None]
     else:
         out = motion.d.q[[i for i, _ in law.deflections]]
-    for i, near in motion.near_laws(number):
+    for i, near in motion.perturbed_laws(number):
         found = {k: other.deflection(motion.q) for k, other in near.items()}
         out = out + np.outer(motion.parameters.all[i].quotient(found), motion.d.p[i])
     return list(out)

@@ -24,7 +24,7 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     """Return the regularised friction of a closure on its second frame, at the world's origin, (6,), and (6, m)."""
     sliding, parameters = motion.system.sliding, motion.parameters
     F, dF = np.zeros(6), np.zeros((6, len(motion.d.t)))
-    for k in sliding.rubs(name):
+    for k in sliding.regularised_interfaces(name):
         place = sliding.places[k]
         (V, dV), A, dA = motion.relative(place.pair), *_ways(motion, place)
         lam, dlam, c = motion.lam[place.rows], motion.d.lam[place.rows], -float(sliding.coefficient[k])
@@ -35,7 +35,7 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
         F += c * size * phi * along
         dF += c * phi * np.outer(along, lam @ dlam / (size + NOTHING)) + c * size * psi * np.outer(along, slip @ ds)
         dF += c * size * phi * (np.einsum("ijm,i->jm", dA, slip) + A.T @ ds)
-    for near, p, dp in zip(parameters.near_sliding, parameters.all, motion.d.p, strict=True):
+    for near, p, dp in zip(parameters.perturbed_friction, parameters.all, motion.d.p, strict=True):
         found = {}
         for i, other in near.items():
             other.constraints.jacobian()

@@ -82,7 +82,7 @@ class MotionTangent:
             X[i] = X[p] + own.dot(d.q[at])
             if i in firsts:
                 before = data.oMi[p] * model.jointPlacements[i]
-                X[i] += self.shifted(before, [x.places.get(firsts[i]) for x in self.parameters.all])
+                X[i] += self.placement_motion(before, [x.places.get(firsts[i]) for x in self.parameters.all])
             V[i] = V[p] + w[:, 0]
             moved = motion_cross(X[i], w) + own.dot(d.v[at])
             dV[i] = dV[p] + moved
@@ -94,7 +94,7 @@ class MotionTangent:
         pin.forwardKinematics(self.model, self.system.data, q, v, np.zeros(len(v)))
         pin.computeJointJacobians(self.model, self.system.data, q)
 
-    def shifted(self, place: pin.SE3, motions: list[Array | None]) -> Array:
+    def placement_motion(self, place: pin.SE3, motions: list[Array | None]) -> Array:
         """Motions (6, m) in the world of what parameters move by motions (6,) in the axes of a place."""
         out = np.zeros((6, len(self.d.t)))
         for motion, dp in zip(motions, self.d.p, strict=True):
@@ -107,7 +107,11 @@ class MotionTangent:
         found = find_frame(self.model, name)
         i, joint = self.model.getFrameId(found.name, found.type), found.parentJoint
         place = self.places[joint] * found.placement
-        return joint, place, self.X[joint] + self.shifted(place, [x.frames.get(i) for x in self.parameters.all])
+        return (
+            joint,
+            place,
+            self.X[joint] + self.placement_motion(place, [x.frames.get(i) for x in self.parameters.all]),
+        )
 
     def pair(self, pair: Pair) -> tuple[Array, Array]:
         """The motions (6, m) that carry both frames of a pair."""
@@ -121,7 +125,7 @@ class MotionTangent:
         a, b = pair.a.joint, pair.b.joint
         return self.V[b] - self.V[a], self.dV[b] - self.dV[a]
 
-    def near_laws(self, law: int) -> "list[tuple[int, dict[int, ForceElement]]]":
+    def perturbed_laws(self, law: int) -> "list[tuple[int, dict[int, ForceElement]]]":
         """Parameters that change a force, by their numbers, and the force with their other values."""
         out = []
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):

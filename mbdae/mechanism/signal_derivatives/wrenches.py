@@ -36,7 +36,7 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
             near.jacobian()
             found[k] = near.W[:, near.spans[name]].dot(motion.lam[own])
         dF += np.outer(p.quotient(found), dp)
-    if motion.system.sliding.rubs(name):
+    if motion.system.sliding.regularised_interfaces(name):
         rubbing, change = friction_wrench(motion, name)
         F, dF = F + rubbing, dF + change
     return F, dF
@@ -56,7 +56,7 @@ def law_wrench(motion: MotionTangent, law: PairElement, number: int) -> tuple[Ar
     dF = np.outer(law.rising(motion.t) + np.zeros(6), motion.d.t)
     for part in (parts := law.turning(motion.t, V)):
         dF += part.Da.dot(Xa) + part.Db.dot(Xb) + part.C.dot(dV)
-    for i, near in motion.near_laws(number):
+    for i, near in motion.perturbed_laws(number):
         found = {}
         for k, other in near.items():
             other.pair.locate()  # type: ignore[attr-defined]

@@ -110,7 +110,7 @@ class CurveSignals(Mapping[str, Array]):
                 return dq[:, at.rate]
             if at.i >= nq:
                 return dv[:, at.i - nq]
-            by_q = [self.system.manifold.coordinate_slopes(q)[at.i] for q in self.found.q]
+            by_q = [self.system.manifold.coordinate_partials(q)[at.i] for q in self.found.q]
             return np.einsum("ni,nik->nk", np.reshape(by_q, (-1, nv)), dq)
         frame, axis = _point(name)
         parts = [frame_partials(self.numbers, q, [frame]) for q in self.found.q]

@@ -78,7 +78,7 @@ def adjoint_sweep(
     while i > 0:
         last = end if i + 1 == len(trace.ts) else None
         if trace.core and not last and (j := trace.core.before(i)) < i:
-            at_i, by_p = _all_reversed(list(trace.trailing(i)), bar, ny, k)
+            at_i, by_p = _all_reversed(list(trace.carry_restart_parts(i)), bar, ny, k)
             found = _at_once(trace, arriving, trace.core.nodes(j, i), at_i)
             if found is not None:
                 bar, i = found[0], j

@@ -187,7 +187,7 @@ def sensitivity(
             if found is not None:
                 at_nodes(i, found)
                 i, dy, carry = j, found[-1, :, :ny].T, found[-1, :, ny:].T
-                for part in trace.trailing(i):
+                for part in trace.carry_restart_parts(i):
                     dy, carry = part.forward(dy, carry, dp)
                 continue
         at_node(i, dy, carry)

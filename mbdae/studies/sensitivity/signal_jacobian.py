@@ -61,7 +61,7 @@ class SignalJacobian:
             return self._fixed
         trace, s = self.trace, self.trace.system
         out, (q, v) = np.zeros((len(self.signals), s.ny + trace.slopes.k + 1)), s.split(y)
-        N = s.manifold.coordinate_slopes(q) if self.placed else np.empty(0)
+        N = s.manifold.coordinate_partials(q) if self.placed else np.empty(0)
         energies = trace.slopes.energy(q, v) if self.kinds & set(ENERGIES) else np.empty(0)
         F, lam, rates, slopes = self._rates(i, t, y) if self.rated else self._still
         columns = self._columns(t, y, F, lam, rates, slopes)

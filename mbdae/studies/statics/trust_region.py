@@ -74,7 +74,7 @@ class TrustRegion:
                 self.polish()
             if self.at_rest():
                 low = self.lowest()
-                if find == "any" or low is None or not self.leave(low):
+                if find == "any" or low is None or not self.leave_saddle(low):
                     return True
             elif not (self.newton() if find == "any" else self.descend()):
                 break
@@ -149,7 +149,7 @@ class TrustRegion:
             y /= 2
         return self.descend()
 
-    def leave(self, low: Array) -> bool:
+    def leave_saddle(self, low: Array) -> bool:
         """Step off a saddle or a maximum, to the side where forces do work."""
         reach = self.length(self.here, low)
         radius = max(self.radius, START)

@@ -118,14 +118,14 @@ def test_no_frame_is_turned_over(kind):
     if kind in ("frame", "prismatic"):
         turns.append(pose((1, 1, 1), 2 * np.pi / 3))
     for turn in turns:
-        assert mech.closures[0].turned_over(turn.rotation)
+        assert mech.closures[0].flipped(turn.rotation)
         try:  # the rows vanish near this guess: another root is taken, or none
             q, _ = mech.assemble(pin.SE3ToXYZQUAT(turn))
         except InputError as e:
             assert "turned over" in str(e)  # noqa: PT017
         else:
-            assert not mech.closures[0].turned_over(pin.XYZQUATToSE3(q).rotation)
-    assert not mech.closures[0].turned_over(pose(X, 0.4).rotation)
+            assert not mech.closures[0].flipped(pin.XYZQUATToSE3(q).rotation)
+    assert not mech.closures[0].flipped(pose(X, 0.4).rotation)
 
 
 WRONG = {
