@@ -12,7 +12,7 @@ def version() -> str: ...
 
 class UnknownKind(ValueError): ...
 
-class Limits:
+class Tolerances:
     def __init__(
         self,
         *,
@@ -100,7 +100,7 @@ class Counts:
     projections: int
     state_projections: int
 
-class Leg:
+class SmoothInterval:
     t: float
     sign: float
     stop: float
@@ -138,7 +138,7 @@ class Grid:
     n: int
     near: float
 
-class SingularWatch:
+class SingularityMonitor:
     usual: float
     before: float
     suspect: float
@@ -172,10 +172,10 @@ class Jumps:
 class Run:
     events: Events
     jumps: Jumps
-    leg: Leg
+    leg: SmoothInterval
     control: StepControl
     grid: Grid
-    watch: SingularWatch
+    watch: SingularityMonitor
     adaptive: bool
     project: bool
     watched: bool
@@ -205,7 +205,7 @@ class Core:
     def __init__(
         self,
         model: pin.Model,
-        limits: Limits,
+        limits: Tolerances,
         flat: bool,
         pairs: list[Any],
         rows: list[dict[str, Any]],

@@ -21,7 +21,7 @@ Plain = dict[str, Any]
 
 def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Limits":
     """Return all thresholds of points and steps; those of step-size control come with a run."""
-    limits: Limits = native.Limits(
+    limits: Limits = native.Tolerances(
         largest_turn=manifold.MAX_ROTATION,
         series=manifold.SERIES,
         series_end=manifold.SERIES_END,

@@ -39,7 +39,7 @@ nb::list nodes(const Events& e) {
 
 nb::list found(const Events& e) {
   nb::list out;
-  for (const Found& f : e.found) out.append(nb::make_tuple(f.event, f.t, vector(f.y)));
+  for (const LocatedEvent& f : e.found) out.append(nb::make_tuple(f.event, f.t, vector(f.y)));
   return out;
 }
 

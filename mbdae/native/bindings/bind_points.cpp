@@ -14,7 +14,7 @@ nb::object slopes(PyCore& c, double t, const Array& q, const Array& u, const Arr
     const size_t nv = s.nv, n = s.ny - s.nv;
     Numbers a = numbers(q, s.nq, "q"), b = numbers(u, n, "u"), d = numbers(vdot, nv, "vdot");
     Numbers l = numbers(lam, s.ng, "lam");
-    Slopes out;
+    EquationPartials out;
     s.slopes(t, a.data(), b.data(), d.data(), l.data(), out);
     const size_t r = out.g_t.size();
     return nb::make_tuple(array(out.M, {nv, nv}), array(out.K, {n, nv}), array(out.D, {n, n}), array(out.G, {r, nv}),
@@ -39,14 +39,14 @@ nb::object rate(PyCore& c, double t, const Array& y) {
 }
 
 nb::object derivatives(PyCore& c, const Array& t, const Array& y) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng, ny = s.ny;
   Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), F(n * ny, NAN), z(n * ng, NAN);
   many(c, [&] {
     for (size_t i = 0; i < n; ++i) try {
         s.derivative(ts[i], &at[i * length], &F[i * ny], z.data() + i * ng);
-      } catch (const Trouble&) {
+      } catch (const FallBackToPython&) {
         std::fill_n(F.begin() + i * ny, ny, NAN), std::fill_n(z.begin() + i * ng, ng, NAN);
         if (c.callbacks->interrupted) break;
       }
@@ -55,7 +55,7 @@ nb::object derivatives(PyCore& c, const Array& t, const Array& y) {
 }
 
 nb::object residuals(PyCore& c, const Array& t, const Array& y) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   Index2System& s = c.core->system;
   const size_t n = t.size(), length = s.length, ng = s.ng;
   Numbers ts(t.data(), t.data() + n), at = numbers(y, n * length, "y"), g(n * ng), rate(n * ng), energies(2 * n);
@@ -64,7 +64,7 @@ nb::object residuals(PyCore& c, const Array& t, const Array& y) {
         residual(s, ts[i], &at[i * length], g.data() + i * ng, rate.data() + i * ng);
         const Energy e = energy(s, &at[i * length]);
         energies[2 * i] = e.kinetic, energies[2 * i + 1] = e.potential;
-      } catch (const Trouble&) {
+      } catch (const FallBackToPython&) {
         energies[2 * i] = energies[2 * i + 1] = NAN;
         if (c.callbacks->interrupted) break;
       }
@@ -80,7 +80,7 @@ nb::object every(PyCore& c, double t, const Array& y) {
     off.swap(s.constraints.off);
     try {
       residual(s, t, at.data(), g.data(), rate.data());
-    } catch (const Trouble&) {
+    } catch (const FallBackToPython&) {
       off.swap(s.constraints.off);
       throw;
     }
@@ -95,18 +95,18 @@ nb::object ratio(PyCore& c, const Array& q, int rank) {
   if (rank < 1 || rank > std::min(s.ng, s.nv)) refuse("rank out of range");
   try {
     return nb::float_(s.ratio(at.data(), rank));
-  } catch (const Trouble&) {
+  } catch (const FallBackToPython&) {
     return nb::none();
   }
 }
 
 double bare(PyCore& c, const Array& q, const Array& v, int repetitions) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   Index2System& s = c.core->system;
   Numbers a = numbers(q, s.nq, "q"), b = numbers(v, s.nv, "v");
   try {
     return s.bare(a.data(), b.data(), repetitions);
-  } catch (const Trouble&) {
+  } catch (const FallBackToPython&) {
     refuse("the point is singular");
   }
 }

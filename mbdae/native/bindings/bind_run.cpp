@@ -39,8 +39,8 @@ Tableau make_tableau(const Array& A, const Array& Ahat, const Array& b, const Ar
   return t;
 }
 
-Limits make_limits(const nb::kwargs& given) {
-  Limits out;
+Tolerances make_limits(const nb::kwargs& given) {
+  Tolerances out;
   size_t known = 0;
 #define TAKE(name) out.name = get<decltype(out.name)>(given, #name), ++known
   TAKE(largest_turn), TAKE(series), TAKE(series_end), TAKE(same_point), TAKE(smallest_pivot);
@@ -67,7 +67,7 @@ Radau make_radau(const Array& c, const Array& A, const nb::list& modes, int real
   for (nb::handle h : modes) {
     const auto x = nb::cast<nb::tuple>(h);
     if (x.size() != 3) refuse("a mode is a value, a column and a row");
-    Mode m{nb::cast<std::complex<double>>(x[0]), nb::cast<std::vector<std::complex<double>>>(x[1]),
+    EigenMode m{nb::cast<std::complex<double>>(x[0]), nb::cast<std::vector<std::complex<double>>>(x[1]),
            nb::cast<std::vector<std::complex<double>>>(x[2])};
     if (m.column.size() != s || m.row.size() != s) refuse("a mode has as many numbers as stages");
     r.modes.push_back(m);
@@ -88,7 +88,7 @@ Radau make_radau(const Array& c, const Array& A, const nb::list& modes, int real
 
 // Seconds of one set of slopes.
 double slopes_seconds(PyCore& c, const Array& q, const Array& v, int repetitions) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   Index2System& s = c.core->system;
   if (!s.mechanics.expanded()) refuse("slopes need the expanded tree");
   Numbers at = numbers(q, s.nq, "q"), u = numbers(v, s.nv, "v"), vdot(s.nv), lam(s.ng);
@@ -96,7 +96,7 @@ double slopes_seconds(PyCore& c, const Array& q, const Array& v, int repetitions
   Numbers other(u);  // by turns: nothing is known yet where slopes are asked for
   other[0] += 1;
   const Counts counts = s.counts;
-  Slopes out;
+  EquationPartials out;
   const auto start = std::chrono::steady_clock::now();
   for (int i = 0; i < repetitions; ++i) {
     s.slopes(0, at.data(), u.data(), vdot.data(), lam.data(), out);
@@ -122,8 +122,8 @@ void bind_radau(nb::module_& m) {
 }
 
 void bind_limits(nb::module_& m) {
-  nb::class_<Limits>(m, "Limits", "Thresholds of points and steps.")
-      .def("__init__", [](Limits* self, const nb::kwargs& given) { new (self) Limits(make_limits(given)); });
+  nb::class_<Tolerances>(m, "Tolerances", "Thresholds of points and steps.")
+      .def("__init__", [](Tolerances* self, const nb::kwargs& given) { new (self) Tolerances(make_limits(given)); });
 }
 
 void bind_tableau(nb::module_& m) {
@@ -140,8 +140,8 @@ void bind_tableau(nb::module_& m) {
 
 void bind_run(nb::module_& m) {
 #define FIELD(of, name) .def_rw(#name, &of::name)
-  nb::class_<Leg>(m, "Leg", "Where a leg of a run stands, and where it ends.") FIELD(Leg, t) FIELD(Leg, sign)
-      FIELD(Leg, stop) FIELD(Leg, end) FIELD(Leg, t1);
+  nb::class_<SmoothInterval>(m, "SmoothInterval", "Where a leg of a run stands, and where it ends.") FIELD(SmoothInterval, t) FIELD(SmoothInterval, sign)
+      FIELD(SmoothInterval, stop) FIELD(SmoothInterval, end) FIELD(SmoothInterval, t1);
   nb::class_<StepControl>(m, "StepControl", "Steps under error control.") FIELD(StepControl, h) FIELD(StepControl, cut)
       FIELD(StepControl, last) FIELD(StepControl, rejected) FIELD(StepControl, largest) FIELD(StepControl, rtol)
           FIELD(StepControl, atol) FIELD(StepControl, nothing) FIELD(StepControl, companion) FIELD(StepControl, blend)
@@ -152,9 +152,9 @@ void bind_run(nb::module_& m) {
                           FIELD(StepControl, spacings);
   nb::class_<Grid>(m, "Grid", "Steps of equal size.") FIELD(Grid, i) FIELD(Grid, on_grid) FIELD(Grid, step)
       FIELD(Grid, t0) FIELD(Grid, n) FIELD(Grid, near);
-  nb::class_<SingularWatch>(m, "SingularWatch", "Ratios of pivots.") FIELD(SingularWatch, usual) FIELD(
-      SingularWatch, before) FIELD(SingularWatch, suspect) FIELD(SingularWatch, landed) FIELD(SingularWatch, zone)
-      FIELD(SingularWatch, ahead) FIELD(SingularWatch, entered);
+  nb::class_<SingularityMonitor>(m, "SingularityMonitor", "Ratios of pivots.") FIELD(SingularityMonitor, usual) FIELD(
+      SingularityMonitor, before) FIELD(SingularityMonitor, suspect) FIELD(SingularityMonitor, landed) FIELD(SingularityMonitor, zone)
+      FIELD(SingularityMonitor, ahead) FIELD(SingularityMonitor, entered);
   nb::class_<Run>(m, "Run", "What a run hands over, and the steps that were taken.")
       .def(nb::init<>()) FIELD(Run, events) FIELD(Run, jumps) FIELD(Run, leg) FIELD(Run, control) FIELD(Run, grid) FIELD(Run, watch) FIELD(Run, adaptive)
           FIELD(Run, project) FIELD(Run, watched) FIELD(Run, tolerated) FIELD(Run, seconds) FIELD(Run, budget) FIELD(Run, kept)

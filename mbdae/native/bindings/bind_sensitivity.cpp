@@ -8,30 +8,30 @@ namespace {
 
 struct PyParameters {
   const PyCore* core;
-  std::unique_ptr<ParameterSlopes> slopes;
+  std::unique_ptr<Parameters> slopes;
 };
 
-std::vector<Stuff> stuff(const nb::list& list, const Index2System& s) {
-  static const std::map<std::string, Stuff::Of> kinds = {{"inertia", Stuff::inertia}, {"place", Stuff::place},
-                                                         {"frame", Stuff::frame}, {"gravity", Stuff::gravity},
-                                                         {"armature", Stuff::armature}};
-  std::vector<Stuff> out;
+std::vector<ModelComponent> stuff(const nb::list& list, const Index2System& s) {
+  static const std::map<std::string, ModelComponent::Of> kinds = {{"inertia", ModelComponent::inertia}, {"place", ModelComponent::place},
+                                                         {"frame", ModelComponent::frame}, {"gravity", ModelComponent::gravity},
+                                                         {"armature", ModelComponent::armature}};
+  std::vector<ModelComponent> out;
   for (nb::handle h : list) {
     const auto x = nb::cast<nb::tuple>(h);
     if (x.size() != 4) refuse("stuff is a kind, a number, whether it is of a law, and of a pair's second frame");
-    Stuff one{kind(kinds, nb::cast<std::string>(x[0])), nb::cast<int>(x[1]), nb::cast<bool>(x[2]), nb::cast<bool>(x[3])};
+    ModelComponent one{kind(kinds, nb::cast<std::string>(x[0])), nb::cast<int>(x[1]), nb::cast<bool>(x[2]), nb::cast<bool>(x[3])};
     const auto& pairs = one.of_law ? s.law_pairs() : s.constraints.pairs;
-    if (one.of == Stuff::inertia || one.of == Stuff::place) {
+    if (one.of == ModelComponent::inertia || one.of == ModelComponent::place) {
       within({one.at - 1}, s.mechanics.joints - 1, "joint");
     } else {
-      within({one.at}, one.of == Stuff::frame ? static_cast<int>(pairs.size()) : 1, "pair");
+      within({one.at}, one.of == ModelComponent::frame ? static_cast<int>(pairs.size()) : 1, "pair");
     }
     out.push_back(one);
   }
   return out;
 }
 
-std::vector<Direction> directions(const nb::list& list, const std::vector<Stuff>& of, int count, int nv) {
+std::vector<Direction> directions(const nb::list& list, const std::vector<ModelComponent>& of, int count, int nv) {
   std::vector<Direction> out;
   for (nb::handle h : list) {
     const auto x = nb::cast<nb::tuple>(h);
@@ -44,7 +44,7 @@ std::vector<Direction> directions(const nb::list& list, const std::vector<Stuff>
   return out;
 }
 
-NearLaws near_laws(const nb::tuple& x, const Sizes& n, int states, const Index2System& s, Callbacks& callbacks) {
+PerturbedLaws near_laws(const nb::tuple& x, const Sizes& n, int states, const Index2System& s, Callbacks& callbacks) {
   if (x.size() != 3) refuse("laws nearby are a weight, pairs and laws");
   std::vector<Pair> found;
   for (const auto& p : pairs(nb::cast<nb::list>(x[1]), n.joints)) found.emplace_back(p.first, p.second, s.mechanics.supports());
@@ -55,12 +55,12 @@ NearLaws near_laws(const nb::tuple& x, const Sizes& n, int states, const Index2S
     laws.push_back(law(nb::cast<nb::dict>(h), n, states, static_cast<int>(found.size()), pair, callbacks));
     of.push_back(pair);
   }
-  NearLaws out(std::move(found), std::move(laws), of);
+  PerturbedLaws out(std::move(found), std::move(laws), of);
   out.weight = nb::cast<double>(x[0]);
   return out;
 }
 
-NearRows near_rows(const nb::tuple& x, const Sizes& n, size_t count, const Index2System& s, Callbacks& callbacks) {
+PerturbedRows near_rows(const nb::tuple& x, const Sizes& n, size_t count, const Index2System& s, Callbacks& callbacks) {
   if (x.size() != 4) refuse("rows nearby are a weight, pairs, rows and drivers");
   auto found = pairs(nb::cast<nb::list>(x[1]), n.joints);
   std::vector<Row> rows;
@@ -74,19 +74,19 @@ NearRows near_rows(const nb::tuple& x, const Sizes& n, size_t count, const Index
 
 PyParameters vary(PyCore& c, int count, const nb::list& stuff_list, const nb::list& direction_list,
                   const nb::list& changed_list) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   Index2System& s = c.core->system;
   if (s.formulation != Formulation::index2) refuse("tangents are those of index 2");
   if (count < 0) refuse("how many parameters there are is not negative");
   const Sizes n{s.nq, s.nv, s.mechanics.joints};
   auto made_of = stuff(stuff_list, s);
   auto along = directions(direction_list, made_of, count, s.nv);
-  std::vector<Changed> changed;
+  std::vector<ChangedElement> changed;
   for (nb::handle h : changed_list) {
     const auto x = nb::cast<nb::tuple>(h);
     if (x.size() != 4) refuse("a change is a parameter, numbers of states or rows, laws and rows");
     changed.emplace_back();
-    Changed& one = changed.back();
+    ChangedElement& one = changed.back();
     one.parameter = nb::cast<int>(x[0]), one.at = nb::cast<std::vector<int>>(x[1]);
     within({one.parameter}, count, "parameter");
     const auto laws = nb::cast<nb::list>(x[2]), rows = nb::cast<nb::list>(x[3]);
@@ -95,7 +95,7 @@ PyParameters vary(PyCore& c, int count, const nb::list& stuff_list, const nb::li
     for (nb::handle l : laws) one.laws.push_back(near_laws(nb::cast<nb::tuple>(l), n, states, s, *c.callbacks));
     for (nb::handle r : rows) one.rows.push_back(near_rows(nb::cast<nb::tuple>(r), n, one.at.size(), s, *c.callbacks));
   }
-  return {&c, std::make_unique<ParameterSlopes>(s, count, std::move(made_of), std::move(along), std::move(changed))};
+  return {&c, std::make_unique<Parameters>(s, count, std::move(made_of), std::move(along), std::move(changed))};
 }
 
 // Steps, and what they need, checked; arrays live as long as the call.
@@ -111,7 +111,7 @@ struct Nodes {
   }
   const size_t ny, nc, nodes;
   const Numbers ts, ys;
-  const Segment segment;
+  const TrajectorySegment segment;
 };
 
 template <class F>
@@ -121,7 +121,7 @@ bool done(PyCore& c, F&& compute) {
   many(c, [&] {
     try {
       compute(c.core->system);
-    } catch (const Trouble&) {
+    } catch (const FallBackToPython&) {
       failed = true;
     }
   });
@@ -130,13 +130,13 @@ bool done(PyCore& c, F&& compute) {
 
 nb::object walk_along(PyCore& c, const Tableau& a, bool halved, const Run& run, const Array& t, const Array& y,
                       const Array& carry, double repeated, double synchronous) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   const Nodes x(c, a, halved, run.project, t, y);
-  const Likeness like{run.adaptive, run.control, run.tolerated, repeated, synchronous};
+  const RepeatTolerances like{run.adaptive, run.control, run.tolerated, repeated, synchronous};
   const size_t sizes = like.control.atol.size();
   if (like.adaptive && sizes != 1 && sizes != static_cast<size_t>(c.core->system.measured()))
     refuse("atol has the wrong length");
-  Walk out;
+  Recomputed out;
   out.carries = numbers(carry, x.nc, "carry"), out.carries.resize(x.nodes * x.nc);
   if (!done(c, [&](Index2System& s) { walk(s, x.segment, like, out); })) return nb::none();
   return nb::make_tuple(array(out.carries, {x.nodes, x.nc}), out.renewed, out.steps, vector(out.end));
@@ -144,7 +144,7 @@ nb::object walk_along(PyCore& c, const Tableau& a, bool halved, const Run& run, 
 
 nb::object go_back(PyCore& c, PyParameters& p, const Tableau& a, bool halved, bool project, const Array& t, const Array& y,
                    const Array& carries, const Array& extra, const Array& bar) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), more = numbers(extra, x.nodes * width, "extra");
@@ -158,7 +158,7 @@ nb::object go_back(PyCore& c, PyParameters& p, const Tableau& a, bool halved, bo
 
 nb::object go_along(PyCore& c, PyParameters& p, const Tableau& a, bool halved, bool project, const Array& t, const Array& y,
                     const Array& carries, const Array& first, const Array& dp) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   const Nodes x(c, a, halved, project, t, y, &p);
   const size_t width = x.ny + x.nc, d = first.size() / width;
   const Numbers known = numbers(carries, x.nodes * x.nc, "carries"), along_p = numbers(dp, d * p.slopes->count(), "dp");

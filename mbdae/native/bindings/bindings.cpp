@@ -63,7 +63,7 @@ nb::object collocate(PyCore& c, const Radau& radau, double t, double h, const Ar
 }
 
 void expand(PyCore& c, nb::handle model) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   const void* m = model_pointer(model.ptr());
   const auto size = model_sizes(m);
   if (size[0] != c.core->system.nq || size[1] != c.core->system.nv) refuse("the expanded tree has other coordinates");
@@ -82,14 +82,14 @@ void run_loop(PyCore& c, Method& method, Run& run) {
 }
 
 void advance(PyCore& c, const Tableau& tableau, Run& run) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   c.check(run.state, &tableau);
   HalfExplicitMethod method(*c.core->step, tableau);
   run_loop(c, method, run);
 }
 
 void advance_stages(PyCore& c, const Radau& radau, Run& run) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   c.check(run.state);
   CollocationMethod method(*c.core->stages, radau);
   run_loop(c, method, run);
@@ -104,16 +104,16 @@ nb::object restored(PyCore& c, double t, const Array& y) {
 }
 
 void sample(PyCore& c, const nb::list& list) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   Index2System& s = c.core->system;
-  std::vector<Sampler> out;
+  std::vector<SampledController> out;
   for (nb::handle h : list) out.push_back(sampler(nb::cast<nb::dict>(h), {s.nq, s.nv, 0}, s.ns, *c.callbacks));
   s.samplers = std::move(out);
 }
 
 void slide(PyCore& c, const nb::list& list, const Acts& acts, const Headings& heading) {
-  const Turn turn(c);
-  std::vector<SlidingPlace> out;
+  const CoreLock turn(c);
+  std::vector<FrictionInterface> out;
   for (nb::handle h : list) out.push_back(sliding_place(nb::cast<nb::dict>(h), c.core->system.constraints));
   if (acts.size() != out.size() || heading.size() != 2 * out.size()) refuse("as many numbers as places that slide");
   c.core->system.sliding.use(std::move(out), acts.data(), heading.data());
@@ -121,18 +121,18 @@ void slide(PyCore& c, const nb::list& list, const Acts& acts, const Headings& he
 }
 
 void leave_out(PyCore& c, const std::vector<bool>& off, bool sticks) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   if (!off.empty() && static_cast<int>(off.size()) != c.core->system.ng) refuse("off has the wrong length");
   c.core->system.leave_out(off, sticks);
 }
 
 void change_law(PyCore& c, int k, const Numbers& a) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   if (!c.core->system.change_law(k, a)) refuse("a law has other numbers");
 }
 
 void use(PyCore& c, const std::vector<int>& rows, int rank, double floor, bool held) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   within(rows, c.core->system.ng, "row");
   if (rank != static_cast<int>(rows.size()) || std::set<int>(rows.begin(), rows.end()).size() != rows.size())
     refuse("rows are different, and as many as the rank");
@@ -158,7 +158,7 @@ NB_MODULE(_native, m) {
       .def_ro("state_projections", &Counts::state_projections);
 
   nb::class_<PyCore> core(m, "Core", nb::type_slots(collected), "A mechanism in a workspace of its own.");
-  core.def(nb::init<nb::handle, const Limits&, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
+  core.def(nb::init<nb::handle, const Tolerances&, bool, const nb::list&, const nb::list&, const nb::list&, const nb::list&,
                     const nb::list&, int, const nb::list&, std::vector<int>, const nb::list&, std::vector<int>,
                     std::vector<double>, const std::string&, double, double>(),
            nb::arg("model"), nb::arg("limits"), nb::arg("flat"), nb::arg("pairs"), nb::arg("rows"), nb::arg("drivers"),

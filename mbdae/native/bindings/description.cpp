@@ -25,9 +25,9 @@ void guarded(bool* interrupted, F&& f) {
       *interrupted = true, e.restore();
       throw Interrupted();
     }
-    throw Trouble();
+    throw FallBackToPython();
   } catch (const nb::cast_error&) {
-    throw Trouble();
+    throw FallBackToPython();
   }
 }
 
@@ -46,24 +46,24 @@ Law::Call function(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   return [=](double t, const double* q, const double* v, const double* s, double* tau, double* ds) {
     guarded(interrupted, [&] {
       const nb::tuple both(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, k)));
-      if (both.size() != 2) throw Trouble();
+      if (both.size() != 2) throw FallBackToPython();
       const auto force = nb::cast<Array>(both[0]);
-      if (force.size() != static_cast<size_t>(n.nv)) throw Trouble();
+      if (force.size() != static_cast<size_t>(n.nv)) throw FallBackToPython();
       for (int i = 0; i < n.nv; ++i) tau[i] += force.data()[i];
       if (!k) return;
       const auto rate = nb::cast<Array>(both[1]);
-      if (rate.size() != static_cast<size_t>(k)) throw Trouble();
+      if (rate.size() != static_cast<size_t>(k)) throw FallBackToPython();
       std::copy(rate.data(), rate.data() + k, ds);
     });
   };
 }
 
 // A function (t, q, v, s) -> slopes of (tau, s') and of the power, one row for each of them.
-Law::Slopes slopes(nb::handle f, const Sizes& n, int k, bool* interrupted) {
+Law::EquationPartials slopes(nb::handle f, const Sizes& n, int k, bool* interrupted) {
   return [=](double t, const double* q, const double* v, const double* s, Numbers& out) {
     guarded(interrupted, [&] {
       const auto known = nb::cast<Array>(f(t, argument(q, n.nq), argument(v, n.nv), argument(s, k)));
-      if (known.size() < out.size()) throw Trouble();
+      if (known.size() < out.size()) throw FallBackToPython();
       std::copy(known.data(), known.data() + out.size(), out.begin());
     });
   };
@@ -71,12 +71,12 @@ Law::Slopes slopes(nb::handle f, const Sizes& n, int k, bool* interrupted) {
 
 }  // namespace
 
-Signal signal(const nb::dict& d, Callbacks& callbacks) {
-  static const std::map<std::string, Signal::Kind> kinds = {
-      {"pieces", Signal::pieces}, {"harmonic", Signal::harmonic}, {"python", Signal::python}};
-  Signal s;
+TimeFunction signal(const nb::dict& d, Callbacks& callbacks) {
+  static const std::map<std::string, TimeFunction::Kind> kinds = {
+      {"pieces", TimeFunction::pieces}, {"harmonic", TimeFunction::harmonic}, {"python", TimeFunction::python}};
+  TimeFunction s;
   s.kind = kind(kinds, get<std::string>(d, "kind"));
-  if (s.kind == Signal::python) {
+  if (s.kind == TimeFunction::python) {
     s.call = [f = callbacks.add(d), interrupted = &callbacks.interrupted](double t, int k) {
       double out = NAN;
       guarded(interrupted, [&] { out = nb::cast<double>(nb::handle(f)(t, k)); });
@@ -86,7 +86,7 @@ Signal signal(const nb::dict& d, Callbacks& callbacks) {
   }
   s.a = get<Numbers>(d, "a");
   bool fits = s.a.size() == 4;
-  if (s.kind == Signal::pieces) {
+  if (s.kind == TimeFunction::pieces) {
     s.b = get<Numbers>(d, "b"), s.degree = get<int>(d, "degree");
     s.period = get<double>(d, "period"), s.rise = get<double>(d, "rise");
     fits = s.degree >= 0 && !s.b.empty() && s.a.size() == s.b.size() * (static_cast<size_t>(s.degree) + 1);
@@ -191,15 +191,15 @@ Driver driver(const nb::dict& d, size_t row_count, Callbacks& callbacks) {
   return {at, get<bool>(d, "length"), get<bool>(d, "speed"), signal(get<nb::dict>(d, "motion"), callbacks)};
 }
 
-Sampler sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks) {
-  static const std::map<std::string, Sampler::Kind> kinds = {{"pid", Sampler::pid}, {"python", Sampler::python}};
-  Sampler out;
+SampledController sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks) {
+  static const std::map<std::string, SampledController::Kind> kinds = {{"pid", SampledController::pid}, {"python", SampledController::python}};
+  SampledController out;
   out.kind = kind(kinds, get<std::string>(d, "kind"));
   out.rate = get<double>(d, "rate"), out.offset = get<double>(d, "offset"), out.coincide = get<double>(d, "coincide");
   out.state = get<int>(d, "state"), out.states = get<int>(d, "states");
   if (!(out.rate > 0) || !std::isfinite(out.offset) || !(out.coincide >= 0)) refuse("a rate is positive");
   if (out.states < 1 || out.state < 0 || out.states > ns || out.state > ns - out.states) refuse("states out of range");
-  if (out.kind == Sampler::python) {
+  if (out.kind == SampledController::python) {
     const Law::Call call = function(callbacks.add(d), n, out.states, &callbacks.interrupted);
     out.call = [=](double t, const double* q, const double* v, const double* s, double* after) {
       Numbers none(n.nv);
@@ -214,13 +214,13 @@ Sampler sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks)
   return out;
 }
 
-SlidingPlace sliding_place(const nb::dict& d, const Constraints& constraints) {
-  SlidingPlace out;
+FrictionInterface sliding_place(const nb::dict& d, const Constraints& constraints) {
+  FrictionInterface out;
   out.kind = kind(SLIDING_KINDS, get<std::string>(d, "kind"));
   out.row = get<int>(d, "row"), out.carried = get<int>(d, "carried"), out.grip = get<std::vector<int>>(d, "grip");
   out.coefficient = get<double>(d, "coefficient"), out.width = get<double>(d, "width");
   const auto axis = get<Numbers>(d, "axis");
-  const bool grips = out.kind == SlidingPlace::grips;
+  const bool grips = out.kind == FrictionInterface::grips;
   if (axis.size() != 3 || grips == out.grip.empty() || out.grip.size() > 2)
     refuse("a place that slides has an axis, and one that grips one or two rows");
   if (!(out.width > 0) || !(out.coefficient >= 0) || !std::isfinite(out.coefficient)) refuse("friction is positive");

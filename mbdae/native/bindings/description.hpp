@@ -61,12 +61,12 @@ inline void within(const std::vector<int>& x, int n, const char* what) {
     if (i < 0 || i >= n) refuse(std::string(what) + " out of range");
 }
 
-Signal signal(const nb::dict& d, Callbacks& callbacks);
+TimeFunction signal(const nb::dict& d, Callbacks& callbacks);
 std::vector<std::pair<Anchor, Anchor>> pairs(const nb::list& list, int joints);
 Row row(const nb::dict& d, const Sizes& n, int pair_count);
 Driver driver(const nb::dict& d, size_t row_count, Callbacks& callbacks);
-Sampler sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks);
-SlidingPlace sliding_place(const nb::dict& d, const Constraints& constraints);
+SampledController sampler(const nb::dict& d, const Sizes& n, int ns, Callbacks& callbacks);
+FrictionInterface sliding_place(const nb::dict& d, const Constraints& constraints);
 Law law(const nb::dict& d, const Sizes& n, int ns, int pair_count, int& pair, Callbacks& callbacks);
 
 }  // namespace mbdae

@@ -17,7 +17,7 @@
 namespace mbdae {
 
 struct Core {
-  Core(const void* model, const Limits& limits, Description d)
+  Core(const void* model, const Tolerances& limits, Description d)
       : system(model, limits, std::move(d)), step(half_explicit_step(system)), stages(collocation_step(system)) {}
   Index2System system;
   std::unique_ptr<HalfExplicitStep> step;
@@ -25,7 +25,7 @@ struct Core {
 };
 
 struct PyCore {
-  PyCore(nb::handle model_, const Limits& limits, bool flat, const nb::list& pair_list, const nb::list& row_list,
+  PyCore(nb::handle model_, const Tolerances& limits, bool flat, const nb::list& pair_list, const nb::list& row_list,
          const nb::list& driver_list, const nb::list& law_pair_list, const nb::list& law_list, int ns,
          const nb::list& block_list, std::vector<int> turning, const nb::list& angle_list, std::vector<int> place,
          std::vector<double> probe, const std::string& formulation, double alpha, double beta)
@@ -95,8 +95,8 @@ struct PyCore {
 };
 
 // A core computes one thing at a time: other threads wait, and a force law that it has called cannot call it.
-struct Turn {
-  explicit Turn(PyCore& c) : busy(c.busy) {
+struct CoreLock {
+  explicit CoreLock(PyCore& c) : busy(c.busy) {
     while (busy) {
       if (c.owner == std::this_thread::get_id())
         throw std::runtime_error("the core is in use: bind a workspace of its own by Mechanism.system()");
@@ -105,18 +105,18 @@ struct Turn {
     }
     busy = true, c.owner = std::this_thread::get_id();
   }
-  ~Turn() { busy = false; }
+  ~CoreLock() { busy = false; }
   bool& busy;
 };
 
 // Compute something, in turn; what the core cannot go on with gives None, and Ctrl-C in a Python function is raised.
 template <class F>
 nb::object attempt(PyCore& c, F&& compute) {
-  const Turn turn(c);
+  const CoreLock turn(c);
   c.callbacks->interrupted = false;
   try {
     return compute(c.core->system);
-  } catch (const Trouble&) {
+  } catch (const FallBackToPython&) {
     if (c.callbacks->interrupted) throw nb::python_error();
     return nb::none();
   }

@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-struct Limits {
+struct Tolerances {
   // mechanism/manifold.py
   double largest_turn;         // rad, within one step
   std::vector<double> series;  // B_2k/(2k)!, k = 1, 2, ...

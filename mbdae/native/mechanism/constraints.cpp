@@ -105,9 +105,9 @@ void Constraints::bias(const Mechanics& m, const double* q, const double* v, con
 void Constraints::motion(double t, const Driver& d, double* u) const {
   for (int k = 0; k < 3; ++k) {
     u[k] = !d.speed ? d.motion.at(t, k) : k ? d.motion.at(t, k - 1) : 0;
-    if (!std::isfinite(u[k])) throw Trouble();
+    if (!std::isfinite(u[k])) throw FallBackToPython();
   }
-  if (d.length && !(u[0] > 0)) throw Trouble();
+  if (d.length && !(u[0] > 0)) throw FallBackToPython();
 }
 
 void Constraints::speed(double t, double* out) const {

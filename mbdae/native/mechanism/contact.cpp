@@ -35,7 +35,7 @@ void crossed(const double* a, const double* da, const double* b, const double* d
   for (int i = 0; i < 3; ++i) dout[i] += more[i];
 }
 
-void normal(const Shape& s, const Pair& pair, const double* Va, const double* Vb, Touch& out) {
+void normal(const Shape& s, const Pair& pair, const double* Va, const double* Vb, ContactKinematics& out) {
   double z[3], dz[3];
   column(pair.Ra, 2, z), cross(Va + 3, z, dz);
   if (s.surface == Shape::plane) {
@@ -49,12 +49,12 @@ void normal(const Shape& s, const Pair& pair, const double* Va, const double* Vb
     const double along = dot(z, out.n, 3), rate = dot(dz, out.n, 3) + dot(z, out.dn, 3);
     for (int i = 0; i < 3; ++i) out.n[i] -= along * z[i], out.dn[i] -= along * dz[i] + rate * z[i];
   }
-  if (!(unit(out.n, out.dn) > 0)) throw Trouble();
+  if (!(unit(out.n, out.dn) > 0)) throw FallBackToPython();
   if (s.curve < 0)
     for (int i = 0; i < 3; ++i) out.n[i] = -out.n[i], out.dn[i] = -out.dn[i];
 }
 
-void lowest_of_ellipsoid(const Shape& s, const Pair& pair, const double* Vb, Touch& out) {
+void lowest_of_ellipsoid(const Shape& s, const Pair& pair, const double* Vb, ContactKinematics& out) {
   const double *R = pair.Rb, *w = Vb + 3;
   double c[3], dc[3], Dn[3], dDn[3], spin[3], local[3], more[3];
   auto stretch = [&](const double* x, double* y) {  // y = R D R^T x
@@ -74,7 +74,7 @@ void lowest_of_ellipsoid(const Shape& s, const Pair& pair, const double* Vb, Tou
 
 }  // namespace
 
-void touch(const Shape& s, const Pair& pair, const double* Va, const double* Vb, Touch& out) {
+void touch(const Shape& s, const Pair& pair, const double* Va, const double* Vb, ContactKinematics& out) {
   if (!Va) Va = Vb = NONE;
   normal(s, pair, Va, Vb, out);
   const double *n = out.n, *dn = out.dn;
@@ -86,7 +86,7 @@ void touch(const Shape& s, const Pair& pair, const double* Va, const double* Vb,
   if (s.body == Shape::wheel) {
     turn(pair.Rb, s.axle, axle), cross(Vb + 3, axle, daxle);
     crossed(axle, daxle, n, dn, out.ahead, out.dahead);
-    if (!(unit(out.ahead, out.dahead) > s.flat)) throw Trouble();
+    if (!(unit(out.ahead, out.dahead) > s.flat)) throw FallBackToPython();
     if (s.rim > 0) {  // u = ahead x axle, the unit vector along n - (n . s) s
       double u[3], du[3];
       crossed(out.ahead, out.dahead, axle, daxle, u, du);

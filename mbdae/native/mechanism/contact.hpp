@@ -22,12 +22,12 @@ inline const std::map<std::string, Shape::Surface> SURFACES = {
     {"plane", Shape::plane}, {"sphere", Shape::ball}, {"cylinder", Shape::cylinder}};
 
 // The normal towards b, the lowest point, the tangents ahead and to the left; and their rates.
-struct Touch {
+struct ContactKinematics {
   double n[3], p[3], ahead[3], left[3];
   double dn[3], dp[3], dahead[3], dleft[3];
 };
 
 // Rates where both velocities (6,) are given, else none.
-void touch(const Shape& s, const Pair& pair, const double* Va, const double* Vb, Touch& out);
+void touch(const Shape& s, const Pair& pair, const double* Va, const double* Vb, ContactKinematics& out);
 
 }  // namespace mbdae

@@ -12,7 +12,7 @@ namespace laws {
 
 }  // namespace laws
 
-void LawSlopes::add(const PairSlopes& here, const Turning& t, bool conservative_) const {
+void LawPartials::add(const PairPartials& here, const WrenchPartials& t, bool conservative_) const {
   double* to = conservative_ ? conservative : other;
   here.torque(t, to, width);
   if (t.damped) here.damping(t.C, to + here.nv, width);

@@ -33,19 +33,19 @@ struct Forces {
 // A wrench between two frames; of a law: whether it derives from a potential.
 struct ActingWrench {
   const Pair* pair;
-  Turning turning;
+  WrenchPartials turning;
   bool conservative;
 };
 
 // Slopes by (q in the tangent, v, s), by rows of `width` numbers: of both parts of tau, (nv, width), and of s'.
-struct LawSlopes {
+struct LawPartials {
   double *conservative, *other, *ds;
   size_t width;
   int states;  // the column of the law's first state
   std::vector<ActingWrench>* wrenches = nullptr;  // where they are asked for, too
 
   // Add those of a wrench between the frames of a pair.
-  void add(const PairSlopes& here, const Turning& t, bool conservative) const;
+  void add(const PairPartials& here, const WrenchPartials& t, bool conservative) const;
 };
 
 // What a file of laws/ defines. Implicit methods, equilibria and gradients take the derivatives of every law: a kind
@@ -53,17 +53,17 @@ struct LawSlopes {
 struct LawKind {
   using Fits = bool (*)(Law& law, const Sizes& n);  // whether its numbers do; it may work out more
   using Add = void (*)(const Law& law, const ForcePoint& p, const Forces& f);
-  using Slopes = void (*)(const Law& law, const ForcePoint& p, const LawSlopes& out);  // the same of what `add` adds
+  using EquationPartials = void (*)(const Law& law, const ForcePoint& p, const LawPartials& out);  // the same of what `add` adds
   using Potential = double (*)(const Law& law, const ForcePoint& p);                   // in J; of q alone
 
-  constexpr LawKind(Fits fits, Add add, Slopes slopes, Potential potential = nullptr)
+  constexpr LawKind(Fits fits, Add add, EquationPartials slopes, Potential potential = nullptr)
       : fits(fits), add(add), slopes(slopes), potential(potential) {}
   LawKind(Fits, Add) = delete;
   LawKind(Fits, Add, std::nullptr_t, Potential = nullptr) = delete;
 
   Fits fits;
   Add add;
-  Slopes slopes;
+  EquationPartials slopes;
   Potential potential;
 };
 
@@ -78,13 +78,13 @@ struct Law {
   using Call =
       std::function<void(double t, const double* q, const double* v, const double* s, double* tau, double* ds)>;
   // Slopes of (tau, s'), (nv + states, 2 nv + states) by rows.
-  using Slopes = std::function<void(double t, const double* q, const double* v, const double* s, Numbers& out)>;
+  using EquationPartials = std::function<void(double t, const double* q, const double* v, const double* s, Numbers& out)>;
 
   const LawKind* kind = nullptr;
   std::vector<int> rows, columns;  // indices
   std::vector<int> orders;         // of derivatives of the signals
   std::vector<double> a;           // numbers
-  std::vector<Signal> signals;     // functions of time
+  std::vector<TimeFunction> signals;     // functions of time
   Pair* pair = nullptr;
   bool paired = false;            // whether it has a pair
   double offset = 0;              // of the potential, in J
@@ -92,7 +92,7 @@ struct Law {
   bool turning = false;           // its axes turn with the frame
   bool steady = false;            // it has a potential
   Call call;                      // Python
-  Slopes slopes;                  // Python, too
+  EquationPartials slopes;                  // Python, too
   std::vector<Term> terms;        // worked out
   mutable std::vector<double> u;  // workspace
 

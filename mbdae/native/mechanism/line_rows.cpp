@@ -61,7 +61,7 @@ Line of_bevel(const Row& r, const Pair& pair, const double* va, const double* vb
   return out;
 }
 
-Line line_of(const Row& r, const Pair& pair, const double* Va, const double* Vb, const Touch* touch) {
+Line line_of(const Row& r, const Pair& pair, const double* Va, const double* Vb, const ContactKinematics* touch) {
   Line out;
   double more[3];
   auto at = [](const double* V, const double* p, double* dp) {
@@ -146,7 +146,7 @@ double line_wrench(const Row& r, const Pair& pair, double* w) {
   return r.shape.surface == Shape::plane ? g : g - r.shape.curve;
 }
 
-void line_rate(const Row& r, const Pair& pair, const double* Va, const double* Vb, const Touch* touch, double* dw) {
+void line_rate(const Row& r, const Pair& pair, const double* Va, const double* Vb, const ContactKinematics* touch, double* dw) {
   const Line l = line_of(r, pair, Va, Vb, touch);
   double more[3];
   std::copy(l.de, l.de + 3, dw), cross(l.dp, l.e, dw + 3), cross(l.p, l.de, more);
@@ -154,9 +154,9 @@ void line_rate(const Row& r, const Pair& pair, const double* Va, const double* V
 }
 
 
-void slopes_of_line(const Row& r, const Pair& pair, Turning& t) {
+void slopes_of_line(const Row& r, const Pair& pair, WrenchPartials& t) {
   double V[2][6] = {{0, 0, 0, 0, 0, 0}, {0, 0, 0, 0, 0, 0}}, dw[6];
-  Touch here;
+  ContactKinematics here;
   for (int side = 0; side < 2; ++side)
     for (int j = 0; j < 6; ++j) {
       V[side][j] = 1;

@@ -40,7 +40,7 @@ int ad(const Block& b, const double* p, double* X) {
 }  // namespace
 
 // y = x + sum (-1)^k/(k + 1)! X^k x: the right Jacobian of exp.
-static void right_jacobian(const Limits& limits, int n, const double* X, const double* x, double* y) {
+static void right_jacobian(const Tolerances& limits, int n, const double* X, const double* x, double* y) {
   double term[6], next[6];
   std::copy(x, x + n, term), std::copy(x, x + n, y);
   const double size = largest(x, n);
@@ -51,7 +51,7 @@ static void right_jacobian(const Limits& limits, int n, const double* X, const d
   }
 }
 
-void inverse_jacobian(const Limits& limits, int n, const double* X, const double* x, double* y) {
+void inverse_jacobian(const Tolerances& limits, int n, const double* X, const double* x, double* y) {
   double term[6], next[6];
   times(n, X, x, next);
   for (int i = 0; i < n; ++i) y[i] = x[i] + 0.5 * next[i], term[i] = x[i];
@@ -63,7 +63,7 @@ void inverse_jacobian(const Limits& limits, int n, const double* X, const double
   }
 }
 
-void inverse_jacobian_rate(const Limits& limits, int n, const double* X, const double* dX, const double* v,
+void inverse_jacobian_rate(const Tolerances& limits, int n, const double* X, const double* dX, const double* v,
                            double* out) {
   double term[6], dterm[6] = {0, 0, 0, 0, 0, 0}, next[6], dnext[6], work[6];
   times(n, dX, v, out);
@@ -138,7 +138,7 @@ void Manifold::within(const double* x) const {
   for (const Block& b : blocks_) {
     const double turn =
         b.kind == Block::se2 ? std::fabs(x[b.at + 2]) : norm(x + b.at + (b.kind == Block::se3 ? 3 : 0), 3);
-    if (turn > m_.limits.largest_turn) throw TooLong();
+    if (turn > m_.limits.largest_turn) throw StepTooLong();
   }
 }
 
@@ -199,12 +199,12 @@ void Manifold::slopes(const double* x, const double* v, std::vector<TangentBlock
   }
 }
 
-void Manifold::turned(const double* x, const double* v, std::vector<TurnedBlock>& out) const {
+void Manifold::turned(const double* x, const double* v, std::vector<IntegratePartialsBlock>& out) const {
   std::vector<TangentBlock> tangents;
   slopes(x, v, tangents);
   out.resize(blocks_.size());
   for (size_t i = 0; i < blocks_.size(); ++i) {
-    TurnedBlock& t = out[i];
+    IntegratePartialsBlock& t = out[i];
     const int n = t.n = tangents[i].n, at = t.at = tangents[i].at;
     double X[36], column[6], moved[6];
     std::copy_n(tangents[i].J, n * n, t.J), std::copy_n(tangents[i].turn, n * n, t.T);

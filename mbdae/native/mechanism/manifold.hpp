@@ -26,7 +26,7 @@ struct TangentBlock {
 };
 
 // How coordinates x turn variations at a block: d(q (+) x) = A dq + R dx, d(J(x) v) = J dv + T dx, (n, n) by rows.
-struct TurnedBlock {
+struct IntegratePartialsBlock {
   int at, n;
   double A[36], R[36], J[36], T[36];
 };
@@ -46,7 +46,7 @@ class Manifold {
   void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v
   void velocity(const double* x, double* v) const;  // v: x' (nv,) becomes J(x)^-1 x'
   void transfer(const double* x, const double* to, std::vector<TangentBlock>& out) const;  // J(to)^-1 J(x), in J
-  void turned(const double* x, const double* v, std::vector<TurnedBlock>& out) const;
+  void turned(const double* x, const double* v, std::vector<IntegratePartialsBlock>& out) const;
   // J(x), and d(J(x) v)/dx where J may differ from 1: (n, n) by rows for each block.
   void slopes(const double* x, const double* v, std::vector<TangentBlock>& out) const;
 
@@ -59,10 +59,10 @@ class Manifold {
 };
 
 // out = d/ds J(x + s e) v, with X = ad_x and dX = ad_e (n, n) by rows.
-void inverse_jacobian_rate(const Limits& limits, int n, const double* X, const double* dX, const double* v,
+void inverse_jacobian_rate(const Tolerances& limits, int n, const double* X, const double* dX, const double* v,
                            double* out);
 
 // y = J x, J = 1 + X/2 + sum B_2k/(2k)! X^2k with X = ad (n, n) by rows: the inverse right Jacobian of exp.
-void inverse_jacobian(const Limits& limits, int n, const double* ad, const double* x, double* y);
+void inverse_jacobian(const Tolerances& limits, int n, const double* ad, const double* x, double* y);
 
 }  // namespace mbdae

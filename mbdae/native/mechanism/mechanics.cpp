@@ -55,10 +55,10 @@ struct Mechanics::Workspace {
     Eigen::MatrixXd M;
     decltype(pinocchio::Data::oMi) oMi;
   } begun;
-  std::unique_ptr<TreeSlopes> slopes;
+  std::unique_ptr<RneaPartials> slopes;
 };
 
-Mechanics::Mechanics(const void* model, const Limits& limits_)
+Mechanics::Mechanics(const void* model, const Tolerances& limits_)
     : limits(limits_), w(new Workspace(*static_cast<const pinocchio::Model*>(model))) {
   nq = w->model.nq, nv = w->model.nv, joints = w->model.njoints;
   ancestors.resize(nv), tangent.assign(nq, 0);
@@ -134,7 +134,7 @@ void Mechanics::expand(const void* model) {
     before.push_back(static_cast<int>(tree.parents[j]) - 1);
     for (int i = 0; i < tree.nvs[j]; ++i) own[j - 1].push_back(tree.idx_vs[j] + i), parts[own[j - 1].back()] = j;
   }
-  w->slopes.reset(new TreeSlopes(std::move(before), std::move(own)));
+  w->slopes.reset(new RneaPartials(std::move(before), std::move(own)));
 }
 
 bool Mechanics::stands(const double* q, const double* v) const {

@@ -12,10 +12,10 @@ namespace mbdae {
 class Mechanics {
  public:
   // model points to a pinocchio::Model that outlives this object.
-  Mechanics(const void* model, const Limits& limits);
+  Mechanics(const void* model, const Tolerances& limits);
   ~Mechanics();
 
-  const Limits limits;
+  const Tolerances limits;
   int nq, nv, joints;
   std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
   std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate

@@ -11,7 +11,7 @@ namespace mbdae {
 Profile::Place Profile::at(double s) const {
   const double length = starts.back() - starts[0];
   if (closed) s -= length * std::floor((s - starts[0]) / length);
-  if (!std::isfinite(s)) throw Trouble();
+  if (!std::isfinite(s)) throw FallBackToPython();
   Place out{s, {0, 0}, {0, 0}, {0, 0}};
   if (harmonic) {
     for (int j = 0; j < 2; ++j) out.c[j] = numbers[j];
@@ -57,9 +57,9 @@ Profile::Place Profile::nearest(const double* x) const {
     if (std::fabs(step) <= rounding * length) break;
   }
   const Place out = at(s);
-  if (!look(out)) throw Trouble();
+  if (!look(out)) throw FallBackToPython();
   const double share = (out.s - starts[0]) / length;
-  if (!closed && !(-sharp <= share && share <= 1 + sharp)) throw Trouble();
+  if (!closed && !(-sharp <= share && share <= 1 + sharp)) throw FallBackToPython();
   return out;
 }
 
@@ -79,7 +79,7 @@ Profile::Place Profile::support(const double* n) const {
     if (std::fabs(step) <= rounding * length) break;
   }
   const Place out = at(s);
-  if (!(dot(out.dd, n, 2) < 0)) throw Trouble();
+  if (!(dot(out.dd, n, 2) < 0)) throw FallBackToPython();
   return out;
 }
 

@@ -14,7 +14,7 @@ inline void symmetric(const double* S, const double* x, double* out) {  // S x; 
 
 }  // namespace
 
-TreeSlopes::TreeSlopes(std::vector<int> parents, std::vector<std::vector<int>> own)
+RneaPartials::RneaPartials(std::vector<int> parents, std::vector<std::vector<int>> own)
     : parents_(std::move(parents)), own_(std::move(own)), before_(parents_.size()) {
   size_t nv = 0;
   for (size_t p = 0; p < parents_.size(); ++p) {
@@ -26,7 +26,7 @@ TreeSlopes::TreeSlopes(std::vector<int> parents, std::vector<std::vector<int>> o
   for (auto* x : {&V_, &A_, &more_, &f_}) x->resize(parents_.size());
 }
 
-void TreeSlopes::set(int part, const Body& b) {
+void RneaPartials::set(int part, const Body& b) {
   Carried& c = bodies_[part];
   heavy_[part] = true, c.mass = b.mass;
   for (int i = 0; i < 3; ++i) c.moment[i] = b.mass * b.centre[i];
@@ -35,26 +35,26 @@ void TreeSlopes::set(int part, const Body& b) {
     for (int j = 0; j <= i; ++j, ++at) c.I[at] = b.I[3 * i + j] - c.moment[i] * b.centre[j] + (i == j ? square : 0);
 }
 
-inline void TreeSlopes::Carried::momentum(const double* x, double* out) const {
+inline void RneaPartials::Carried::momentum(const double* x, double* out) const {
   for (int i = 0; i < 3; ++i) out[i] = mass * x[i];
   add_cross(x + 3, moment, out);
   symmetric(I, x + 3, out + 3);
   add_cross(moment, x, out + 3);
 }
 
-inline void TreeSlopes::Carried::add_D(const double* x, double* out) const {
+inline void RneaPartials::Carried::add_D(const double* x, double* out) const {
   double linear[3], angular[3];
   cross(x, h.data(), linear), symmetric(S, x, angular), add_cross(x, h.data() + 3, angular);
   for (int i = 0; i < 3; ++i) out[i] += 2 * linear[i], out[3 + i] += angular[i];
 }
 
-inline void TreeSlopes::Carried::D_transposed(const double* x, double* out) const {
+inline void RneaPartials::Carried::D_transposed(const double* x, double* out) const {
   double linear[3];
   cross(h.data(), x, linear), symmetric(S, x + 3, out), add_cross(h.data() + 3, x + 3, out);
   for (int i = 0; i < 3; ++i) out[i] += 2 * linear[i];
 }
 
-void TreeSlopes::Carried::weigh(const double* V, const double* A) {
+void RneaPartials::Carried::weigh(const double* V, const double* A) {
   const double* w = V + 3;
   double turned[6];
   momentum(V, h.data()), momentum(A, f.data()), wrench_cross(V, h.data(), turned);
@@ -69,7 +69,7 @@ void TreeSlopes::Carried::weigh(const double* V, const double* A) {
       S[at] = WI[j][i] + WI[i][j] - V[i] * moment[j] - moment[i] * V[j] + (i == j ? twice : 0);
 }
 
-void TreeSlopes::move(int part, const double* J, const double* v) {
+void RneaPartials::move(int part, const double* J, const double* v) {
   const int parent = parents_[part];
   static const Six still{};
   Six &V = V_[part], &A = A_[part];
@@ -90,7 +90,7 @@ void TreeSlopes::move(int part, const double* J, const double* v) {
   }
 }
 
-void TreeSlopes::stand(const double* J, const double* gravity, const double* v, double* M, double* nle) {
+void RneaPartials::stand(const double* J, const double* gravity, const double* v, double* M, double* nle) {
   const size_t nv = columns_.size();
   const int parts = static_cast<int>(parents_.size());
   carried_ = bodies_, base_ = {-gravity[0], -gravity[1], -gravity[2], 0, 0, 0};
@@ -116,7 +116,7 @@ void TreeSlopes::stand(const double* J, const double* gravity, const double* v, 
   }
 }
 
-void TreeSlopes::find(const double* a, double* by_q, double* by_v, bool alone) {
+void RneaPartials::find(const double* a, double* by_q, double* by_v, bool alone) {
   const size_t nv = columns_.size();
   const int parts = static_cast<int>(parents_.size());
   static const Six still{};

@@ -14,10 +14,10 @@ struct Body {
   double mass, centre[3], I[9];
 };
 
-class TreeSlopes {
+class RneaPartials {
  public:
   // Of each part, parents first: the one before it (-1: none); the degrees of freedom of its own.
-  TreeSlopes(std::vector<int> parents, std::vector<std::vector<int>> own);
+  RneaPartials(std::vector<int> parents, std::vector<std::vector<int>> own);
 
   void set(int part, const Body& body);  // that moves with it; no other part has one
   // M (nv, nv) and nle(q, v), where J (6, nv) stands by columns, linear part first, about a point that stands still, from

@@ -60,7 +60,7 @@ void Pair::twist(const Mechanics& m, bool falling) {
   known_ = nothing;
 }
 
-const Touch& Pair::touch(const Shape& s, bool moving) const {
+const ContactKinematics& Pair::touch(const Shape& s, bool moving) const {
   const Known wanted = moving ? rates : places;
   if (known_ < wanted) mbdae::touch(s, *this, moving ? Va : nullptr, Vb, touch_), known_ = wanted;
   return touch_;
@@ -148,7 +148,7 @@ double Row::rate(const Pair& pair) const {
   return out;
 }
 
-void Row::slopes(const Pair& pair, Turning& t) const {
+void Row::slopes(const Pair& pair, WrenchPartials& t) const {
   wrench(pair, t.F);
   if (kind == distance) return line_slopes(pair, 1, t);
   if (kind >= height) return slopes_of_line(*this, pair, t);

@@ -39,16 +39,16 @@ struct Pair {
   std::vector<double> sign;             // of each of them; 0 for common ancestors
   double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
 
-  const Touch& touch(const Shape& s, bool moving) const;  // for the rows of a pair, which have one shape
+  const ContactKinematics& touch(const Shape& s, bool moving) const;  // for the rows of a pair, which have one shape
 
  private:
   long located_ = -1;  // Mechanics::placed where it was
   enum Known { nothing, places, rates };
   mutable Known known_ = nothing;
-  mutable Touch touch_;
+  mutable ContactKinematics touch_;
 };
 
-struct Turning;
+struct WrenchPartials;
 
 double unit_gap(const Pair& pair, double* n);  // distance, and the unit vector from a to b
 
@@ -69,14 +69,14 @@ struct Row {
   int iq[3] = {-1, -1, -1}, iv[3] = {-1, -1, -1}, nq[3] = {1, 1, 1};  // joints of a row between joints; -1: missing
   std::vector<double> c;                                              // its polynomial
   std::vector<std::array<int, 3>> others;  // iq, nq, iv of the joints of a sum but for the first
-  Signal law;                              // of a curved row
+  TimeFunction law;                              // of a curved row
   double fold[3] = {0, 0, 0};              // start, length and rise of its period; length 0 without one
   double period = 0;
   std::vector<int> columns;  // where G may differ from 0, and all their ancestors, in rising order
 
   double wrench(const Pair& pair, double* w) const;                // g, and the wrench on b, (6,)
   double rate(const Pair& pair) const;                             // Gdot v
-  void slopes(const Pair& pair, Turning& t) const;                 // the wrench, Da and Db
+  void slopes(const Pair& pair, WrenchPartials& t) const;                 // the wrench, Da and Db
   bool between_joints() const { return kind >= coordinate && kind <= ratio; }
   double coordinate_value(const double* q, double* slope) const;   // g, and what v_j is multiplied by
   double coordinate_bias(const double* q, const double* v) const;  // Gdot v
@@ -113,7 +113,7 @@ inline const std::map<std::string, RowKind> ROW_KINDS = {
 struct Driver {
   int row;
   bool length, speed;  // a distance, which is positive; the motion is u', and there is no u
-  Signal motion;
+  TimeFunction motion;
 };
 
 // All rows of a mechanism, where the kinematics of its workspace stand.

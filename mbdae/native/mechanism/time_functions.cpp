@@ -5,7 +5,7 @@
 
 namespace mbdae {
 
-double Signal::at(double t, int k) const {
+double TimeFunction::at(double t, int k) const {
   if (kind == python) return call(t, k);
   if (kind == harmonic) {  // amplitude, omega, phase, offset
     const double value = a[0] * std::sin(a[1] * t + a[2] + k * M_PI_2);
@@ -14,11 +14,11 @@ double Signal::at(double t, int k) const {
   size_t i = 0;
   double turns = 0;
   if (period > 0) {
-    if (!std::isfinite(t)) throw Trouble();
+    if (!std::isfinite(t)) throw FallBackToPython();
     turns = std::floor((t - b[0]) / period), t -= turns * period;
   }
   if (b.size() > 1) {
-    if (!std::isfinite(t)) throw Trouble();
+    if (!std::isfinite(t)) throw FallBackToPython();
     const auto next = std::upper_bound(b.begin(), b.end(), t) - b.begin();
     i = static_cast<size_t>(std::max<std::ptrdiff_t>(0, next - 1));
   }

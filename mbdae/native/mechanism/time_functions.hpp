@@ -7,11 +7,11 @@
 namespace mbdae {
 
 // What the core cannot go on with; the Python step that is taken instead finds the words for it.
-struct Trouble {};
-struct TooLong : Trouble {};  // a step, for an iteration or for its coordinates: a shorter one may do
-struct Interrupted : Trouble {};  // Ctrl-C in a Python function: nothing else may be tried
+struct FallBackToPython {};
+struct StepTooLong : FallBackToPython {};  // a step, for an iteration or for its coordinates: a shorter one may do
+struct Interrupted : FallBackToPython {};  // Ctrl-C in a Python function: nothing else may be tried
 
-struct Signal {
+struct TimeFunction {
   enum Kind { pieces, harmonic, python } kind = pieces;
   std::vector<double> a, b;  // numbers, of pieces: coefficients by pieces, highest power first; starts of pieces
   int degree = 0;            // of pieces

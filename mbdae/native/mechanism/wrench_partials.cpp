@@ -7,19 +7,19 @@
 namespace mbdae {
 
 // Not by string instructions, which compilers choose for constant sizes: what is added next waits for their end.
-void Turning::clear() {
+void WrenchPartials::clear() {
   using Eigen::Map, Eigen::Vector;
   Map<Vector<double, 6>>(F).setZero();
   for (double* D : {Da, Db}) Map<Vector<double, 36>>(D).setZero();
   damped = false;
 }
 
-void Turning::add(double factor, const Turning& other) {
+void WrenchPartials::add(double factor, const WrenchPartials& other) {
   for (int i = 0; i < 6; ++i) F[i] += factor * other.F[i];
   for (int i = 0; i < 36; ++i) Da[i] += factor * other.Da[i], Db[i] += factor * other.Db[i];
 }
 
-void Turning::damp() {
+void WrenchPartials::damp() {
   Eigen::Map<Eigen::Vector<double, 36>>(C).setZero();
   damped = true;
 }
@@ -41,7 +41,7 @@ void carried(const double* p, const double* n, double* D) {
   block(D, 3, 0, N, -1), block(D, 3, 3, NP, 1);
 }
 
-void line_slopes(const Pair& pair, double factor, Turning& t) {
+void line_slopes(const Pair& pair, double factor, WrenchPartials& t) {
   double n[3], N[9], A[9], B[9], NA[9], NB[9], out[9];
   const double d = unit_gap(pair, n);
   for (int i = 0; i < 3; ++i)
@@ -55,7 +55,7 @@ void line_slopes(const Pair& pair, double factor, Turning& t) {
   carried(pair.pb, n, t.Db);
 }
 
-PairSlopes::PairSlopes(const Mechanics& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {
+PairPartials::PairPartials(const Mechanics& m, const Pair& pair_, const double* v) : pair(pair_), nv(m.nv) {
   columns_.reserve(pair.columns.size());
   for (size_t k = 0; k < pair.columns.size(); ++k) {
     const int at = pair.columns[k];
@@ -73,7 +73,7 @@ PairSlopes::PairSlopes(const Mechanics& m, const Pair& pair_, const double* v) :
   for (int i = 0; i < 6; ++i) V[i] = W[1][i] - W[0][i];
 }
 
-void PairSlopes::torque(const Turning& t, double* K, size_t width) const {
+void PairPartials::torque(const WrenchPartials& t, double* K, size_t width) const {
   for (const Column& m : columns_) {
     double dF[6], within[6], more[6];  // within = dF - J x* F
     times6(m.sign > 0 ? t.Db : t.Da, m.J, dF);
@@ -88,7 +88,7 @@ void PairSlopes::torque(const Turning& t, double* K, size_t width) const {
   }
 }
 
-void PairSlopes::damping(const double* C, double* D, size_t width) const {
+void PairPartials::damping(const double* C, double* D, size_t width) const {
   for (const Column& m : columns_) {
     double dF[6];
     times6(C, m.J, dF);
@@ -96,7 +96,7 @@ void PairSlopes::damping(const double* C, double* D, size_t width) const {
   }
 }
 
-void PairSlopes::power(const double* w, const Turning& t, double* B) const {
+void PairPartials::power(const double* w, const WrenchPartials& t, double* B) const {
   double by[2][6] = {};  // V^T Da, V^T Db
   for (int i = 0; i < 6; ++i)
     for (int j = 0; j < 6; ++j) by[0][j] += V[i] * t.Da[6 * i + j], by[1][j] += V[i] * t.Db[6 * i + j];

@@ -25,7 +25,7 @@ int sign(double x) { return (x > 0) - (x < 0); }
 class Search {
  public:
   Search(Index2System& s, PointValues& values, const Events& all, const SignalEvent& event, Node& node,
-         const Taken& step, const Shorter& shorter)
+         const AcceptedStep& step, const PartialStep& shorter)
       : s_(s),
         values_(values),
         all_(all),
@@ -142,8 +142,8 @@ class Search {
   const Events& all_;
   const SignalEvent& event_;
   Node& node_;
-  const Taken& step_;
-  const Shorter& shorter_;
+  const AcceptedStep& step_;
+  const PartialStep& shorter_;
   const double h_;
   int number_ = 0;
   std::vector<Hit>* hits_ = nullptr;
@@ -151,8 +151,8 @@ class Search {
 
 }  // namespace
 
-Look look(Index2System& s, PointValues& values, const Events& events, const Taken& step, const Shorter& shorter) {
-  Look out;
+EventScan look(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step, const PartialStep& shorter) {
+  EventScan out;
   out.nodes = events.nodes;
   std::vector<Hit> hits;
   for (size_t i = 0; i < events.events.size(); ++i)

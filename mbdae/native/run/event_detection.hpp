@@ -20,7 +20,7 @@ struct SignalEvent {
 };
 
 // What was found: which event, when, and the point (length,).
-struct Found {
+struct LocatedEvent {
   int event;
   double t;
   Numbers y;
@@ -30,7 +30,7 @@ struct Found {
 struct Events {
   std::vector<SignalEvent> events;
   std::vector<Node> nodes;          // where each of them stands
-  std::vector<Found> found;
+  std::vector<LocatedEvent> found;
   bool stopped = false;             // a terminal one ends the run
   double start = 0;                 // s: where the run began; what is found there is there
   double same = 0;                  // s, or relative to t: an event so close to the start is the start
@@ -39,21 +39,21 @@ struct Events {
 };
 
 // A step that was taken: from y at t to y1 at t1, and the rates (v', s', w') that a method carries there, or nullptr.
-struct Taken {
+struct AcceptedStep {
   double t, t1;
   const double *y, *y1, *carry, *carry1;
 };
 
 // What a look at a step gives: nodes and events to be taken over, and the share of the step where the run ends.
-struct Look {
+struct EventScan {
   std::vector<Node> nodes;
-  std::vector<Found> found;
+  std::vector<LocatedEvent> found;
   double stop = -1;  // none
 };
 
 // y (length,) at the end of a step of share theta; throws Trouble where it cannot be taken.
-using Shorter = std::function<Numbers(double theta)>;
+using PartialStep = std::function<Numbers(double theta)>;
 
-Look look(Index2System& s, PointValues& values, const Events& events, const Taken& step, const Shorter& shorter);
+EventScan look(Index2System& s, PointValues& values, const Events& events, const AcceptedStep& step, const PartialStep& shorter);
 
 }  // namespace mbdae

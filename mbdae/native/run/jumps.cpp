@@ -5,12 +5,12 @@
 
 namespace mbdae {
 
-double Jumps::next(const std::vector<Sampler>& samplers, double t, double sign) const {
+double Jumps::next(const std::vector<SampledController>& samplers, double t, double sign) const {
   double out = sign * INFINITY;
   if (sign > 0) {
     const auto behind = std::upper_bound(times.begin(), times.end(), t);
     if (behind != times.end()) out = *behind;
-    for (const Sampler& x : samplers) out = std::min(out, x.next(t));
+    for (const SampledController& x : samplers) out = std::min(out, x.next(t));
   } else {
     const auto before = std::lower_bound(times.begin(), times.end(), t);
     if (before != times.begin()) out = *(before - 1);
@@ -19,7 +19,7 @@ double Jumps::next(const std::vector<Sampler>& samplers, double t, double sign) 
 }
 
 // The last jump of those that follow t, and one another, within `near`; t if none does.
-bool Jumps::last(const std::vector<Sampler>& samplers, double t, double sign, double near, double& found) const {
+bool Jumps::last(const std::vector<SampledController>& samplers, double t, double sign, double near, double& found) const {
   for (int i = 0; i < crowd; ++i) {
     const double later = next(samplers, t, sign);
     if (sign * (later - t) > near) {
@@ -31,7 +31,7 @@ bool Jumps::last(const std::vector<Sampler>& samplers, double t, double sign, do
   return false;
 }
 
-bool Jumps::leg(const std::vector<Sampler>& samplers, double t, Leg& leg) {
+bool Jumps::leg(const std::vector<SampledController>& samplers, double t, SmoothInterval& leg) {
   const double s = leg.sign, scale = std::max(std::fabs(t), std::fabs(leg.t1));
   const double stay = margin * (std::nextafter(scale, INFINITY) - scale);
   double from, behind;

@@ -16,11 +16,11 @@ struct Jumps {
   double restart = NAN;  // where the next leg begins; nan behind the end
 
   // The leg from t on, with the time where the one behind it begins; false where jumps follow one another too closely.
-  bool leg(const std::vector<Sampler>& samplers, double t, Leg& leg);
+  bool leg(const std::vector<SampledController>& samplers, double t, SmoothInterval& leg);
 
  private:
-  double next(const std::vector<Sampler>& samplers, double t, double sign) const;
-  bool last(const std::vector<Sampler>& samplers, double t, double sign, double near, double& found) const;
+  double next(const std::vector<SampledController>& samplers, double t, double sign) const;
+  bool last(const std::vector<SampledController>& samplers, double t, double sign, double near, double& found) const;
 };
 
 }  // namespace mbdae

@@ -75,7 +75,7 @@ double SignalValue::at(PointValues& values, double t, const double* y) const {
   }
   if (kind == kinetic || kind == energy) out += values.energy().kinetic;
   if (kind == potential || kind == energy) out += values.energy().potential;
-  if (!std::isfinite(out)) throw Trouble();
+  if (!std::isfinite(out)) throw FallBackToPython();
   return out;
 }
 

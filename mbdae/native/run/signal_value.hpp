@@ -13,7 +13,7 @@ namespace mbdae {
 class PointValues {
  public:
   // kept: where the configuration of the run goes when another one is looked at; it comes back in the end.
-  explicit PointValues(Index2System& s, Point* kept = nullptr) : s_(s), kept_(kept) {}
+  explicit PointValues(Index2System& s, Configuration* kept = nullptr) : s_(s), kept_(kept) {}
   ~PointValues() {
     if (apart_) s_.point.exchange(*kept_);
   }
@@ -37,7 +37,7 @@ class PointValues {
   void measure();
 
   Index2System& s_;
-  Point* const kept_;
+  Configuration* const kept_;
   bool apart_ = false;
   double t_ = NAN;
   Numbers y_, F_, z_, g_, rate_;

@@ -5,7 +5,7 @@
 
 namespace mbdae {
 
-bool StepControl::propose(const Leg& leg, Proposal& p) {
+bool StepControl::propose(const SmoothInterval& leg, Proposal& p) {
   const double left = std::fabs(leg.stop - leg.t);
   p.h = std::min(h, largest);
   cut = p.h > left ? h : 0.0;
@@ -18,7 +18,7 @@ bool StepControl::propose(const Leg& leg, Proposal& p) {
   return true;
 }
 
-bool StepControl::large_enough(const Leg& leg, double size) const {
+bool StepControl::large_enough(const SmoothInterval& leg, double size) const {
   const double t = std::max(std::fabs(leg.t), std::fabs(leg.t1));
   return size >= spacings * (std::nextafter(t, INFINITY) - t);
 }
@@ -55,9 +55,9 @@ double StepControl::next_step(double taken, double error) {
   return taken * factor;
 }
 
-double Grid::at(const Leg& leg, long k) const { return k >= n ? leg.t1 : t0 + leg.sign * k * step; }
+double Grid::at(const SmoothInterval& leg, long k) const { return k >= n ? leg.t1 : t0 + leg.sign * k * step; }
 
-Proposal Grid::propose(const Leg& leg) {
+Proposal Grid::propose(const SmoothInterval& leg) {
   const bool started = on_grid;
   const double left = std::fabs(leg.stop - leg.t), t = at(leg, i + 1);
   const double beyond = leg.sign * (t - leg.stop);
@@ -67,6 +67,6 @@ Proposal Grid::propose(const Leg& leg) {
   return {started ? step : std::fabs(t - leg.t), t};
 }
 
-bool Grid::behind(const Leg& leg) const { return on_grid && i < n && leg.sign * (leg.stop - at(leg, i + 1)) >= 0; }
+bool Grid::behind(const SmoothInterval& leg) const { return on_grid && i < n && leg.sign * (leg.stop - at(leg, i + 1)) >= 0; }
 
 }  // namespace mbdae

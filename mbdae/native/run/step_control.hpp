@@ -6,7 +6,7 @@
 namespace mbdae {
 
 // Where a leg of a run stands, and where it ends.
-struct Leg {
+struct SmoothInterval {
   double t = 0, sign = 1;    // s; 1 forwards, -1 backwards
   double stop = 0, end = 0;  // s: what forces see of the end of the leg, and its name
   double t1 = 0;             // s: end of the span
@@ -39,8 +39,8 @@ struct StepControl : StepMemory {
   double nearly = 0;                             // of the way left: a step so near to it takes all of it
   double spacings = 0;                           // of the times of a run: below, a step is too small
 
-  bool large_enough(const Leg& leg, double size) const;  // well above the rounding of times
-  bool propose(const Leg& leg, Proposal& p);  // false where Python has something to say about it
+  bool large_enough(const SmoothInterval& leg, double size) const;  // well above the rounding of times
+  bool propose(const SmoothInterval& leg, Proposal& p);  // false where Python has something to say about it
   // Norm of error estimates (errors, ny), of which the first n components are measured. What rounding makes of v at a
   // stage, eps |v| / (h ahat_ii), cannot be controlled: `noise` adds to the scale of components from..to, those of v.
   double error_norm(const double* e, int errors, int ny, int n, const double* size0, const double* size1, int from,
@@ -58,9 +58,9 @@ struct Grid : GridMemory {
   long n = 0;               // steps of the whole span
   double near = 0;          // of a step: how near to the grid a time counts as on it
 
-  Proposal propose(const Leg& leg);
-  bool behind(const Leg& leg) const;        // on this leg, is there a point of the grid behind the next one?
-  double at(const Leg& leg, long k) const;  // s: time of point k
+  Proposal propose(const SmoothInterval& leg);
+  bool behind(const SmoothInterval& leg) const;        // on this leg, is there a point of the grid behind the next one?
+  double at(const SmoothInterval& leg, long k) const;  // s: time of point k
 };
 
 }  // namespace mbdae

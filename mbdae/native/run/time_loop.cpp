@@ -24,7 +24,7 @@ double TimeLoop::error_norm(const double* e, int errors, double noise) const {
 
 bool TimeLoop::landing() {
   if (!run_.grid.behind(run_.leg)) return false;
-  const SingularWatch& w = run_.watch;
+  const SingularityMonitor& w = run_.watch;
   const double nearest = std::min(std::sqrt(s_.rows.least_pivot_ratio), w.before);
   const double limit = w.landed * std::min(w.usual, w.before);
   if (nearest < limit) return true;
@@ -33,8 +33,8 @@ bool TimeLoop::landing() {
 
 bool TimeLoop::judge(double h) {
   if (!run_.adaptive) {
-    if (!finite(next_.y.data(), s_.length)) throw Trouble();
-    if (run_.watched && landing()) throw Trouble();
+    if (!finite(next_.y.data(), s_.length)) throw FallBackToPython();
+    if (run_.watched && landing()) throw FallBackToPython();
     return true;
   }
   StepControl& control = run_.control;
@@ -101,11 +101,11 @@ void TimeLoop::look(Proposal& p) {
   const auto carried = [&](const State& x) {  // (v', s', w')
     return x.carry.empty() ? nullptr : x.carry.data() + (s_.carried() - (s_.ny - s_.nv));
   };
-  const Taken taken{t, p.t_next, run_.state.y.data(), next_.y.data(), carried(run_.state), carried(next_)};
+  const AcceptedStep taken{t, p.t_next, run_.state.y.data(), next_.y.data(), carried(run_.state), carried(next_)};
   seen_ = mbdae::look(s_, values, run_.events, taken, shorter);
   if (seen_.stop >= 0) {
     const bool near = run_.watched && std::sqrt(least) < run_.watch.zone * run_.watch.usual;
-    if (near || seen_.stop * h == 0) throw Trouble();
+    if (near || seen_.stop * h == 0) throw FallBackToPython();
     if (last != seen_.stop) shorter(seen_.stop);
     p.t_next = t + seen_.stop * h;
   } else if (away) {
@@ -129,7 +129,7 @@ void TimeLoop::push() {
 bool TimeLoop::cross() {
   const double t = run_.jumps.restart;
   Jumps jumps = run_.jumps;
-  Leg leg = run_.leg;
+  SmoothInterval leg = run_.leg;
   State& next = next_;
   next = State(), next.y = run_.state.y;
   Numbers F(s_.ny), z(s_.nz);
@@ -139,7 +139,7 @@ bool TimeLoop::cross() {
     s_.jump(t, next.y.data());
     if (s_.settle(t, next)) run_.steps.changes.emplace_back(node, s_.rows.in_use());
     s_.derivative(t, next.y.data(), F.data(), z.data());
-  } catch (const Trouble&) {
+  } catch (const FallBackToPython&) {
     if (!run_.steps.changes.empty() && run_.steps.changes.back().first == node) run_.steps.changes.pop_back();
     s_.point.forget();
     return false;
@@ -165,7 +165,7 @@ bool TimeLoop::attempt() {
   try {
     try {
       method_.take(run_.adaptive, run_.leg.t, h, run_.state, next_, z_.data(), errors_);
-    } catch (const TooLong&) {
+    } catch (const StepTooLong&) {
       return run_.adaptive && shorten(p.h);
     }
     if (run_.adaptive || run_.project) s_.size(next_.y.data(), size1_.data());
@@ -177,7 +177,7 @@ bool TimeLoop::attempt() {
     if (!run_.events.events.empty()) look(p);
     if (s_.settle(p.t_next, next_))
       run_.steps.changes.emplace_back(static_cast<long>(run_.steps.t.size()), s_.rows.in_use());
-  } catch (const Trouble&) {
+  } catch (const FallBackToPython&) {
     return false;
   }
   run_.leg.t = p.t_next;
@@ -195,7 +195,7 @@ bool TimeLoop::attempt() {
 void TimeLoop::advance() {
   using Clock = std::chrono::steady_clock;
   const auto started = Clock::now();
-  SingularWatch& watch = run_.watch;
+  SingularityMonitor& watch = run_.watch;
   if (run_.adaptive || run_.project) s_.size(run_.state.y.data(), size0_.data());
   while (run_.taken + run_.rejected < run_.budget) {
     if (run_.leg.t == run_.leg.end && (!run_.jumps.crossed || std::isnan(run_.jumps.restart) || !cross())) return;

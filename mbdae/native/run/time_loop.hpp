@@ -14,7 +14,7 @@
 namespace mbdae {
 
 // The watch for singular configurations, in ratios of pivots (mbdae/integrate/singularity_monitor.py).
-struct SingularWatch {
+struct SingularityMonitor {
   double usual = 0, before = 0;  // the largest so far, and the last
   double suspect = 0, landed = 0, zone = 0;
   double ahead = 0;      // steps within which a ratio that falls on would vanish: then Python looks ahead
@@ -33,11 +33,11 @@ struct Steps {
 
 // What a run hands over, and gets back.
 struct Run {
-  Leg leg;
+  SmoothInterval leg;
   State state;
   StepControl control;
   Grid grid;
-  SingularWatch watch;
+  SingularityMonitor watch;
   Events events;
   Jumps jumps;
   bool adaptive = false;  // by control; else on the grid
@@ -114,11 +114,11 @@ class TimeLoop {
   Run& run_;
   State next_;
   bool renewed_ = false;   // what it carries was found anew
-  Look seen_;              // on the step just taken
+  EventScan seen_;              // on the step just taken
   Numbers errors_;         // (errors, ny)
   Numbers size0_, size1_;  // (ny,) magnitudes at the start and the end of a step
   Numbers z_;              // (nz,) multipliers of the method
-  Point aside_;            // for that of the run while events are looked for
+  Configuration aside_;            // for that of the run while events are looked for
 };
 
 }  // namespace mbdae

@@ -17,16 +17,16 @@ void inertial(const double* x, const double* V, double* out) {  // dI V of ten i
 
 }  // namespace
 
-void ParameterSlopes::forces(const VariedPoint& point, Numbers& P) {
+void Parameters::forces(const LinearisationPoint& point, Numbers& P) {
   const size_t n = n_;
   P.assign(count_ * n, 0.0);
   stand(point);
   for (int i = 0; i < static_cast<int>(stuff_.size()); ++i) {
-    const Stuff::Of of = stuff_[i].of;
-    if (of == Stuff::inertia) inertia_columns(i, P);
-    if (of == Stuff::place) place_columns(i, P);
-    if (of == Stuff::gravity && point.loaded) gravity_columns(i, P);
-    if (of != Stuff::armature) continue;
+    const ModelComponent::Of of = stuff_[i].of;
+    if (of == ModelComponent::inertia) inertia_columns(i, P);
+    if (of == ModelComponent::place) place_columns(i, P);
+    if (of == ModelComponent::gravity && point.loaded) gravity_columns(i, P);
+    if (of != ModelComponent::armature) continue;
     for (const Direction* d : along_[i])
       for (int k = 0; k < s_.nv; ++k) P[d->parameter * n + k] -= d->x[k] * point.vdot[k];
   }
@@ -35,22 +35,22 @@ void ParameterSlopes::forces(const VariedPoint& point, Numbers& P) {
     for (size_t e = 0; e < n; ++e) P[changed_[i].parameter * n + e] += own_P_[i * n + e];
 }
 
-void ParameterSlopes::rows(const VariedPoint& point, Numbers& Q, const Numbers& q) {
+void Parameters::rows(const LinearisationPoint& point, Numbers& Q, const Numbers& q) {
   const std::vector<int>& position = s_.rows.position();
   const size_t r = s_.rows.in_use().size();
   Q.assign(count_ * r, 0.0);
-  meet(point, q, [&](const VariedPoint::Met& met, const Pair& pair) { row_columns(met, pair, r, Q); });
+  meet(point, q, [&](const LinearisationPoint::Met& met, const Pair& pair) { row_columns(met, pair, r, Q); });
   for (size_t i = 0; i < changed_.size(); ++i)
     for (int row : s_.rows.in_use()) Q[changed_[i].parameter * r + position[row]] += own_Q_[i * s_.ng + row];
 }
 
-void ParameterSlopes::load(int joint, const double* W, double* P) const {
+void Parameters::load(int joint, const double* W, double* P) const {
   const double* J = s_.mechanics.J();
   for (int j = joint; j; j = s_.mechanics.parents[j])
     for (int c : columns_[j]) P[c] -= dot6(J + 6 * c, W);
 }
 
-void ParameterSlopes::load_behind(int joint, double* P) {
+void Parameters::load_behind(int joint, double* P) {
   const double* J = s_.mechanics.J();
   const std::vector<int>& behind = behind_[joint];
   for (size_t l = behind.size(); l-- > 0;) {
@@ -62,7 +62,7 @@ void ParameterSlopes::load_behind(int joint, double* P) {
   }
 }
 
-void ParameterSlopes::inertia_columns(int stuff, Numbers& P) const {
+void Parameters::inertia_columns(int stuff, Numbers& P) const {
   const int j = stuff_[stuff].at;
   double V[6], A[6], W[6], h[6], turned[6];
   here_[stuff].motion(V_[j].data(), V), here_[stuff].motion(A_[j].data(), A);
@@ -74,7 +74,7 @@ void ParameterSlopes::inertia_columns(int stuff, Numbers& P) const {
   }
 }
 
-void ParameterSlopes::gravity_columns(int stuff, Numbers& P) {
+void Parameters::gravity_columns(int stuff, Numbers& P) {
   for (const Direction* d : along_[stuff]) {
     const double A[6] = {-d->x[0], -d->x[1], -d->x[2], 0, 0, 0};
     W_[0] = Six{};
@@ -84,7 +84,7 @@ void ParameterSlopes::gravity_columns(int stuff, Numbers& P) {
 }
 
 // With all that is behind the joint held, and what is before it moved by -xi.
-void ParameterSlopes::place_columns(int stuff, Numbers& P) {
+void Parameters::place_columns(int stuff, Numbers& P) {
   const int joint = stuff_[stuff].at, before = s_.mechanics.parents[joint];
   const double *Vp = V_[before].data(), *Ap = A_[before].data();
   for (const Direction* d : along_[stuff]) {
@@ -115,15 +115,15 @@ void ParameterSlopes::place_columns(int stuff, Numbers& P) {
   }
 }
 
-double ParameterSlopes::moving(const Pair& pair, const Turning& t, const Moving& by, const double* xi, double* dF,
+double Parameters::moving(const Pair& pair, const WrenchPartials& t, const Moving& by, const double* xi, double* dF,
                                double* within) const {
   const int a = pair.a.joint, b = pair.b.joint;
-  const Stuff& x = stuff_[by.stuff];
+  const ModelComponent& x = stuff_[by.stuff];
   double V[6], turned[6], power = 0;
   for (int i = 0; i < 6; ++i) V[i] = V_[b][i] - V_[a][i];
   times6(by.b ? t.Db : t.Da, xi, dF);
   std::fill(turned, turned + 6, 0.0);
-  if (x.of == Stuff::place) {
+  if (x.of == ModelComponent::place) {
     const int end = by.b ? b : a, before = s_.mechanics.parents[x.at];
     const double sign = by.b ? 1 : -1;
     double Y[6];
@@ -140,11 +140,11 @@ double ParameterSlopes::moving(const Pair& pair, const Turning& t, const Moving&
   return power + dot6(V, dF);
 }
 
-void ParameterSlopes::pair_columns(const ActingWrench& w, Numbers& P) const {
+void Parameters::pair_columns(const ActingWrench& w, Numbers& P) const {
   const Pair& pair = *w.pair;
   const double* J = s_.mechanics.J();
   for (const Moving& by : ends_.at(&pair)) {
-    const Stuff& x = stuff_[by.stuff];
+    const ModelComponent& x = stuff_[by.stuff];
     for (const Direction* d : along_[by.stuff]) {
       double xi[6], dF[6], within[6];
       here_[by.stuff].raise(d->x.data(), xi);
@@ -154,20 +154,20 @@ void ParameterSlopes::pair_columns(const ActingWrench& w, Numbers& P) const {
       for (size_t k = 0; k < pair.columns.size(); ++k) {
         const int c = pair.columns[k];
         if (pair.sign[k] == 0) continue;
-        const bool behind = x.of == Stuff::place && above_[joint_of_[c]][x.at];
+        const bool behind = x.of == ModelComponent::place && above_[joint_of_[c]][x.at];
         out[c] += pair.sign[k] * dot6(J + 6 * c, behind ? within : dF);
       }
     }
   }
 }
 
-void ParameterSlopes::row_columns(const VariedPoint::Met& met, const Pair& pair, size_t r, Numbers& Q) const {
+void Parameters::row_columns(const LinearisationPoint::Met& met, const Pair& pair, size_t r, Numbers& Q) const {
   for (const Moving& by : ends_.at(&pair))
     for (const Direction* d : along_[by.stuff]) {
       double xi[6], dF[6], within[6];
       here_[by.stuff].raise(d->x.data(), xi);
       for (const auto& [at, t] : asked_)
-        Q[d->parameter * r + at] += met.weight * (met.kind == VariedPoint::Met::gap
+        Q[d->parameter * r + at] += met.weight * (met.kind == LinearisationPoint::Met::gap
                                                       ? (by.b ? 1 : -1) * dot6(t->F, xi)
                                                       : moving(pair, *t, by, xi, dF, within));
     }

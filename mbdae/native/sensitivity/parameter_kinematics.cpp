@@ -5,7 +5,7 @@ namespace mbdae {
 
 // The axes of parts stand still in what is behind them: J' v of a part is its V before the part x J v.
 template <bool accelerated>
-void ParameterSlopes::motions(const double* v, const double* a) {
+void Parameters::motions(const double* v, const double* a) {
   const Mechanics& m = s_.mechanics;
   const double* J = m.J();
   for (int j : used_) {
@@ -28,10 +28,10 @@ void ParameterSlopes::motions(const double* v, const double* a) {
   }
 }
 
-template void ParameterSlopes::motions<true>(const double*, const double*);
-template void ParameterSlopes::motions<false>(const double*, const double*);
+template void Parameters::motions<true>(const double*, const double*);
+template void Parameters::motions<false>(const double*, const double*);
 
-void ParameterSlopes::momenta() {
+void Parameters::momenta() {
   const std::vector<int>& parents = s_.mechanics.parents;
   for (int j : heavy_) F_[parents[j]] = Six{};
   for (int j : heavy_) {
@@ -44,20 +44,20 @@ void ParameterSlopes::momenta() {
     for (int i = 0; i < 6; ++i) F_[parents[heavy_[l]]][i] += F_[heavy_[l]][i];
 }
 
-void ParameterSlopes::locate() {
+void Parameters::locate() {
   static const Anchor origin;
   const Mechanics& m = s_.mechanics;
   for (size_t i = 0; i < stuff_.size(); ++i) {
-    const Stuff& x = stuff_[i];
-    Placed& out = here_[i];
-    if (x.of == Stuff::place) m.place(x.at, out.R, out.p);
-    if (x.of != Stuff::frame && x.of != Stuff::inertia) continue;
+    const ModelComponent& x = stuff_[i];
+    WorldPose& out = here_[i];
+    if (x.of == ModelComponent::place) m.place(x.at, out.R, out.p);
+    if (x.of != ModelComponent::frame && x.of != ModelComponent::inertia) continue;
     const Anchor* a = &origin;
-    if (x.of == Stuff::frame) {
+    if (x.of == ModelComponent::frame) {
       const Pair& pair = x.of_law ? s_.law_pairs()[x.at] : s_.constraints.pairs[x.at];
       a = x.b ? &pair.b : &pair.a;
     }
-    const int joint = x.of == Stuff::frame ? a->joint : x.at;
+    const int joint = x.of == ModelComponent::frame ? a->joint : x.at;
     const double *o = m.rotation(joint), *at = m.position(joint);  // o by columns
     for (int k = 0; k < 3; ++k) {
       out.p[k] = o[k] * a->p[0] + o[3 + k] * a->p[1] + o[6 + k] * a->p[2] + at[k];

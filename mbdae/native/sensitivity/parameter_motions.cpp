@@ -17,7 +17,7 @@ void inertial(const double* U, const double* A, double factor, double* out) {
   out[9] += factor * w[2] * a[2];
 }
 
-void add_motion(const Placed& at, const double* g, double* out) {  // of slopes by a motion in the world
+void add_motion(const WorldPose& at, const double* g, double* out) {  // of slopes by a motion in the world
   double turned[3], all[6];
   cross(g, at.p, turned);
   for (int i = 0; i < 3; ++i) turned[i] += g[3 + i];
@@ -27,7 +27,7 @@ void add_motion(const Placed& at, const double* g, double* out) {  // of slopes 
 
 }  // namespace
 
-void ParameterSlopes::twists(const double* v) {
+void Parameters::twists(const double* v) {
   const double* J = s_.mechanics.J();
   for (int j = 1; j < s_.mechanics.joints; ++j) {
     U_[j] = U_[s_.mechanics.parents[j]];
@@ -36,7 +36,7 @@ void ParameterSlopes::twists(const double* v) {
   }
 }
 
-void ParameterSlopes::moved(const Pair& pair, const Turning& t, const std::vector<Six>& X) {
+void Parameters::moved(const Pair& pair, const WrenchPartials& t, const std::vector<Six>& X) {
   const int a = pair.a.joint, b = pair.b.joint;
   Six relative, by_a{}, by_b{}, damping{};
   for (int i = 0; i < 6; ++i) relative[i] = X[b][i] - X[a][i];
@@ -46,9 +46,9 @@ void ParameterSlopes::moved(const Pair& pair, const Turning& t, const std::vecto
       if (t.damped) damping[j] += relative[i] * t.C[6 * i + j];
     }
   for (const Moving& m : ends_.at(&pair)) {
-    const Stuff& x = stuff_[m.stuff];
+    const ModelComponent& x = stuff_[m.stuff];
     Six g = m.b ? by_b : by_a;
-    if (x.of == Stuff::place) {
+    if (x.of == ModelComponent::place) {
       const int end = m.b ? b : a, before = s_.mechanics.parents[x.at];
       double Y[6], turned[6];
       for (int i = 0; i < 6; ++i) Y[i] = X[end][i] - X[before][i];
@@ -64,7 +64,7 @@ void ParameterSlopes::moved(const Pair& pair, const Turning& t, const std::vecto
   }
 }
 
-void ParameterSlopes::shifted(const Pair& pair, const double* F) {
+void Parameters::shifted(const Pair& pair, const double* F) {
   for (const Moving& m : ends_.at(&pair)) {
     Six g;
     for (int i = 0; i < 6; ++i) g[i] = m.b ? F[i] : -F[i];
@@ -73,7 +73,7 @@ void ParameterSlopes::shifted(const Pair& pair, const double* F) {
 }
 
 // With all that is behind a joint held, and what is before it moved by -xi: U, V, A there become U x xi, ...
-void ParameterSlopes::bodies() {
+void Parameters::bodies() {
   const int joints = s_.mechanics.joints;
   for (int j = 1; j < joints; ++j) {
     double VU[6], IVU[6], turned[6];
@@ -93,7 +93,7 @@ void ParameterSlopes::bodies() {
   }
 }
 
-void ParameterSlopes::contract(const VariedPoint& point, const double* above) {
+void Parameters::contract(const LinearisationPoint& point, const double* above) {
   const Mechanics& m = s_.mechanics;
   const int nv = s_.nv;
   if (kinematic_) {
@@ -108,19 +108,19 @@ void ParameterSlopes::contract(const VariedPoint& point, const double* above) {
     }
   }
   for (size_t i = 0; i < stuff_.size(); ++i) {
-    const Stuff& x = stuff_[i];
+    const ModelComponent& x = stuff_[i];
     double* to = sums_[i].data();
-    if (x.of == Stuff::armature)
+    if (x.of == ModelComponent::armature)
       for (int k = 0; k < nv; ++k) to[k] -= above[k] * point.vdot[k];
-    if (x.of == Stuff::gravity && point.loaded)
+    if (x.of == ModelComponent::gravity && point.loaded)
       for (int k = 0; k < 3; ++k) to[k] += H_[0][k];
-    if (x.of == Stuff::inertia && !still(U_[x.at])) {
+    if (x.of == ModelComponent::inertia && !still(U_[x.at])) {
       double U[6], V[6], A[6], VU[6];
       here_[i].motion(U_[x.at].data(), U), here_[i].motion(V_[x.at].data(), V), here_[i].motion(A_[x.at].data(), A);
       motion_cross(V, U, VU);
       inertial(U, A, -1, to), inertial(VU, V, 1, to);
     }
-    if (x.of == Stuff::place) {
+    if (x.of == ModelComponent::place) {
       const int p = m.parents[x.at];
       if (still(U_[p]) && still(H_[x.at]) && still(C_[x.at])) continue;
       double turned[6], rest[6];

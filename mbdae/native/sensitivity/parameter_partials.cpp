@@ -6,14 +6,14 @@
 
 namespace mbdae {
 
-NearLaws::NearLaws(std::vector<Pair> pairs_, std::vector<Law> laws_, const std::vector<int>& pair_of_law)
+PerturbedLaws::PerturbedLaws(std::vector<Pair> pairs_, std::vector<Law> laws_, const std::vector<int>& pair_of_law)
     : pairs(std::move(pairs_)), laws(std::move(laws_)) {
   for (size_t i = 0; i < laws.size(); ++i)
     if (pair_of_law[i] >= 0) laws[i].pair = &pairs[pair_of_law[i]];
 }
 
-ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> stuff,
-                                 std::vector<Direction> directions, std::vector<Changed> changed)
+Parameters::Parameters(Index2System& s, int count, std::vector<ModelComponent> stuff,
+                                 std::vector<Direction> directions, std::vector<ChangedElement> changed)
     : s_(s),
       count_(count),
       n_(s.nv + s.ns + 1),
@@ -39,16 +39,16 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
   const auto use = [&](int j) {
     for (; j; j = m.parents[j]) used[j] = true;
   };
-  for (const Stuff& x : stuff_) {
+  for (const ModelComponent& x : stuff_) {
     sums_.emplace_back(size_of(x.of, s.nv), 0.0);
-    kinematic_ = kinematic_ || x.of != Stuff::armature;
-    placing_ = placing_ || x.of == Stuff::place;
-    moving_ = moving_ || placing_ || x.of == Stuff::frame;
-    if (x.of == Stuff::inertia) use(x.at);
-    if (x.of != Stuff::place && x.of != Stuff::gravity) continue;
-    for (int j : behind_[x.of == Stuff::place ? x.at : 0]) {
+    kinematic_ = kinematic_ || x.of != ModelComponent::armature;
+    placing_ = placing_ || x.of == ModelComponent::place;
+    moving_ = moving_ || placing_ || x.of == ModelComponent::frame;
+    if (x.of == ModelComponent::inertia) use(x.at);
+    if (x.of != ModelComponent::place && x.of != ModelComponent::gravity) continue;
+    for (int j : behind_[x.of == ModelComponent::place ? x.at : 0]) {
       heavy[j] = true;
-      if (x.of == Stuff::place) use(j);
+      if (x.of == ModelComponent::place) use(j);
     }
   }
   const auto find = [&](const std::vector<Pair>& pairs, bool of_laws) {
@@ -56,9 +56,9 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
       const int a = pairs[p].a.joint, b = pairs[p].b.joint;
       std::vector<Moving>& found = ends_[&pairs[p]];
       for (int i = 0; i < static_cast<int>(stuff_.size()); ++i) {
-        const Stuff& x = stuff_[i];
-        if (x.of == Stuff::frame && x.of_law == of_laws && x.at == static_cast<int>(p)) found.push_back({i, x.b});
-        if (x.of == Stuff::place && above_[a][x.at] != above_[b][x.at]) found.push_back({i, above_[b][x.at]});
+        const ModelComponent& x = stuff_[i];
+        if (x.of == ModelComponent::frame && x.of_law == of_laws && x.at == static_cast<int>(p)) found.push_back({i, x.b});
+        if (x.of == ModelComponent::place && above_[a][x.at] != above_[b][x.at]) found.push_back({i, above_[b][x.at]});
       }
       if (found.empty()) continue;
       use(a), use(b);
@@ -66,7 +66,7 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
     }
   };
   find(s.constraints.pairs, false), find(s.law_pairs(), true);
-  for (const Changed& c : changed_) meeting_ = meeting_ || !c.rows.empty();
+  for (const ChangedElement& c : changed_) meeting_ = meeting_ || !c.rows.empty();
   for (int j = 1; j < m.joints; ++j) {
     if (used[j]) used_.push_back(j);
     if (heavy[j]) heavy_.push_back(j);
@@ -75,11 +75,11 @@ ParameterSlopes::ParameterSlopes(Index2System& s, int count, std::vector<Stuff> 
   body_.resize(m.joints);
 }
 
-void ParameterSlopes::pose(const VariedPoint& point) {
+void Parameters::pose(const LinearisationPoint& point) {
   if (kinematic_ || !changed_.empty()) s_.mechanics.poses(point.q.data());
 }
 
-void ParameterSlopes::stand(const VariedPoint& point) {
+void Parameters::stand(const LinearisationPoint& point) {
   const Mechanics& m = s_.mechanics;
   if (kinematic_) {
     double g[3] = {0, 0, 0};
@@ -93,16 +93,16 @@ void ParameterSlopes::stand(const VariedPoint& point) {
   if (!changed_.empty()) change(point);
 }
 
-void ParameterSlopes::change(const VariedPoint& point) {
+void Parameters::change(const LinearisationPoint& point) {
   Mechanics& m = s_.mechanics;
   const size_t nv = s_.nv, n = n_;
   own_P_.assign(changed_.size() * n, 0.0);
   const double *v = point.u.data(), *s = v + nv;
   Numbers conservative(nv), other(nv), here, rates, G, speed;
   for (size_t i = 0; i < changed_.size(); ++i) {
-    const Changed& c = changed_[i];
+    const ChangedElement& c = changed_[i];
     double* P = &own_P_[i * n];
-    for (const NearLaws& near : c.laws) {
+    for (const PerturbedLaws& near : c.laws) {
       if (!point.loaded) break;
       here.resize(c.at.size()), rates.assign(c.at.size(), 0.0);
       for (size_t l = 0; l < c.at.size(); ++l) here[l] = s[c.at[l]];
@@ -114,7 +114,7 @@ void ParameterSlopes::change(const VariedPoint& point) {
       for (size_t l = 0; l < c.at.size(); ++l) P[nv + c.at[l]] += near.weight * rates[l];
       P[n - 1] += near.weight * dot(other.data(), v, static_cast<int>(nv));
     }
-    for (const NearRows& near : c.rows) {
+    for (const PerturbedRows& near : c.rows) {
       G.assign(c.at.size() * nv, 0.0), speed.assign(c.at.size(), 0.0);
       near.rows->value(m, point.q.data(), near.rows->all, G.data()), near.rows->speed(point.t, speed.data());
       for (size_t l = 0; l < c.at.size(); ++l) {
@@ -126,42 +126,42 @@ void ParameterSlopes::change(const VariedPoint& point) {
   }
 }
 
-void ParameterSlopes::meet_changed(const VariedPoint::Met& met) {
+void Parameters::meet_changed(const LinearisationPoint::Met& met) {
   const size_t nv = s_.nv;
   Numbers G, g;
   for (size_t i = 0; i < changed_.size(); ++i)
-    for (const NearRows& near : changed_[i].rows) {
+    for (const PerturbedRows& near : changed_[i].rows) {
       const std::vector<int>& at = changed_[i].at;
       G.assign(at.size() * nv, 0.0), g.assign(at.size(), 0.0);
       near.rows->value(s_.mechanics, met.q.data(), near.rows->all, G.data(), g.data());
-      if (met.kind == VariedPoint::Met::gap) {
+      if (met.kind == LinearisationPoint::Met::gap) {
         near.rows->gaps(met.t, g.data());
       } else {
         std::fill(g.begin(), g.end(), 0.0);
-        if (met.kind == VariedPoint::Met::rate) near.rows->speed(met.t, g.data());
+        if (met.kind == LinearisationPoint::Met::rate) near.rows->speed(met.t, g.data());
         for (size_t l = 0; l < at.size(); ++l) g[l] += dot(&G[l * nv], met.v.data(), static_cast<int>(nv));
       }
       for (size_t l = 0; l < at.size(); ++l) own_Q_[i * s_.ng + at[l]] += met.weight * near.weight * g[l];
     }
 }
 
-void ParameterSlopes::begin() {
+void Parameters::begin() {
   for (Numbers& x : sums_) std::fill(x.begin(), x.end(), 0.0);
   std::fill(own_.begin(), own_.end(), 0.0);
 }
 
-void ParameterSlopes::add(const VariedPoint& point, const double* above, const double* nu) {
+void Parameters::add(const LinearisationPoint& point, const double* above, const double* nu) {
   if (!count_) return;
   const std::vector<int>& position = s_.rows.position();
   pose(point);
   if (!point.still) stand(point), contract(point, above);
-  meet(point, point.q, [&](const VariedPoint::Met& met, const Pair& pair) {
-    Turning sum;
+  meet(point, point.q, [&](const LinearisationPoint::Met& met, const Pair& pair) {
+    WrenchPartials sum;
     for (const auto& [at, t] : asked_) {
       const double w = met.weight * nu[at];
       sum.add(w, *t);
     }
-    if (met.kind == VariedPoint::Met::gap)
+    if (met.kind == LinearisationPoint::Met::gap)
       shifted(pair, sum.F);
     else
       moved(pair, sum, V_);
@@ -172,7 +172,7 @@ void ParameterSlopes::add(const VariedPoint& point, const double* above, const d
   }
 }
 
-void ParameterSlopes::end(double* p) {
+void Parameters::end(double* p) {
   for (const Direction& d : directions_)
     p[d.parameter] += dot(d.x.data(), sums_[d.stuff].data(), static_cast<int>(d.x.size()));
   for (size_t i = 0; i < changed_.size(); ++i) p[changed_[i].parameter] += own_[i];

@@ -7,13 +7,13 @@
 
 namespace mbdae {
 
-RestorationSlopes::RestorationSlopes(Index2System& s, ParameterSlopes& parameters, bool forward)
+ProjectionSensitivity::ProjectionSensitivity(Index2System& s, Parameters& parameters, bool forward)
     : s_(s),
       parameters_(parameters),
       forward_(forward && parameters.count()),
       factors_(s.mechanics, s.constraints, s.counts) {}
 
-void RestorationSlopes::take(double t, double* y) {
+void ProjectionSensitivity::take(double t, double* y) {
   const int nq = s_.nq, nv = s_.nv, ng = s_.ng;
   count_ = 0;
   if (!ng) return;
@@ -46,7 +46,7 @@ void RestorationSlopes::take(double t, double* y) {
   correct(c, t, y, v.data(), r);
 }
 
-void RestorationSlopes::correct(Correction& c, double t, const double* q, const double* v, const Numbers& r) {
+void ProjectionSensitivity::correct(Correction& c, double t, const double* q, const double* v, const Numbers& r) {
   const int nv = s_.nv, nq = s_.nq;
   c.rows.clear();
   for (int k : s_.rows.in_use())
@@ -57,14 +57,14 @@ void RestorationSlopes::correct(Correction& c, double t, const double* q, const 
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j)
       c.lu.at(i, j) = dot(&c.Z[static_cast<size_t>(c.rows[i]) * nv], &c.Z[static_cast<size_t>(c.rows[j]) * nv], nv);
-  if (n && !c.lu.factorize()) throw Trouble();
+  if (n && !c.lu.factorize()) throw FallBackToPython();
   Numbers x(nv, 0.0), eta(r);
   solve(c, x.data(), eta.data());
-  VariedPoint& p = c.point;
+  LinearisationPoint& p = c.point;
   p.loaded = false, p.t = t, p.q.assign(q, q + nq), p.u.assign(nv + s_.ns + 1, 0.0), p.vdot.assign(nv, 0.0);
   p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.met.resize(1);
-  VariedPoint::Met& met = p.met[0];
-  met.t = t, met.q = p.q, met.kind = c.of_v ? VariedPoint::Met::rate : VariedPoint::Met::gap, met.weight = 1;
+  LinearisationPoint::Met& met = p.met[0];
+  met.t = t, met.q = p.q, met.kind = c.of_v ? LinearisationPoint::Met::rate : LinearisationPoint::Met::gap, met.weight = 1;
   if (c.of_v) met.v.assign(v, v + nv);
   c.moved = largest(x.data(), nv) > s_.mechanics.limits.unmoved;
   const bool asked = parameters_.moving();
@@ -79,7 +79,7 @@ void RestorationSlopes::correct(Correction& c, double t, const double* q, const 
   if (c.moved) {
     p.vdot = x;
     for (int k : c.rows) p.lam[k] = eta[k];
-    p.met.push_back({t, p.q, x, VariedPoint::Met::bare, -1});
+    p.met.push_back({t, p.q, x, LinearisationPoint::Met::bare, -1});
     c.K.assign(m * m, 0.0);
     s_.closure_slopes(q, x.data(), p.lam.data(), c.K.data(), &c.B, asked ? &p.wrenches : nullptr,
                       asked ? &p.met[1].turnings : nullptr);
@@ -95,7 +95,7 @@ void RestorationSlopes::correct(Correction& c, double t, const double* q, const 
   s_.mechanics.slopes(q0_.data(), still.data(), x.data(), c.T.data(), by_v.data(), true);
 }
 
-void RestorationSlopes::solve(const Correction& c, double* above, double* below) const {
+void ProjectionSensitivity::solve(const Correction& c, double* above, double* below) const {
   const int nv = s_.nv;
   Numbers l(c.rows.size());
   factors_.half(above);
@@ -110,7 +110,7 @@ void RestorationSlopes::solve(const Correction& c, double* above, double* below)
   factors_.back(above);
 }
 
-void RestorationSlopes::forward(int directions, double* moved, size_t width, const double* dp) {
+void ProjectionSensitivity::forward(int directions, double* moved, size_t width, const double* dp) {
   const int nv = s_.nv, ng = s_.ng;
   const std::vector<int>& position = s_.rows.position();
   const size_t r = s_.rows.in_use().size(), n = nv + s_.ns + 1, k = parameters_.count();
@@ -145,15 +145,15 @@ void RestorationSlopes::forward(int directions, double* moved, size_t width, con
         for (int e = 0; e < nv; ++e) dv[e] -= above[e];
         continue;
       }
-      apply(c.turn, &TurnedBlock::A, false, true, nv, dq.data(), turned.data()), dq = turned;
-      apply(c.turn, &TurnedBlock::R, false, true, nv, above.data(), turned.data());
+      apply(c.turn, &IntegratePartialsBlock::A, false, true, nv, dq.data(), turned.data()), dq = turned;
+      apply(c.turn, &IntegratePartialsBlock::R, false, true, nv, above.data(), turned.data());
       for (int e = 0; e < nv; ++e) dq[e] -= turned[e];
     }
     std::copy(dq.begin(), dq.end(), dy);
   }
 }
 
-void RestorationSlopes::reverse(double* y) {
+void ProjectionSensitivity::reverse(double* y) {
   const int nv = s_.nv;
   const std::vector<int>& position = s_.rows.position();
   Numbers mu(s_.nv + s_.ns + 1), nu(s_.rows.in_use().size()), start(nv, 0.0), turned(nv);
@@ -164,9 +164,9 @@ void RestorationSlopes::reverse(double* y) {
     if (c.of_v) {
       for (int e = 0; e < nv; ++e) mu[e] = -v[e];
     } else {
-      apply(c.turn, &TurnedBlock::R, true, true, nv, q, mu.data());
+      apply(c.turn, &IntegratePartialsBlock::R, true, true, nv, q, mu.data());
       for (int e = 0; e < nv; ++e) mu[e] = -mu[e];
-      apply(c.turn, &TurnedBlock::A, true, true, nv, q, turned.data());
+      apply(c.turn, &IntegratePartialsBlock::A, true, true, nv, q, turned.data());
       std::copy(turned.begin(), turned.end(), q);
     }
     Numbers l(c.rows.size());

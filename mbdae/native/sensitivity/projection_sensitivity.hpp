@@ -7,9 +7,9 @@
 
 namespace mbdae {
 
-class RestorationSlopes {
+class ProjectionSensitivity {
  public:
-  RestorationSlopes(Index2System& system, ParameterSlopes& parameters, bool forward);  // or reverse
+  ProjectionSensitivity(Index2System& system, Parameters& parameters, bool forward);  // or reverse
 
   void take(double t, double* y);  // y (length,) becomes the nearest point that meets the closures
   // Variations dy (ny,) become those of that point, for dp (k,); direction by direction, `width` numbers apart.
@@ -19,13 +19,13 @@ class RestorationSlopes {
  private:
   // A correction x of least x^T M x with G x = r, and eta: M x = G^T eta.
   struct Correction {
-    VariedPoint point;
+    LinearisationPoint point;
     bool of_v = false, moved = false;  // moved: x counts
     std::vector<int> rows;             // (r,) that it meets
     BandLU lu;                         // of G M^-1 G^T
     Numbers G, Z;                      // (ng, nv)
     Numbers K, B, T, Bv;               // (nv, nv), (r, nv), (nv, nv), (r, nv); as in corrections.py
-    std::vector<TurnedBlock> turn;
+    std::vector<IntegratePartialsBlock> turn;
     Numbers P, Q;                      // (k, n) where moved, and (k, r); where variations go forward
   };
 
@@ -33,9 +33,9 @@ class RestorationSlopes {
   void solve(const Correction& c, double* above, double* below) const;  // becomes x, eta; (nv,) and (ng,) by row
 
   Index2System& s_;
-  ParameterSlopes& parameters_;
+  Parameters& parameters_;
   const bool forward_;
-  Point factors_;  // of M where it starts
+  Configuration factors_;  // of M where it starts
   Numbers q0_;  // where it starts
   std::vector<std::unique_ptr<Correction>> corrections_;
   size_t count_ = 0;

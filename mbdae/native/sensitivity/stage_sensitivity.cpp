@@ -6,10 +6,10 @@
 
 namespace mbdae {
 
-void apply(const std::vector<TurnedBlock>& blocks, double (TurnedBlock::*M)[36], bool transposed, bool unit, int nv,
+void apply(const std::vector<IntegratePartialsBlock>& blocks, double (IntegratePartialsBlock::*M)[36], bool transposed, bool unit, int nv,
            const double* x, double* out) {
   for (int i = 0; i < nv; ++i) out[i] = unit ? x[i] : 0;
-  for (const TurnedBlock& b : blocks) {
+  for (const IntegratePartialsBlock& b : blocks) {
     const double* m = b.*M;
     for (int i = 0; i < b.n; ++i) {
       double s = 0;
@@ -38,7 +38,7 @@ void add_transposed(const Numbers& A, size_t rows, size_t columns, const double*
 }
 
 // In rows of Z that are long where bodies are light, digits cancel: what is missed is made good once more.
-void StageSlopes::meet(const Numbers& seen, bool transposed, const Numbers& moved) {
+void StageSensitivity::meet(const Numbers& seen, bool transposed, const Numbers& moved) {
   const std::vector<int>& position = s_.rows.position();
   nu.assign(met_.size(), 0.0), miss_.resize(met_.size());
   for (int pass = 0; pass < 2; ++pass) {
@@ -61,27 +61,27 @@ void StageSlopes::meet(const Numbers& seen, bool transposed, const Numbers& move
   }
 }
 
-void StageSlopes::forward(const double* dx, const double* dxhat, const double* dy, const double* P, const double* Q,
+void StageSensitivity::forward(const double* dx, const double* dxhat, const double* dy, const double* P, const double* Q,
                           double* dF) {
   const int nv = s_.nv, n = nv + s_.ns + 1;
   const std::vector<int>& rows = s_.rows.in_use();
   const std::vector<int>& position = s_.rows.position();
   const size_t r = rows.size();
   rate_.resize(nv), dq_.resize(nv), du_.resize(n), more_.resize(nv), above.assign(n, 0.0), nu.assign(r, 0.0);
-  apply(turn, &TurnedBlock::A, false, true, nv, dy, dq_.data());
-  apply(turn, &TurnedBlock::R, false, true, nv, dx, more_.data());
+  apply(turn, &IntegratePartialsBlock::A, false, true, nv, dy, dq_.data());
+  apply(turn, &IntegratePartialsBlock::R, false, true, nv, dx, more_.data());
   for (int i = 0; i < nv; ++i) dq_[i] += more_[i];
   for (int i = 0; i < n; ++i) du_[i] = dy[nv + i] + dx[nv + i];
-  apply(turn, &TurnedBlock::J, false, true, nv, du_.data(), rate_.data());
-  apply(turn, &TurnedBlock::T, false, false, nv, dx, more_.data());
+  apply(turn, &IntegratePartialsBlock::J, false, true, nv, du_.data(), rate_.data());
+  apply(turn, &IntegratePartialsBlock::T, false, false, nv, dx, more_.data());
   for (int i = 0; i < nv; ++i) rate_[i] += more_[i];
   if (P) std::copy(P, P + n, above.begin());
   add_times(at.K, n, nv, dq_.data(), above.data()), add_times(at.D, n, n, du_.data(), above.data());
   point.half(above.data());
   if (r) {
     for (int i = 0; i < nv; ++i) more_[i] = dxhat[i] + factor * rate_[i];
-    apply(hat, &TurnedBlock::R, false, true, nv, more_.data(), du_.data());
-    apply(hat, &TurnedBlock::A, false, true, nv, dy, dq_.data());
+    apply(hat, &IntegratePartialsBlock::R, false, true, nv, more_.data(), du_.data());
+    apply(hat, &IntegratePartialsBlock::A, false, true, nv, dy, dq_.data());
     for (int i = 0; i < nv; ++i) dq_[i] += du_[i], more_[i] = dy[nv + i] + dxhat[nv + i];
     met_.assign(r, 0.0);
     if (Q) std::copy(Q, Q + r, met_.begin());
@@ -99,7 +99,7 @@ void StageSlopes::forward(const double* dx, const double* dxhat, const double* d
   std::copy(rate_.begin(), rate_.end(), dF), std::copy(above.begin(), above.end(), dF + nv);
 }
 
-void StageSlopes::reverse(const double* F, double* x, double* xhat, double* y) {
+void StageSensitivity::reverse(const double* F, double* x, double* xhat, double* y) {
   const int nv = s_.nv, n = nv + s_.ns + 1;
   const std::vector<int>& rows = s_.rows.in_use();
   const std::vector<int>& position = s_.rows.position();
@@ -113,9 +113,9 @@ void StageSlopes::reverse(const double* F, double* x, double* xhat, double* y) {
     meet(point.Z, true, Zhat);
     for (double& w : nu) w /= factor;
     add_transposed(Bhat, r, nv, nu.data(), dq_.data());
-    apply(hat, &TurnedBlock::R, true, true, nv, dq_.data(), more_.data());
+    apply(hat, &IntegratePartialsBlock::R, true, true, nv, dq_.data(), more_.data());
     for (int i = 0; i < nv; ++i) xhat[i] += more_[i], rate_[i] += factor * more_[i];
-    apply(hat, &TurnedBlock::A, true, true, nv, dq_.data(), more_.data());
+    apply(hat, &IntegratePartialsBlock::A, true, true, nv, dq_.data(), more_.data());
     for (int i = 0; i < nv; ++i) y[i] += more_[i];
     for (int k : rows) {
       const size_t row = static_cast<size_t>(k) * nv;
@@ -126,13 +126,13 @@ void StageSlopes::reverse(const double* F, double* x, double* xhat, double* y) {
   }
   point.back(above.data());
   add_transposed(at.K, n, nv, above.data(), dq_.data()), add_transposed(at.D, n, n, above.data(), du_.data());
-  apply(turn, &TurnedBlock::J, true, true, nv, rate_.data(), more_.data());
+  apply(turn, &IntegratePartialsBlock::J, true, true, nv, rate_.data(), more_.data());
   for (int i = 0; i < nv; ++i) du_[i] += more_[i];
-  apply(turn, &TurnedBlock::T, true, false, nv, rate_.data(), more_.data());
+  apply(turn, &IntegratePartialsBlock::T, true, false, nv, rate_.data(), more_.data());
   for (int i = 0; i < nv; ++i) x[i] += more_[i];
-  apply(turn, &TurnedBlock::R, true, true, nv, dq_.data(), more_.data());
+  apply(turn, &IntegratePartialsBlock::R, true, true, nv, dq_.data(), more_.data());
   for (int i = 0; i < nv; ++i) x[i] += more_[i];
-  apply(turn, &TurnedBlock::A, true, true, nv, dq_.data(), more_.data());
+  apply(turn, &IntegratePartialsBlock::A, true, true, nv, dq_.data(), more_.data());
   for (int i = 0; i < nv; ++i) y[i] += more_[i];
   for (int i = 0; i < n; ++i) x[nv + i] += du_[i], y[nv + i] += du_[i];
 }

@@ -7,13 +7,13 @@
 namespace mbdae {
 
 // A point where numbers of a mechanism act: equations f + G^T lam - M v', and what rows ask for.
-struct VariedPoint {
+struct LinearisationPoint {
   struct Met {
     double t;
     Numbers q, v;  // (nq,), (nv,)
     enum Kind { gap, rate, bare } kind;  // g, G v + g_t, G v
     double weight;
-    std::vector<Turning> turnings = {};  // (ng,) of rows in use, where places or frames move; not of gaps
+    std::vector<WrenchPartials> turnings = {};  // (ng,) of rows in use, where places or frames move; not of gaps
   };
   bool loaded = true;      // laws and gravity act
   bool still = false;      // nothing acts and moves: P is 0
@@ -24,17 +24,17 @@ struct VariedPoint {
 };
 
 // n = nv + ns + 1; rows in use (r,) stand in the order of elimination.
-class StageSlopes : public VariedPoint {
+class StageSensitivity : public LinearisationPoint {
  public:
-  explicit StageSlopes(Index2System& s) : point(s.mechanics, s.constraints, s.counts), s_(s) {}
+  explicit StageSensitivity(Index2System& s) : point(s.mechanics, s.constraints, s.counts), s_(s) {}
 
   double factor = 0;
-  Slopes at;
+  EquationPartials at;
   Numbers Bhat;                         // (r, nv)
   Numbers Ghat, Zhat;                   // (ng, nv), where the stage meets the constraint
-  std::vector<TurnedBlock> turn, hat;
+  std::vector<IntegratePartialsBlock> turn, hat;
   BandLU lu;                            // of Zhat Z^T
-  Point point;                          // M and its factors, Z
+  Configuration point;                          // M and its factors, Z
 
   // The variation of x' (ny,) for those of x, xhat and y_n (ny,); P dp (n,) and Q dp (r,) may be missing.
   void forward(const double* dx, const double* dxhat, const double* dy, const double* P, const double* Q, double* dF);
@@ -55,7 +55,7 @@ void add_times(const Numbers& A, size_t rows, size_t columns, const double* x, d
 void add_transposed(const Numbers& A, size_t rows, size_t columns, const double* x, double* out);  // out += A^T x
 
 // out = M x with blocks M, or their transposes, and 1 or 0 between them.
-void apply(const std::vector<TurnedBlock>& blocks, double (TurnedBlock::*M)[36], bool transposed, bool unit, int nv,
+void apply(const std::vector<IntegratePartialsBlock>& blocks, double (IntegratePartialsBlock::*M)[36], bool transposed, bool unit, int nv,
            const double* x, double* out);
 
 }  // namespace mbdae

@@ -5,10 +5,10 @@
 
 namespace mbdae {
 
-StepSlopes::StepSlopes(Index2System& s, ParameterSlopes* parameters, bool forward)
+StepSensitivity::StepSensitivity(Index2System& s, Parameters* parameters, bool forward)
     : HalfExplicitStep(s), parameters_(parameters), forward_(forward && parameters && parameters->count()) {}
 
-void StepSlopes::repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes) {
+void StepSensitivity::repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes) {
   const int n = a.n, stride = stride_;
   const double* y = in.y.data();
   a_ = &a, h_ = h, sloped_ = slopes;
@@ -16,7 +16,7 @@ void StepSlopes::repeat(const Tableau& a, double t, double h, const State& in, S
   std::copy(y + nq_ + nv_, y + nq_ + nv_ + ns_, s0_.begin());
   if (F_.size() < static_cast<size_t>(n) * stride) F_.assign(static_cast<size_t>(n) * stride, 0.0);
   if (a.first) begin(in.carry, F_.data());
-  while (slopes && static_cast<int>(stages_.size()) < n) stages_.emplace_back(new StageSlopes(s_));
+  while (slopes && static_cast<int>(stages_.size()) < n) stages_.emplace_back(new StageSensitivity(s_));
   if (forward_) P_.resize(n), Q_.resize(n);
   for (int i = a.first; i < n; ++i) {
     const double at = t + a.c[i] * h, that = t + a.chat[i] * h, factor = h * a.Ahat[i * n + i];
@@ -33,8 +33,8 @@ void StepSlopes::repeat(const Tableau& a, double t, double h, const State& in, S
   if (slopes) s_.manifold.turned(x_.data(), x_.data(), end_);
 }
 
-void StepSlopes::keep(int i, double t, double that, double factor, const double* F) {
-  StageSlopes& k = *stages_[i];
+void StepSensitivity::keep(int i, double t, double that, double factor, const double* F) {
+  StageSensitivity& k = *stages_[i];
   k.t = t, k.factor = factor;
   k.q = q_, k.vdot.assign(F + nv_, F + 2 * nv_);
   k.u.assign(nv_ + ns_ + 1, 0.0);
@@ -45,8 +45,8 @@ void StepSlopes::keep(int i, double t, double that, double factor, const double*
   const bool asked = parameters_ && parameters_->moving();
   if (!s_.rows.in_use().empty()) {
     k.met.resize(1);
-    VariedPoint::Met& met = k.met[0];
-    met.t = that, met.kind = VariedPoint::Met::rate, met.weight = 1, met.q = q_met_, met.v.resize(nv_);
+    LinearisationPoint::Met& met = k.met[0];
+    met.t = that, met.kind = LinearisationPoint::Met::rate, met.weight = 1, met.q = q_met_, met.v.resize(nv_);
     for (int i = 0; i < nv_; ++i) met.v[i] = v0_[i] + xhat_[nv_ + i] + factor * k.vdot[i];
     k.Ghat = Ghat_, k.Zhat = Zhat_, k.lu = s_.saddle.factors();
     s_.manifold.turned(dx_.data(), met.v.data(), k.hat);
@@ -61,7 +61,7 @@ void StepSlopes::keep(int i, double t, double that, double factor, const double*
   if (forward_) parameters_->forces(k, P_[i]);
 }
 
-void StepSlopes::forward(int directions, double* moved, const double* dp) {
+void StepSensitivity::forward(int directions, double* moved, const double* dp) {
   const int n = a_->n, ny = ny_, nc = ny_ - nv_, below = static_cast<int>(s_.rows.in_use().size());
   const size_t k = forward_ ? parameters_->count() : 0, size = static_cast<size_t>(directions) * ny;
   const size_t width = ny + (a_->first ? nc : 0);
@@ -73,7 +73,7 @@ void StepSlopes::forward(int directions, double* moved, const double* dp) {
       std::copy_n(moved + d * width + ny, nc, &dF_[d * ny + nv_]);
     }
   for (int i = a_->first; i < n; ++i) {
-    StageSlopes& stage = *stages_[i];
+    StageSensitivity& stage = *stages_[i];
     for (int d = 0; d < directions; ++d) {
       for (auto [to, weights] : {std::pair<Numbers&, const Numbers&>(x_bar_, a_->A), {xhat_bar_, a_->Ahat}}) {
         std::fill(to.begin(), to.end(), 0.0);
@@ -103,19 +103,19 @@ void StepSlopes::forward(int directions, double* moved, const double* dp) {
     for (int j = 0; j < n; ++j)
       for (int c = 0; c < ny; ++c) x_bar_[c] += h_ * a_->b[j] * dF_[j * size + d * ny + c];
     double* to = moved + d * width;
-    apply(end_, &TurnedBlock::A, false, true, nv_, to, own.data());
-    apply(end_, &TurnedBlock::R, false, true, nv_, x_bar_.data(), turned.data());
+    apply(end_, &IntegratePartialsBlock::A, false, true, nv_, to, own.data());
+    apply(end_, &IntegratePartialsBlock::R, false, true, nv_, x_bar_.data(), turned.data());
     for (int c = 0; c < nv_; ++c) to[c] = own[c] + turned[c];
     for (int c = nv_; c < ny; ++c) to[c] += x_bar_[c];
     if (a_->first) std::copy_n(&dF_[(n - 1) * size + d * ny + nv_], nc, to + ny);
   }
 }
 
-void StepSlopes::reverse(double* y) {
+void StepSensitivity::reverse(double* y) {
   const int n = a_->n, ny = ny_, nc = ny_ - nv_;
   double* carry = y + ny;
   Numbers x(y, y + ny), out(y, y + ny);
-  apply(end_, &TurnedBlock::R, true, true, nv_, y, x.data()), apply(end_, &TurnedBlock::A, true, true, nv_, y, out.data());
+  apply(end_, &IntegratePartialsBlock::R, true, true, nv_, y, x.data()), apply(end_, &IntegratePartialsBlock::A, true, true, nv_, y, out.data());
   dF_.assign(static_cast<size_t>(n) * ny, 0.0);
   for (int i = 0; i < n; ++i)
     for (int c = 0; c < ny; ++c) dF_[i * ny + c] = h_ * a_->b[i] * x[c];

@@ -9,9 +9,9 @@
 
 namespace mbdae {
 
-class StepSlopes : public HalfExplicitStep {
+class StepSensitivity : public HalfExplicitStep {
  public:
-  StepSlopes(Index2System& system, ParameterSlopes* parameters, bool forward = false);  // or reverse
+  StepSensitivity(Index2System& system, Parameters* parameters, bool forward = false);  // or reverse
 
   // The step from (t, y), which carries (nc,), to t + h; its slopes are kept where they are asked for.
   void repeat(const Tableau& a, double t, double h, const State& in, State& out, bool slopes);
@@ -23,12 +23,12 @@ class StepSlopes : public HalfExplicitStep {
  private:
   void keep(int stage, double t, double that, double factor, const double* F);
 
-  ParameterSlopes* parameters_;
+  Parameters* parameters_;
   const bool forward_;
   const Tableau* a_ = nullptr;
   double h_ = 0;
-  std::vector<std::unique_ptr<StageSlopes>> stages_;
-  std::vector<TurnedBlock> end_;
+  std::vector<std::unique_ptr<StageSensitivity>> stages_;
+  std::vector<IntegratePartialsBlock> end_;
   Numbers dF_, dx_end_, x_bar_, xhat_bar_, p_;
   std::vector<Numbers> P_, Q_;  // of stages, where variations go forward
 };

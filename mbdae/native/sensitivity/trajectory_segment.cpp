@@ -10,7 +10,7 @@ namespace mbdae {
 
 namespace {
 
-void stand(const Index2System& s, const Segment& g, const double* carries, size_t i, State& to) {
+void stand(const Index2System& s, const TrajectorySegment& g, const double* carries, size_t i, State& to) {
   const size_t nc = g.tableau.first ? s.ny - s.nv : 0;
   to.y.assign(g.y + i * s.length, g.y + (i + 1) * s.length);
   to.carry.assign(carries + i * nc, carries + (i + 1) * nc);
@@ -19,7 +19,7 @@ void stand(const Index2System& s, const Segment& g, const double* carries, size_
 // A node's interval: one step or two, and the projection of its end.
 class Interval {
  public:
-  Interval(Index2System& s, ParameterSlopes& parameters, const Segment& g, bool forward)
+  Interval(Index2System& s, Parameters& parameters, const TrajectorySegment& g, bool forward)
       : s_(s), g_(g), first_(s, &parameters, forward), second_(s, &parameters, forward), end_(s, parameters, forward) {}
 
   void take(const double* carries, size_t i) {
@@ -48,14 +48,14 @@ class Interval {
 
  private:
   Index2System& s_;
-  const Segment& g_;
-  StepSlopes first_, second_;
-  RestorationSlopes end_;
+  const TrajectorySegment& g_;
+  StepSensitivity first_, second_;
+  ProjectionSensitivity end_;
   State start_, middle_, next_;
 };
 
 // Project the end of a step as the run did; is what it carries found anew?
-bool project(Index2System& s, const Likeness& like, double t, const State& start, State& next) {
+bool project(Index2System& s, const RepeatTolerances& like, double t, const State& start, State& next) {
   Numbers y = next.y, move(s.ny), size0(s.ny), size1(s.ny);
   restore(s, t, next.y.data());
   s.difference(y.data(), next.y.data(), move.data());
@@ -75,8 +75,8 @@ bool project(Index2System& s, const Likeness& like, double t, const State& start
 
 }  // namespace
 
-void walk(Index2System& s, const Segment& g, const Likeness& like, Walk& out) {
-  StepSlopes step(s, nullptr);
+void walk(Index2System& s, const TrajectorySegment& g, const RepeatTolerances& like, Recomputed& out) {
+  StepSensitivity step(s, nullptr);
   State now, middle, next;
   Numbers move(s.ny);
   const size_t nc = s.ny - s.nv;
@@ -102,7 +102,7 @@ void walk(Index2System& s, const Segment& g, const Likeness& like, Walk& out) {
   out.end = now.y;
 }
 
-void adjoint(Index2System& s, ParameterSlopes& parameters, const Segment& g, const double* carries,
+void adjoint(Index2System& s, Parameters& parameters, const TrajectorySegment& g, const double* carries,
              const double* extra, double* bar, double* p) {
   Interval interval(s, parameters, g, false);
   const size_t width = s.ny + (g.tableau.first ? s.ny - s.nv : 0);
@@ -116,7 +116,7 @@ void adjoint(Index2System& s, ParameterSlopes& parameters, const Segment& g, con
   parameters.end(p);
 }
 
-void tangent(Index2System& s, ParameterSlopes& parameters, const Segment& g, const double* carries, int d,
+void tangent(Index2System& s, Parameters& parameters, const TrajectorySegment& g, const double* carries, int d,
              const double* dp, const double* first, double* along) {
   Interval interval(s, parameters, g, true);
   const size_t width = s.ny + (g.tableau.first ? s.ny - s.nv : 0), size = d * width;

@@ -18,7 +18,7 @@ inline void transposed(const double* R, const double* x, double* out) {
   for (int i = 0; i < 3; ++i) out[i] = R[i] * x[0] + R[3 + i] * x[1] + R[6 + i] * x[2];
 }
 
-struct Placed {  // a body, a joint's place, or a frame, in the world; R by rows
+struct WorldPose {  // a body, a joint's place, or a frame, in the world; R by rows
   double R[9], p[3];
 
   void motion(const double* X, double* out) const {  // of the world in its axes

@@ -73,7 +73,7 @@ void CollocationStep::correction(const Radau& a, double t, const StageMemory& m)
     residual(t + a.c[i] * m.h, &X_[i * ny], &m.K[i * ny], m.Z.data() + i * r, &R_[i * ny], C_.data() + i * r);
   std::fill(dK_.begin(), dK_.end(), 0.0), std::fill(dZ_.begin(), dZ_.end(), 0.0);
   for (size_t i = 0; i < a.modes.size(); ++i) {
-    const Mode& mode = a.modes[i];
+    const EigenMode& mode = a.modes[i];
     const bool real = mode.value.imag() == 0;
     std::fill(dk_.begin(), dk_.end(), 0.0), std::fill(dz_.begin(), dz_.end(), 0.0);
     auto gather = [&](const double* from, int n, double* to) {
@@ -187,7 +187,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
       found = solve(a, patience, t, *m);
     } catch (const Interrupted&) {
       throw;
-    } catch (const Trouble&) {
+    } catch (const FallBackToPython&) {
     }
     if (!found) m->K = K1, m->Z = Z1;
   }
@@ -196,7 +196,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
     const Vector<double> middle = h * (A.row(a.middle) * K2).transpose();
     m->slopes = linearize(t, middle.data(), K2.row(a.middle).data(), Z2.row(a.middle).data());
     m->solvers = factorize(a, m->slopes, h);
-    if (!solve(a, patience, t, *m)) throw TooLong();
+    if (!solve(a, patience, t, *m)) throw StepTooLong();
   }
   const RowsIn K3(m->K.data(), s, ny_), Z3(m->Z.data(), s, r);
   Vector<double> x = h * (A.row(s - 1) * K3).transpose();
@@ -242,7 +242,7 @@ void CollocationStep::take(const Radau& a, bool controlled, double t, double h, 
       errors.insert(errors.end(), miss.data(), miss.data() + ny_);
     }
   }
-  if (!finite(out.y.data(), s_.length) || !finite(z, s_.nz)) throw Trouble();
+  if (!finite(out.y.data(), s_.length) || !finite(z, s_.nz)) throw FallBackToPython();
 }
 
 }  // namespace mbdae

@@ -9,7 +9,7 @@
 
 namespace mbdae {
 
-struct Mode {  // of A: A x = Re sum column value (row . x)
+struct EigenMode {  // of A: A x = Re sum column value (row . x)
   std::complex<double> value;
   std::vector<std::complex<double>> column, row;  // (s,)
 };
@@ -18,7 +18,7 @@ struct Mode {  // of A: A x = Re sum column value (row . x)
 struct Radau {
   int s = 0;
   Numbers c, A;  // (s,), (s, s) by rows
-  std::vector<Mode> modes;
+  std::vector<EigenMode> modes;
   int real = -1;  // the number of the real mode; -1: none
   double gamma = 0;
   Numbers start;  // (1 or 2, s) by rows
@@ -33,7 +33,7 @@ class StageSolver;
 
 // Slopes at a point, in the coordinates of a step.
 struct LinearizedStages {
-  Slopes slopes;
+  EquationPartials slopes;
   std::vector<TangentBlock> turning;
 };
 

@@ -37,7 +37,7 @@ void GGLStep::stage(double t, double that, double factor, double* F, bool last) 
 void GGLStep::meet(double that, double factor, double* dx) {
   const std::vector<int>& kept = positions_.kept();
   if (kept.empty()) return HalfExplicitStep::meet(that, factor, dx);
-  const Limits& limits = s_.mechanics.limits;
+  const Tolerances& limits = s_.mechanics.limits;
   const double scale = 1 + largest(q0_.data(), nq_);
   double last = INFINITY;
   for (int k = 0; k < limits.meeting; ++k) {
@@ -48,7 +48,7 @@ void GGLStep::meet(double that, double factor, double* dx) {
     for (int r : kept) gap_[r] /= -factor;
     correct(Ghat_);
     const double size = std::fabs(factor) * largest(move_.data(), nv_);
-    if (!std::isfinite(size)) throw TooLong();
+    if (!std::isfinite(size)) throw StepTooLong();
     if (size <= limits.met * scale || (size > 0.5 * last && size <= limits.halted * scale)) {
       if (!positions_.shared) meet_velocities();
       return watch(that);
@@ -62,7 +62,7 @@ void GGLStep::meet(double that, double factor, double* dx) {
     for (int i = 0; i < nv_; ++i) slip_[i] += dslip_[i], dx[i] += move_[i];
     last = size;
   }
-  throw TooLong();
+  throw StepTooLong();
 }
 
 void GGLStep::correct(const Numbers& G) {
@@ -92,7 +92,7 @@ void GGLStep::watch(double that) {
   s_.constraints.value(s_.mechanics, q_met_.data(), others, Ghat_.data(), gap_.data());
   s_.constraints.gaps(that, gap_.data());
   for (int r : others)
-    if (std::fabs(gap_[r]) > s_.mechanics.limits.gaping) throw Trouble();
+    if (std::fabs(gap_[r]) > s_.mechanics.limits.gaping) throw FallBackToPython();
 }
 
 void GGLStep::project(double* e) {

@@ -24,7 +24,7 @@ class GGLStep final : public HalfExplicitStep {
   void transfer();                 // Gmet_
   void watch(double that);         // Trouble where a row that is not in use stands open
 
-  Positions positions_;
+  PositionRows positions_;
   Numbers mu_, gap_, dmu_;                // (ng,) by row
   Numbers slip_, dslip_, move_, at_;      // (nv,) M^-1 G^T mu, its change by itself and in coordinates; x of a stage
   Numbers Gmet_;                          // (ng, nv) Ghat J(xhat)^-1 J(x), where coordinates are curved

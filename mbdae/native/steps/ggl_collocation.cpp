@@ -33,7 +33,7 @@ class GGLSolver final : public StageSolver {
         k_(static_cast<int>(slopes.P.size()) / nv),
         mu_(mu),
         J_(Rows<T>::Identity(nv, nv)) {
-    const Slopes& s = slopes.slopes;
+    const EquationPartials& s = slopes.slopes;
     const RowsIn M(s.M.data(), nv, nv), K(s.K.data(), n_, nv), D(s.D.data(), n_, n_);
     const RowsIn G(s.G.data(), r_, nv), B(s.B.data(), r_, nv), P(slopes.P.data(), k_, nv);
     S_ = J_;
@@ -66,7 +66,7 @@ class GGLSolver final : public StageSolver {
     lu_.compute(A);
     for (int i = 0; i < A.rows(); ++i) {
       const double pivot = std::abs(lu_.matrixLU()(i, i));
-      if (!(pivot > 0) || !std::isfinite(pivot)) throw Trouble();
+      if (!(pivot > 0) || !std::isfinite(pivot)) throw FallBackToPython();
     }
   }
 
@@ -164,7 +164,7 @@ void GGLCollocation::all_multipliers(double t, const double* z, double* out) {
   const std::vector<int>& rows = positions_.kept();
   gap_ = s_.point.g;
   s_.constraints.gaps(t, gap_.data());
-  if (largest(gap_.data(), s_.ng) > s_.mechanics.limits.gaping) throw Trouble();
+  if (largest(gap_.data(), s_.ng) > s_.mechanics.limits.gaping) throw FallBackToPython();
   std::fill(mu_.begin(), mu_.end(), 0.0);
   for (size_t i = 0; i < rows.size(); ++i) mu_[rows[i]] = z[s_.rows.in_use().size() + i];
   if (!positions_.shared && positions_.rows().dependent()) positions_.saddle().symmetric();

@@ -21,7 +21,7 @@ class GGLCollocation final : public CollocationStep {
   void all_multipliers(double t, const double* z, double* out) override;
 
  private:
-  Positions positions_;
+  PositionRows positions_;
   Numbers gap_, mu_;  // (ng,)
   Numbers slip_;      // (nv,)
 };

@@ -33,7 +33,7 @@ HalfExplicitStep::HalfExplicitStep(Index2System& s)
       Zhat_(Ghat_.size()) {}
 
 void HalfExplicitStep::stage(double t, double that, double factor, double* F, bool last) {
-  Point& point = s_.point;
+  Configuration& point = s_.point;
   Mechanics& m = s_.mechanics;
   Constraints& constraints = s_.constraints;
   const std::vector<int>& rows = s_.rows.in_use();

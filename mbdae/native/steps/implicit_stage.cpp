@@ -56,7 +56,7 @@ std::shared_ptr<const LinearizedStages> CollocationStep::linearize(double t, con
 std::vector<std::shared_ptr<const StageSolver>> CollocationStep::factorize(
     const Radau& a, const std::shared_ptr<const LinearizedStages>& slopes, double h) {
   std::vector<std::shared_ptr<const StageSolver>> out;
-  for (const Mode& mode : a.modes) {
+  for (const EigenMode& mode : a.modes) {
     s_.counts.factorizations += 1;
     out.push_back(stage_solver(slopes, h * mode.value));
   }

@@ -15,7 +15,7 @@ class ModeSolver final : public StageSolver {
  public:
   ModeSolver(std::shared_ptr<const LinearizedStages> slopes, int nv, Complex mu)
       : at_(std::move(slopes)), nv_(nv), mu_(mu) {
-    const Slopes& s = at_->slopes;
+    const EquationPartials& s = at_->slopes;
     r_ = static_cast<int>(s.g_t.size()), n_ = static_cast<int>(s.K.size()) / nv, m_ = n_ - 1 + r_;
     lu_.resize(m_), w_.assign(static_cast<size_t>(m_) * parts, 0.0);
     for (const TangentBlock& b : at_->turning) blocks_.emplace_back(b, mu);
@@ -36,11 +36,11 @@ class ModeSolver final : public StageSolver {
       for (int j = 0; j < nv; ++j) lu_.column(n_ - 1 + k)[j] -= by_lam[j];
       w_[n_ - 1 + k] -= by_lam[nv];
     }
-    if (!lu_.factorize()) throw Trouble();
+    if (!lu_.factorize()) throw FallBackToPython();
   }
 
   void solve(double* r, double* c, Numbers& work) const override {
-    const Slopes& s = at_->slopes;
+    const EquationPartials& s = at_->slopes;
     const int ny = nv_ + n_;
     work.resize(static_cast<size_t>(parts) * (nv_ + m_));
     double *x = work.data(), *b = x + parts * nv_;
@@ -92,7 +92,7 @@ class ModeSolver final : public StageSolver {
           for (int k = 0; k < n; ++k) turned += b.turn[i * n + k] * b.J[k * n + j];
           write(S.column(j), i, n, b.J[i * n + j] - mu * turned);
         }
-      if (!S.factorize()) throw Trouble();
+      if (!S.factorize()) throw FallBackToPython();
       for (int j = 0; j < n; ++j) {
         for (int i = 0; i < n; ++i) write(column, i, n, b.J[i * n + j]);
         S.solve(column);

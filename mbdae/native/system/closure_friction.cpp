@@ -12,41 +12,41 @@
 
 namespace mbdae {
 
-Sliding::Sliding(const Mechanics& m, Constraints& constraints, const IndependentRows& rows)
+ClosureFriction::ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows)
     : m_(m), constraints_(constraints), rows_(rows) {}
 
-void Sliding::use(std::vector<SlidingPlace> places, const std::uint8_t* acts, double* heading) {
+void ClosureFriction::use(std::vector<FrictionInterface> places, const std::uint8_t* acts, double* heading) {
   places_ = std::move(places), acts_ = acts, heading_ = heading;
   const auto k = static_cast<Eigen::Index>(places_.size());
   e_.setZero(k, m_.nv), speed_.setZero(k), factor_.setZero(k), T_.setZero(k);
   all_.assign(constraints_.rows.size(), 0.0), one_ = all_, v_.resize(m_.nv);
-  for (const SlidingPlace& p : places_)
-    if (p.kind == SlidingPlace::turns || p.kind == SlidingPlace::slides) constraints_.pairs[p.pair].turns_a = true;
+  for (const FrictionInterface& p : places_)
+    if (p.kind == FrictionInterface::turns || p.kind == FrictionInterface::slides) constraints_.pairs[p.pair].turns_a = true;
 }
 
-Sliding::operator bool() const {
+ClosureFriction::operator bool() const {
   return std::any_of(acts_, acts_ + places_.size(), [](std::uint8_t x) { return x != 0; });
 }
 
-void Sliding::slips(const double* v) {
+void ClosureFriction::slips(const double* v) {
   for (size_t k = 0; k < places_.size(); ++k) {
-    const SlidingPlace& place = places_[k];
+    const FrictionInterface& place = places_[k];
     e_.row(k).setZero(), speed_[k] = factor_[k] = 0;
     if (!acts_[k]) continue;
     Pair& pair = constraints_.pairs[place.pair];
     double w[6];
     pair.locate(m_);
-    place.kind == SlidingPlace::grips ? along_grip(k, v, w) : along(place, v, w);
+    place.kind == FrictionInterface::grips ? along_grip(k, v, w) : along(place, v, w);
     pair.torque(m_, w, 1, &e_(k, 0));
     speed_[k] = dot(&e_(k, 0), v, m_.nv);
-    factor_[k] = -place.coefficient * (place.kind == SlidingPlace::grips ? 1 : std::tanh(speed_[k] / place.width));
+    factor_[k] = -place.coefficient * (place.kind == FrictionInterface::grips ? 1 : std::tanh(speed_[k] / place.width));
   }
 }
 
-void Sliding::along_grip(size_t k, const double* v, double* w) {
-  const SlidingPlace& place = places_[k];
+void ClosureFriction::along_grip(size_t k, const double* v, double* w) {
+  const FrictionInterface& place = places_[k];
   const Pair& pair = constraints_.pairs[place.pair];
-  const Limits& limits = m_.limits;
+  const Tolerances& limits = m_.limits;
   const size_t m = place.grip.size();
   double W[2][6], V[6], now[2] = {0, 0}, *heading = heading_ + 2 * k;
   pair.relative(m_, v, V);
@@ -66,7 +66,7 @@ void Sliding::along_grip(size_t k, const double* v, double* w) {
     for (int j = 0; j < 6; ++j) w[j] += now[i] * W[i][j];
 }
 
-void Sliding::along(const SlidingPlace& place, const double* v, double* w) {
+void ClosureFriction::along(const FrictionInterface& place, const double* v, double* w) {
   const Pair& pair = constraints_.pairs[place.pair];
   double n[6], V[6];
   const double* p = pair.pb;
@@ -75,10 +75,10 @@ void Sliding::along(const SlidingPlace& place, const double* v, double* w) {
     const double size = norm(x, 3) + m_.limits.nothing;
     for (int i = 0; i < 3; ++i) x[i] /= size;
   };
-  if (place.kind == SlidingPlace::turns) return turn(pair.Ra, place.axis, w + 3);
+  if (place.kind == FrictionInterface::turns) return turn(pair.Ra, place.axis, w + 3);
   pair.relative(m_, v, V);
-  if (place.kind == SlidingPlace::bears) return std::copy(V + 3, V + 6, w + 3), unit(w + 3);
-  if (place.kind == SlidingPlace::slides) {
+  if (place.kind == FrictionInterface::bears) return std::copy(V + 3, V + 6, w + 3), unit(w + 3);
+  if (place.kind == FrictionInterface::slides) {
     turn(pair.Ra, place.axis, w);
   } else {
     const Row& first = constraints_.rows[place.row];
@@ -94,7 +94,7 @@ void Sliding::along(const SlidingPlace& place, const double* v, double* w) {
 }
 
 // Dependent rows G_D = C G_R give the null vectors (-C^T n, n) of G^T; the norm is least where (1 + C C^T) n = C lam.
-void Sliding::spread(const double* G) {
+void ClosureFriction::spread(const double* G) {
   const std::vector<int>&rows = rows_.in_use(), &others = rows_.others();
   const auto r = static_cast<Eigen::Index>(rows.size()), d = static_cast<Eigen::Index>(others.size());
   C_.setZero(d, r);
@@ -107,7 +107,7 @@ void Sliding::spread(const double* G) {
   P_ = normal.llt().solve(C_);
 }
 
-void Sliding::whole(const double* lam, double* all) const {
+void ClosureFriction::whole(const double* lam, double* all) const {
   const std::vector<int>&rows = rows_.in_use(), &others = rows_.others();
   std::fill(all, all + all_.size(), 0.0);
   for (int k : rows) all[k] = lam[k];
@@ -120,15 +120,15 @@ void Sliding::whole(const double* lam, double* all) const {
   for (size_t i = 0; i < others.size(); ++i) all[others[i]] = n[i];
 }
 
-double Sliding::carried(const SlidingPlace& place, const double* all, double* slope) const {
+double ClosureFriction::carried(const FrictionInterface& place, const double* all, double* slope) const {
   const double* F = all + place.row;
   const double size = norm(F, place.carried);
   for (int i = 0; i < place.carried; ++i) slope[i] = F[i] / (size + m_.limits.nothing);
   return size;
 }
 
-void Sliding::forces(const Numbers& lam, const Rows<double>& responses) {
-  const Limits& limits = m_.limits;
+void ClosureFriction::forces(const Numbers& lam, const Rows<double>& responses) {
+  const Tolerances& limits = m_.limits;
   const auto k = static_cast<Eigen::Index>(places_.size());
   const auto ng = static_cast<Eigen::Index>(lam.size());
   T_.setZero(k);
@@ -138,23 +138,23 @@ void Sliding::forces(const Numbers& lam, const Rows<double>& responses) {
     Rows<double> slopes = Rows<double>::Identity(k, k);
     Vector<double> move(k);
     for (Eigen::Index i = 0; i < k; ++i) {
-      const SlidingPlace& place = places_[i];
+      const FrictionInterface& place = places_[i];
       double slope[6];
       move[i] = factor_[i] * carried(place, now.data(), slope) - T_[i];
       for (Eigen::Index j = 0; j < k; ++j) slopes(i, j) -= factor_[i] * dot(slope, &responses(j, place.row), place.carried);
     }
     const Eigen::PartialPivLU<Rows<double>> lu(slopes);
-    if (!(lu.determinant() > 0) || !(slopes.diagonal().array() > 0).all()) throw Trouble();  // it wedges
+    if (!(lu.determinant() > 0) || !(slopes.diagonal().array() > 0).all()) throw FallBackToPython();  // it wedges
     move = lu.solve(move);
     T_ += move;
     const double change = move.cwiseAbs().maxCoeff(), size = T_.cwiseAbs().maxCoeff();
     if (change <= limits.loaded * size || (change >= 0.5 * last && change <= limits.settled * size)) return;
     last = change;
   }
-  throw Trouble();
+  throw FallBackToPython();
 }
 
-double Sliding::solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f) {
+double ClosureFriction::solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat, double* rhs, double* f) {
   const auto k = static_cast<Eigen::Index>(places_.size());
   const auto ng = static_cast<Eigen::Index>(all_.size());
   Rows<double> lam = Rows<double>::Zero(k, ng), responses(k, ng), moves(e_);
@@ -173,7 +173,7 @@ double Sliding::solve(SaddleSystem& saddle, const double* G, const Numbers& Zhat
   return T_.dot(speed_);
 }
 
-double Sliding::add(const double* G, const double* lam, double* tau) {
+double ClosureFriction::add(const double* G, const double* lam, double* tau) {
   double slope[6];
   spread(G), whole(lam, all_.data());
   for (size_t i = 0; i < places_.size(); ++i) T_[i] = factor_[i] * carried(places_[i], all_.data(), slope);
@@ -182,7 +182,7 @@ double Sliding::add(const double* G, const double* lam, double* tau) {
   return T_.dot(speed_);
 }
 
-void Sliding::slopes(const double* G, const double* lam, Numbers& out) {
+void ClosureFriction::slopes(const double* G, const double* lam, Numbers& out) {
   const std::vector<int>& rows = rows_.in_use();
   const size_t width = m_.nv + 1;
   out.assign(rows.size() * width, 0.0);

@@ -14,7 +14,7 @@ namespace mbdae {
 
 class SaddleSystem;
 
-struct SlidingPlace {
+struct FrictionInterface {
   enum Kind { turns, bears, slides, touches, grips } kind = turns;
   int pair = 0, row = 0, carried = 1;  // its frames, the first row, and how many carry F
   std::vector<int> grip;               // rows that may slide, whole against their slip
@@ -23,16 +23,16 @@ struct SlidingPlace {
 };
 
 // About an axis of a, about any one, along an axis of a; along a surface; along rows of a grip.
-inline const std::map<std::string, SlidingPlace::Kind> SLIDING_KINDS = {
-    {"turns", SlidingPlace::turns},     {"bears", SlidingPlace::bears}, {"slides", SlidingPlace::slides},
-    {"touches", SlidingPlace::touches}, {"grips", SlidingPlace::grips}};
+inline const std::map<std::string, FrictionInterface::Kind> SLIDING_KINDS = {
+    {"turns", FrictionInterface::turns},     {"bears", FrictionInterface::bears}, {"slides", FrictionInterface::slides},
+    {"touches", FrictionInterface::touches}, {"grips", FrictionInterface::grips}};
 
-class Sliding {
+class ClosureFriction {
  public:
-  Sliding(const Mechanics& m, Constraints& constraints, const IndependentRows& rows);
+  ClosureFriction(const Mechanics& m, Constraints& constraints, const IndependentRows& rows);
 
   // acts (k,) says which places slide, heading (k, 2) whereto grips do: Python's own numbers, which outlive this object.
-  void use(std::vector<SlidingPlace> places, const std::uint8_t* acts, double* heading);
+  void use(std::vector<FrictionInterface> places, const std::uint8_t* acts, double* heading);
   explicit operator bool() const;  // does any place slide?
 
   // e, e . v and the factors -mu r d where the kinematics stand.
@@ -47,16 +47,16 @@ class Sliding {
 
  private:
   void along_grip(size_t k, const double* v, double* w);       // a unit wrench, (6,)
-  void along(const SlidingPlace& place, const double* v, double* w);
+  void along(const FrictionInterface& place, const double* v, double* w);
   void spread(const double* G);                               // what `whole` needs
   void whole(const double* lam, double* all) const;            // multipliers of all rows, of minimum norm
-  double carried(const SlidingPlace& place, const double* all, double* slope) const;  // |F|, and by those it is made of
+  double carried(const FrictionInterface& place, const double* all, double* slope) const;  // |F|, and by those it is made of
   void forces(const Numbers& lam, const Rows<double>& responses);                     // T
 
   const Mechanics& m_;
   Constraints& constraints_;
   const IndependentRows& rows_;
-  std::vector<SlidingPlace> places_;
+  std::vector<FrictionInterface> places_;
   const std::uint8_t* acts_ = nullptr;
   double* heading_ = nullptr;
   Rows<double> e_, C_, P_;             // (k, nv); (d, r) of rows that depend on those in use, and (1 + C C^T)^-1 C

@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-Point::Point(Mechanics& m, Constraints& constraints, Counts& counts)
+Configuration::Configuration(Mechanics& m, Constraints& constraints, Counts& counts)
     : G(constraints.rows.size() * m.nv),
       Z(G.size()),
       g(constraints.rows.size()),
@@ -18,7 +18,7 @@ Point::Point(Mechanics& m, Constraints& constraints, Counts& counts)
       U_(static_cast<size_t>(m.nv) * m.nv),
       root_(m.nv) {}
 
-void Point::inertia(const double* q, const double* v) {
+void Configuration::inertia(const double* q, const double* v) {
   v ? m_.inertia(q, v) : m_.inertia(q);
   forget();
   const int nv = m_.nv;
@@ -32,7 +32,7 @@ void Point::inertia(const double* q, const double* v) {
   for (int k = nv - 1; k >= 0; --k) {
     const double* c = &U_[static_cast<size_t>(k) * nv];
     const double d = c[k];
-    if (!(d > 0) || !std::isfinite(d)) throw Trouble();
+    if (!(d > 0) || !std::isfinite(d)) throw FallBackToPython();
     root_[k] = std::sqrt(d);
     double* write = &U_[static_cast<size_t>(k) * nv];
     for (int i : m_.ancestors[k]) {
@@ -45,7 +45,7 @@ void Point::inertia(const double* q, const double* v) {
   }
 }
 
-void Point::half(double* x) const {
+void Configuration::half(double* x) const {
   const int nv = m_.nv;
   for (int k = nv - 1; k >= 0; --k) {
     const double* c = &U_[static_cast<size_t>(k) * nv];
@@ -54,7 +54,7 @@ void Point::half(double* x) const {
   }
 }
 
-void Point::half(double* x, const std::vector<int>& columns) const {
+void Configuration::half(double* x, const std::vector<int>& columns) const {
   for (size_t j = columns.size(); j-- > 0;) {
     const int k = columns[j];
     const double* c = &U_[static_cast<size_t>(k) * m_.nv];
@@ -63,7 +63,7 @@ void Point::half(double* x, const std::vector<int>& columns) const {
   }
 }
 
-void Point::back(double* x) const {
+void Configuration::back(double* x) const {
   const int nv = m_.nv;
   for (int k = 0; k < nv; ++k) {
     const double* c = &U_[static_cast<size_t>(k) * nv];
@@ -73,14 +73,14 @@ void Point::back(double* x) const {
   }
 }
 
-void Point::scale(int row, const Numbers& G, Numbers& Z) const {
+void Configuration::scale(int row, const Numbers& G, Numbers& Z) const {
   const size_t at = static_cast<size_t>(row) * m_.nv;
   const std::vector<int>& columns = constraints_.rows[row].columns;
   for (int c : columns) Z[at + c] = G[at + c];
   half(&Z[at], columns);
 }
 
-void Point::evaluate(const double* q, bool counted) {
+void Configuration::evaluate(const double* q, bool counted) {
   inertia(q);
   constraints_.value(m_, q, constraints_.all, G.data(), g.data());
   for (int k : constraints_.all) scale(k);
@@ -88,12 +88,12 @@ void Point::evaluate(const double* q, bool counted) {
   stand(q);
 }
 
-void Point::stand(const double* q) {
+void Configuration::stand(const double* q) {
   std::copy(q, q + m_.nq, q_.begin());
   stands_ = true;
 }
 
-bool Point::near(const double* q) const {
+bool Configuration::near(const double* q) const {
   if (!stands_) return false;
   double size = 0, move = 0;
   for (int i = 0; i < m_.nq; ++i)
@@ -101,12 +101,12 @@ bool Point::near(const double* q) const {
   return move <= m_.limits.same_point * (1 + size);
 }
 
-void Point::exchange(Point& other) {
+void Configuration::exchange(Configuration& other) {
   G.swap(other.G), Z.swap(other.Z), g.swap(other.g), q_.swap(other.q_), U_.swap(other.U_), root_.swap(other.root_);
   std::swap(stands_, other.stands_);
   stamp_ = other.stamp_ = std::max(stamp_, other.stamp_) + 1;
 }
 
-bool Point::exactly(const double* q) const { return stands_ && std::equal(q, q + m_.nq, q_.begin()); }
+bool Configuration::exactly(const double* q) const { return stands_ && std::equal(q, q + m_.nq, q_.begin()); }
 
 }  // namespace mbdae

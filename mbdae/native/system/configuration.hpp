@@ -11,9 +11,9 @@ struct Counts {
   long f = 0, M = 0, G = 0, solves = 0, factorizations = 0, newton = 0, projections = 0, state_projections = 0;
 };
 
-class Point {
+class Configuration {
  public:
-  Point(Mechanics& m, Constraints& constraints, Counts& counts);
+  Configuration(Mechanics& m, Constraints& constraints, Counts& counts);
 
   void inertia(const double* q, const double* v = nullptr);     // M and its factors; with v, slopes begin; G, Z fall
   void evaluate(const double* q, bool counted);                 // all of it, over all rows
@@ -28,7 +28,7 @@ class Point {
   long stamp() const { return stamp_; }  // another one where Z may be another
   bool near(const double* q) const;     // it is that of q, but for rounding
   bool exactly(const double* q) const;  // it is that of q
-  void exchange(Point& other);          // with another one of the same mechanism
+  void exchange(Configuration& other);          // with another one of the same mechanism
 
   Numbers G, Z;  // (ng, nv) by rows
   Numbers g;     // (ng,) over all rows, without the motion of drivers

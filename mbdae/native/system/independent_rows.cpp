@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Limits& limits,
+IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Tolerances& limits,
                                  bool positions)
     : limits_(limits),
       nv_(nv),
@@ -84,8 +84,8 @@ bool IndependentRows::choose(const double* Z, long stamp) {
   if (rank < 0) throw std::logic_error("say which rows are in use first");
   const int ng = static_cast<int>(position_.size());
   look(Z, stamp);
-  if (rank && !(pivots_[rank - 1] > floor * pivots_[0])) throw Trouble();
-  if (static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.grown * pivots_[0]) throw Trouble();
+  if (rank && !(pivots_[rank - 1] > floor * pivots_[0])) throw FallBackToPython();
+  if (static_cast<int>(pivots_.size()) > rank && pivots_[rank] > limits_.grown * pivots_[0]) throw FallBackToPython();
   if (rank) {
     const double smallest = pivots_[rank - 1] / pivots_[0];
     least_pivot_ratio = std::min(least_pivot_ratio, smallest * smallest);

@@ -12,7 +12,7 @@ namespace mbdae {
 class IndependentRows {
  public:
   // Of all rows; or of those alone that have a g.
-  IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Limits& limits,
+  IndependentRows(const Constraints& constraints, std::vector<int> place, int nv, const Tolerances& limits,
                   bool positions = false);
 
   int rank = -1;           // -1: not known yet
@@ -49,7 +49,7 @@ class IndependentRows {
   void set(std::vector<int> rows);
   void look(const double* Z, long stamp);  // at the pivots of all rows
 
-  const Limits& limits_;
+  const Tolerances& limits_;
   const int nv_;
   const std::vector<int> place_;               // (ng,) of each row in the order of elimination
   std::vector<std::vector<int>> neighbours_;   // (ng,)

@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-Index2System::Index2System(const void* model, const Limits& limits, Description d)
+Index2System::Index2System(const void* model, const Tolerances& limits, Description d)
     : mechanics(model, limits),
       constraints(mechanics, std::move(d.rows), d.pairs, std::move(d.drivers)),
       manifold(mechanics, d.flat, std::move(d.blocks), std::move(d.turning), std::move(d.angles)),
@@ -78,7 +78,7 @@ void Index2System::forces(double t, const double* q, const double* v, const doub
   if (!begun) mechanics.bias(q, v, f_bias_.data());
   const double* bias = begun ? mechanics.bias() : f_bias_.data();
   for (int i = 0; i < nv; ++i) f[i] -= bias[i];
-  if (!finite(f, nv)) throw Trouble();
+  if (!finite(f, nv)) throw FallBackToPython();
 }
 
 void Index2System::solve(const Numbers& Zhat, double* rhs, double* f, double* power) {

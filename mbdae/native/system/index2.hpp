@@ -27,7 +27,7 @@ struct State {
 
 // Slopes of (f + G^T lam - M v', h, power) and of G v + g_t at a point, by rows; n = nv + ns + 1
 // (mbdae/mechanism/formulations/equation_partials.py).
-struct Slopes {
+struct EquationPartials {
   Numbers M, K, D, G, B;  // (nv, nv), (n, nv) by q, (n, n) by (v, s, w), (r, nv), (r, nv) of G v by q
   Numbers g_t;            // (r,)
   Numbers friction;       // (r, nv + 1) what slides adds to slopes of f and of the power by lam; empty: nothing slides
@@ -57,16 +57,16 @@ struct Description {
 
 class Index2System {
  public:
-  Index2System(const void* model, const Limits& limits, Description d);
+  Index2System(const void* model, const Tolerances& limits, Description d);
 
   Mechanics mechanics;
   Constraints constraints;
   Manifold manifold;
   Counts counts;
   IndependentRows rows;
-  Point point;
+  Configuration point;
   SaddleSystem saddle;
-  Sliding sliding;
+  ClosureFriction sliding;
   const Formulation formulation;
   const int nq, nv, ng, ns, nz;    // nz: multipliers of a method, lam and mu
   const int ny, length;            // of the tangent (x, v, s, w), and of y
@@ -89,15 +89,15 @@ class Index2System {
   // tau (nv,) of all laws, and the rates, where the kinematics stand at q.
   void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
   // Slopes at a point with v' (nv,) and lam (ng,) by row; the tree is expanded, J and poses stand then.
-  void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out);
+  void slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out);
   // K, D and g_t alone, and B (r, nv) where asked for; the wrenches of laws between frames, too, and then those of
   // closures, whose rows are summed up.
-  void force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, Slopes& out,
+  void force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out,
                     Numbers* B = nullptr, std::vector<ActingWrench>* wrenches = nullptr);
   // Added to K (nv, nv), slopes of G^T lam by q with lam (ng,), and slopes of G v by q, (r, nv) by rows: each where
   // asked for; and how rows in use turn, (ng,). J and poses stand at q.
   void closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
-                      std::vector<ActingWrench>* wrenches = nullptr, std::vector<Turning>* turnings = nullptr);
+                      std::vector<ActingWrench>* wrenches = nullptr, std::vector<WrenchPartials>* turnings = nullptr);
   // Where G and, where anything slides, its slips stand: rhs (ng,) by row becomes lam, f (nv,) v'; the power of what slides
   // is added.
   void solve(const Numbers& Zhat, double* rhs, double* f, double* power);
@@ -121,7 +121,7 @@ class Index2System {
     Numbers q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
   } known;
 
-  std::vector<Sampler> samplers;
+  std::vector<SampledController> samplers;
   void jump(double t, double* y);     // to just after t, where some of them look
   double potential(const double* q);  // of gravity and springs in J, where poses stand
 

@@ -8,7 +8,7 @@
 namespace mbdae {
 
 void Index2System::slopes(double t, const double* q, const double* u, const double* vdot, const double* lam,
-                          Slopes& out) {
+                          EquationPartials& out) {
   const size_t m = nv, r = rows.in_use().size();
   const std::vector<int>& position = rows.position();
   force_slopes(t, q, u, vdot, lam, out, &out.B);
@@ -28,7 +28,7 @@ void Index2System::slopes(double t, const double* q, const double* u, const doub
 }
 
 void Index2System::force_slopes(double t, const double* q, const double* u, const double* vdot, const double* lam,
-                                Slopes& out, Numbers* B, std::vector<ActingWrench>* wrenches) {
+                                EquationPartials& out, Numbers* B, std::vector<ActingWrench>* wrenches) {
   const size_t n = nv + ns + 1, m = nv, width = 2 * m + ns;
   const double *v = u, *s = u + nv;
   by_q_.resize(m * m), by_v_.resize(m * m);
@@ -72,7 +72,7 @@ void Index2System::force_slopes(double t, const double* q, const double* u, cons
 }
 
 void Index2System::closure_slopes(const double* q, const double* v, const double* lam, double* K, Numbers* B,
-                                  std::vector<ActingWrench>* wrenches, std::vector<Turning>* turnings) {
+                                  std::vector<ActingWrench>* wrenches, std::vector<WrenchPartials>* turnings) {
   const size_t m = nv;
   const std::vector<int>& position = rows.position();
   if (B) B->assign(rows.in_use().size() * m, 0.0);
@@ -81,11 +81,11 @@ void Index2System::closure_slopes(const double* q, const double* v, const double
     const std::vector<int>& own = constraints.of_pair[p];
     if (std::none_of(own.begin(), own.end(), [&](int k) { return position[k] >= 0; })) continue;
     constraints.pairs[p].locate(mechanics);
-    const PairSlopes here(mechanics, constraints.pairs[p], B ? v : nullptr);
-    Turning sum, turning;
+    const PairPartials here(mechanics, constraints.pairs[p], B ? v : nullptr);
+    WrenchPartials sum, turning;
     for (int k : own) {
       if (position[k] < 0) continue;
-      Turning& one = turnings ? (*turnings)[k] : turning;
+      WrenchPartials& one = turnings ? (*turnings)[k] : turning;
       one.clear();
       constraints.rows[k].slopes(here.pair, one);
       if (B) here.power(one.F, one, B->data() + position[k] * m);

@@ -15,14 +15,14 @@ std::vector<int> with_a_g(const Constraints& constraints) {
 
 }  // namespace
 
-Positions::Positions(Index2System& s)
+PositionRows::PositionRows(Index2System& s)
     : shared(with_a_g(s.constraints).size() == s.constraints.all.size()),
       s_(s),
       own_(s.constraints, s.constraints.all, s.nv, s.mechanics.limits, true),
       own_saddle_(s.point, s.constraints, own_, s.mechanics.limits, s.counts, s.nv),
       all_(with_a_g(s.constraints)) {}
 
-void Positions::open(const double* y) {
+void PositionRows::open(const double* y) {
   if (shared) return;
   if (!s_.point.near(y)) s_.point.evaluate(y, true);
   const size_t nv = s_.nv;

@@ -5,9 +5,9 @@
 
 namespace mbdae {
 
-class Positions {
+class PositionRows {
  public:
-  explicit Positions(Index2System& system);
+  explicit PositionRows(Index2System& system);
 
   void open(const double* y);  // choose them where a step begins
   // Where all rows have a g they are the rows in use, and S is that of lam.

@@ -27,15 +27,15 @@ double largest_of(const double* x, const std::vector<double>& scales) {
 }  // namespace
 
 bool felt(const Index2System& s, const double* rate, const double* v) {
-  const Limits& limits = s.mechanics.limits;
+  const Tolerances& limits = s.mechanics.limits;
   return s.constraints.sticks ||
          norm_of(rate, limits.row_scales) > limits.rounding * largest_of(v, limits.coordinate_scales);
 }
 
 void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
   const int nq = s.nq, nv = s.nv, ng = s.ng;
-  const Limits& limits = s.mechanics.limits;
-  Point& point = s.point;
+  const Tolerances& limits = s.mechanics.limits;
+  Configuration& point = s.point;
   if (!ng) return;
   double *q = y, *v = y + nq;
   if (!point.near(q)) point.evaluate(q, true);
@@ -77,7 +77,7 @@ void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
   }
   if (!(norm_of(g.data(), limits.row_scales) <= limits.open) &&
       !(move <= limits.stalled * (1 + largest_of(q, limits.q_scales))))
-    throw Trouble();
+    throw FallBackToPython();
   Numbers rate(ng, 0.0);
   s.constraints.speed(t, rate.data());
   for (int k = 0; k < ng; ++k) rate[k] += dot(&point.G[static_cast<size_t>(k) * nv], v, nv);
@@ -85,7 +85,7 @@ void restore(Index2System& s, double t, double* y, std::vector<Numbers>* path) {
     smallest(point.Z, rate);
     for (int i = 0; i < nv; ++i) v[i] -= x[i];
   }
-  if (!finite(y, s.length)) throw Trouble();
+  if (!finite(y, s.length)) throw FallBackToPython();
 }
 
 }  // namespace mbdae

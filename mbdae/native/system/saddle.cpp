@@ -7,8 +7,8 @@
 
 namespace mbdae {
 
-SaddleSystem::SaddleSystem(const Point& point, const Constraints& constraints, IndependentRows& rows,
-                           const Limits& limits, Counts& counts, int nv)
+SaddleSystem::SaddleSystem(const Configuration& point, const Constraints& constraints, IndependentRows& rows,
+                           const Tolerances& limits, Counts& counts, int nv)
     : point_(point), constraints_(constraints), rows_(rows), limits_(limits), counts_(counts), nv_(nv) {}
 
 // Four sums at once, which do not wait for each other.
@@ -52,7 +52,7 @@ void SaddleSystem::factorize(const Numbers& Zhat) {
   if (rows_.in_use().empty()) return;
   assemble(Zhat);
   const bool regular = lu_.factorize();
-  if (!regular || !(lu_.ratio() > limits_.smallest_pivot)) throw Trouble();
+  if (!regular || !(lu_.ratio() > limits_.smallest_pivot)) throw FallBackToPython();
 }
 
 void SaddleSystem::solve(const Numbers& Zhat, double* rhs, double* f) {
@@ -88,7 +88,7 @@ void SaddleSystem::respond(const Numbers& Zhat, double* rhs, double* f, bool by_
     }
   }
   point_.back(f);
-  if (!finite(f, nv_)) throw Trouble();
+  if (!finite(f, nv_)) throw FallBackToPython();
 }
 
 void SaddleSystem::symmetric() {
@@ -195,7 +195,7 @@ void SaddleSystem::all_multipliers(const double* lam, double* z) {
   for (int k : rows_.in_use()) z[k] -= u_[position[k]];
   for (int i = 0; i < d; ++i) z[others[i]] = n_[i];
   if (!finite(z, static_cast<int>(ng)))
-    throw Trouble();  // in a singular configuration Python finds those of minimum norm
+    throw FallBackToPython();  // in a singular configuration Python finds those of minimum norm
 }
 
 }  // namespace mbdae

@@ -10,7 +10,7 @@ namespace mbdae {
 
 class SaddleSystem {
  public:
-  SaddleSystem(const Point& point, const Constraints& constraints, IndependentRows& rows, const Limits& limits,
+  SaddleSystem(const Configuration& point, const Constraints& constraints, IndependentRows& rows, const Tolerances& limits,
                Counts& counts, int nv);
 
   void factorize(const Numbers& Zhat);  // S
@@ -39,10 +39,10 @@ class SaddleSystem {
   void assemble(const Numbers& Zhat);  // S of the rows in use
   double product(int k, int l) const;  // of two rows of Z
 
-  const Point& point_;
+  const Configuration& point_;
   const Constraints& constraints_;
   IndependentRows& rows_;
-  const Limits& limits_;
+  const Tolerances& limits_;
   Counts& counts_;
   const int nv_;
   BandLU lu_;                          // of S, (r, r)

@@ -7,11 +7,11 @@
 
 namespace mbdae {
 
-double Sampler::next(double t) const {
+double SampledController::next(double t) const {
   return offset + (std::floor((t - offset) * rate + coincide) + 1) / rate;
 }
 
-void Sampler::look(double t, const double* y, int nq, int nv, double* after) const {
+void SampledController::look(double t, const double* y, int nq, int nv, double* after) const {
   const double k = (t - offset) * rate;
   if (std::fabs(k - std::nearbyint(k)) > coincide) return;
   const double* s = y + nq + nv + state;
@@ -24,8 +24,8 @@ void Sampler::look(double t, const double* y, int nq, int nv, double* after) con
 
 void Index2System::jump(double t, double* y) {
   const Numbers before(y, y + length);
-  for (const Sampler& x : samplers) x.look(t, before.data(), nq, nv, y + nq + nv + x.state);
-  if (!finite(y, length)) throw Trouble();
+  for (const SampledController& x : samplers) x.look(t, before.data(), nq, nv, y + nq + nv + x.state);
+  if (!finite(y, length)) throw FallBackToPython();
 }
 
 }  // namespace mbdae

@@ -9,12 +9,12 @@
 
 namespace mbdae {
 
-struct Sampler {
+struct SampledController {
   enum Kind { pid, python } kind = pid;
   double rate = 1, offset = 0;  // Hz; a sampling instant in s
   double coincide = 0;          // of a period: how near a time must be to count as an instant
   int state = 0, states = 0;    // where its states, torques and memory, stand in s
-  Signal reference;             // of a PID controller; a: kp, ki, kd
+  TimeFunction reference;             // of a PID controller; a: kp, ki, kd
   Numbers a;
   int x = 0, v = 0;  // where what it controls, and the velocity, stand in y
   // Python: (t, q, v, s) -> s after the instant.

@@ -42,7 +42,7 @@ static void deflection(const Law& law, double* gap, double* theta) {
   for (int i = 0; i < 3; ++i) moved[i] = pair.pb[i] - pair.pa[i];
   turn_back(pair.Ra, moved, gap);
   rotation_vector(pair.Ra, pair.Rb, theta);
-  if (!(norm(theta, 3) <= law.a.back())) throw Trouble();
+  if (!(norm(theta, 3) <= law.a.back())) throw FallBackToPython();
 }
 
 static bool damped(const Law& law) {
@@ -86,12 +86,12 @@ static void at_point(double* D, const double* A, const double* P, double factor)
 }
 
 // A motion d of both frames with all velocities turns a wrench to d x* F, which gives Da.
-static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
+static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
   double gap[3], theta[3], scaled[3], force[3], moment[3], ad[9], P[9], A[9];
   Pair& pair = *law.pair;
   const double *k = law.a.data(), *d = k + 6;
   pair.locate(p.m);
-  const PairSlopes here(p.m, pair, p.v);
+  const PairPartials here(p.m, pair, p.v);
   deflection(law, gap, theta);
   skew(theta, ad), skew(pair.pb, P);
   for (int i = 0; i < 3; ++i) scaled[i] = k[3 + i] * theta[i], force[i] = -k[i] * gap[i];
@@ -109,7 +109,7 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
     inverse_jacobian(p.m.limits, 3, ad, e, column);
     for (int i = 0; i < 3; ++i) by_theta[3 * i + j] += column[i];
   }
-  Turning spring, damper;
+  WrenchPartials spring, damper;
   turn(pair.Ra, force, spring.F), turn(pair.Ra, moment, spring.F + 3);
   double arm[3];
   cross(pair.pb, spring.F, arm);

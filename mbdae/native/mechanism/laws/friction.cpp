@@ -13,7 +13,7 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
     if (law.a[i] != 0) f.other[i] -= law.a[nv] == 0 ? law.a[i] : law.a[i] * std::tanh(p.v[i] / law.a[nv]);
 }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
+static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
   const int nv = p.m.nv;
   for (int i = 0; i < nv && law.a[nv] != 0; ++i) {
     const double x = std::tanh(p.v[i] / law.a[nv]);

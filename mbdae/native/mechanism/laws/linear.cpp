@@ -38,7 +38,7 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   for (const Law::Term& x : law.terms) out[x.to][x.row] += x.value * in[x.from][x.column];
 }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
+static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
   double* const to[] = {out.conservative, out.other, out.ds};
   for (const Law::Term& x : law.terms) {
     if (x.from > 2) continue;  // no function of q, v, s

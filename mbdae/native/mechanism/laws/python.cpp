@@ -7,7 +7,7 @@ static bool fits(Law& law, const Sizes&) { return law.call && law.slopes; }
 
 static void add(const Law& law, const ForcePoint& p, const Forces& f) { law.call(p.t, p.q, p.v, p.s, f.other, f.ds); }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
+static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
   const size_t nv = p.m.nv, k = law.states, width = 2 * nv + k;
   Numbers A((nv + k) * width);
   law.slopes(p.t, p.q, p.v, p.s, A);

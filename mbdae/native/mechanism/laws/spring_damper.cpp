@@ -24,16 +24,16 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   if (push != 0) pair.torque(p.m, w, push, f.other);
 }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
+static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
   Pair& pair = *law.pair;
   pair.locate(p.m);
-  const PairSlopes here(p.m, pair, p.v);
+  const PairPartials here(p.m, pair, p.v);
   const double k = law.a[0], c = law.a[1];
   double w[6], VDa[6] = {0, 0, 0, 0, 0, 0}, VDb[6] = {0, 0, 0, 0, 0, 0};
   const double d = unit_gap(pair, w), pull = k * (d - law.a[2]);
   cross(pair.pb, w, w + 3);
   const double push = law.signals[0].at(p.t) - c * dot(w, here.V, 6);
-  Turning spring;
+  WrenchPartials spring;
   line_slopes(pair, -pull, spring);
   for (int i = 0; i < 6; ++i) {
     spring.F[i] = -pull * w[i];
@@ -41,7 +41,7 @@ static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
   }
   out.add(here, spring, true);
   if (push == 0 && c == 0) return;
-  Turning damper, line;
+  WrenchPartials damper, line;
   line_slopes(pair, push, damper), line_slopes(pair, 1, line);
   damper.damp();
   for (int i = 0; i < 6; ++i)

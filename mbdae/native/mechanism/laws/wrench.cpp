@@ -30,11 +30,11 @@ static void add(const Law& law, const ForcePoint& p, const Forces& f) {
   if (moment[3] != 0 || moment[4] != 0 || moment[5] != 0) pair.torque(p.m, moment, 1, f.other);
 }
 
-static void slopes(const Law& law, const ForcePoint& p, const LawSlopes& out) {
+static void slopes(const Law& law, const ForcePoint& p, const LawPartials& out) {
   Pair& pair = *law.pair;
   pair.locate(p.m);
-  const PairSlopes here(p.m, pair, p.v);
-  Turning force, moment;
+  const PairPartials here(p.m, pair, p.v);
+  WrenchPartials force, moment;
   wrenches(law, p.t, force.F, moment.F);
   carried(pair.pb, force.F, force.Db);
   if (law.turning) {
