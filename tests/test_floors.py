@@ -14,7 +14,10 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "mbdae"
 HOUSE = "errors < system < mechanism methods textbook < solution < integrate < cli < studies < __init__ < __main__"
-INSIDE = "frames joints time_functions < model_settings < closures forces scene < formulations < discrete_sensitivity < mechanism < formats"
+INSIDE = (
+    "frames joints time_functions < model_settings < closures forces scene < formulations < discrete_sensitivity"
+    " < mechanism < formats"
+)
 CORE = "math < mechanism < system < steps < run < sensitivity < bindings"  # of native
 SECRETS = {  # heavy or special imports, and the only places that may know them
     "pinocchio": "mechanism/**/*.py backend.py",  # the latter compares versions

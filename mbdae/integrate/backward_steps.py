@@ -1,4 +1,4 @@
-"""Steps back from a run's last node, to states before it that a polynomial can continue; see `mbdae.integrate.singularity_crossing`."""
+"""Steps back from a run's last node, to states that a polynomial continues across a singular configuration."""
 
 from dataclasses import dataclass
 

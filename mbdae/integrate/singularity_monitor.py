@@ -111,7 +111,7 @@ class SingularityMonitor(Passages):
         return self._ratio(t, y) < NEXT * self.largest
 
     def limits(self) -> tuple[float, float, float, float, float, float]:
-        """Return the largest ratio and the last one, `SUSPICIOUS_RATIO`, `SINGULAR_RATIO`, `MONITORED_RATIO` and `AHEAD`."""
+        """Return the largest ratio, the last one, the suspicious, singular and monitored ratios, and `AHEAD`."""
         return self.largest, self.ratios[-1], SUSPICIOUS_RATIO, SINGULAR_RATIO, MONITORED_RATIO, AHEAD
 
     def quiet(self, least_pivot_ratio: Array) -> int:

@@ -28,7 +28,7 @@ BEHIND = 1e-12  # of 1 + |z|: what moves slopes by less than quotients of runs s
 
 
 class CollocationSensitivity:
-    """The slopes of a step from (t, y) to t + h, see `mbdae.methods.step_sensitivity.StepSensitivity`, whose arguments are these.
+    """Tangent and adjoint of a step from (t, y) to t + h; arguments as of `mbdae.methods.step_sensitivity`.
 
     Raises:
         StepError: if the stages cannot be solved.

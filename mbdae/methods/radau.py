@@ -155,7 +155,8 @@ class RadauIIA:
         real = -1 if a.real is None else a.real
         return native.Radau(
             a.c, a.A, modes, real, a.gamma, a.start, a.middle,
-            patience=PATIENCE, short_patience=SHORT_PATIENCE, tolerance=collocation.TOLERANCE, near=collocation.NEAR_ROUNDING,
+            patience=PATIENCE, short_patience=SHORT_PATIENCE,
+            tolerance=collocation.TOLERANCE, near=collocation.NEAR_ROUNDING,
             further=collocation.EXTRA_ITERATIONS, first=collocation.FIRST, expected=collocation.EXPECTED_RATE,
             reuse=collocation.REUSE, share=collocation.SHARE,
         )  # fmt: skip

@@ -23,7 +23,7 @@ HARNESS = """
 #include "drag.cpp"
 
 // Four velocities; the law needs no kinematics.
-mbdae::Mechanics::Mechanics(const void*, const Limits& limits) : limits(limits), nq(4), nv(4), joints(5) {}
+mbdae::Mechanics::Mechanics(const void*, const Tolerances& limits) : limits(limits), nq(4), nv(4), joints(5) {}
 struct mbdae::Mechanics::Workspace {};
 mbdae::Mechanics::~Mechanics() {}
 

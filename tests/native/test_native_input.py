@@ -126,9 +126,9 @@ def test_wrong_states_are_refused(system):
 
 def test_wrong_limits_are_refused():
     """Missing ones, others, and numbers that are none: a core never computes with what nobody said."""
-    make = backend.load().Limits
+    make = backend.load().Tolerances
     seen = {}
-    core_tolerances(SimpleNamespace(Limits=lambda **given: seen.update(given)), mbdae.load("four_bar"))
+    core_tolerances(SimpleNamespace(Tolerances=lambda **given: seen.update(given)), mbdae.load("four_bar"))
     make(**seen)
     for wrong in ({k: x for k, x in seen.items() if k != "grown"}, seen | {"grow": 1.0}, seen | {"open": "wide"}):
         with pytest.raises(REFUSED):

@@ -66,6 +66,6 @@ class CoulombFriction(Force):
 
 
 class CoulombElement(LinearElement):
-    """Nothing by q and v alone: what depends on multipliers is added by `mbdae.mechanism.formulations.closure_friction`."""
+    """No force by q and v alone: `mbdae.mechanism.formulations.closure_friction` adds friction by multipliers."""
 
     by_state = False

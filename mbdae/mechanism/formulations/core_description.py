@@ -13,15 +13,15 @@ from ..frames import Anchor, Pair
 from . import closure_friction, friction_interface, ggl, projection
 
 if TYPE_CHECKING:
-    from ..._native import Limits
+    from ..._native import Tolerances
     from ..mechanism import Mechanism
 
 Plain = dict[str, Any]
 
 
-def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Limits":
+def core_tolerances(native: ModuleType, mechanism: "Mechanism") -> "Tolerances":
     """Return all thresholds of points and steps; those of step-size control come with a run."""
-    limits: Limits = native.Tolerances(
+    limits: Tolerances = native.Tolerances(
         largest_turn=manifold.MAX_ROTATION,
         series=manifold.SERIES,
         series_end=manifold.SERIES_END,

@@ -2,7 +2,8 @@
 
 The inertial part M v' + nle comes from Pinocchio on the expanded tree, rows and laws know their own: see
 `mbdae.mechanism.expanded_tree`, `mbdae.mechanism.wrench_partials`, the files of closures and those of forces. Python
-functions of the user are differentiated by central differences of that function alone, where they bring no slopes of their own.
+functions of the user are differentiated by central differences of that function alone, where they bring no partial
+derivatives.
 """
 
 from typing import TYPE_CHECKING, NamedTuple

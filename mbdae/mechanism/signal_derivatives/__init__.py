@@ -8,13 +8,13 @@ from .motion_tangent import MotionTangent, TangentDirections
 from .reactions import reaction_derivatives
 
 __all__ = [
-    "TangentDirections",
     "MotionTangent",
+    "TangentDirections",
     "contact_derivatives",
     "driver_power_derivatives",
     "effort_derivatives",
-    "reaction_derivatives",
-    "momentum_derivatives",
     "frame_motion_derivatives",
+    "momentum_derivatives",
     "path_derivatives",
+    "reaction_derivatives",
 ]

@@ -1,4 +1,4 @@
-"""How the friction of closures that depends on their multipliers varies, see `mbdae.mechanism.formulations.closure_friction`.
+"""Derivatives of closure friction by multipliers, see `mbdae.mechanism.formulations.closure_friction`.
 
 With the wrenches A (m, 6) of the ways that a place may slide, its slip s = A V and c = -mu r,
 

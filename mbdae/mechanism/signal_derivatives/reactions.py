@@ -20,7 +20,7 @@ from .wrenches import closure_wrench, law_wrench, wrench_cross
 
 
 def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
-    """Return what `mbdae.mechanism.joint_wrenches.point_reactions` does, (2, n, 2, 3), and its variations (2, n, 2, 3, m).
+    """Return `mbdae.mechanism.joint_wrenches.point_reactions`, (2, n, 2, 3), and its tangents (2, n, 2, 3, m).
 
     The first half is along the world's axes, the other along their own; force and torque stand in turn.
     """

@@ -165,7 +165,7 @@ def brief(x: float) -> str:
 
 
 def names_of_run(sol: Solution) -> tuple[str, str]:
-    """Return the method of a run as a `mbdae.studies.method_variant.Variant` is written, and the same with its control."""
+    """Return the method of a run as a `mbdae.studies.method_variant.Variant`, and the same with its control."""
     method, settings = str(variant_of(sol.settings)), sol.settings
     control = f"h = {settings['step']:g} s" if "step" in settings else f"rtol {brief(settings.get('rtol', np.nan))}"
     return method, f"{method}, {control}"

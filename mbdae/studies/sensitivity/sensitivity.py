@@ -132,9 +132,9 @@ def sensitivity(
     """Differentiate a run with respect to numbers of its mechanism and to its start: half-explicit methods, Radau IIA.
 
     The steps that were taken stand, with their sizes and rows: the derivative is that of the computed numbers, and
-    exact for them to rounding (`mbdae.methods.step_sensitivity`, `collocation_tangent`). Where the run began at its
-    mechanism's own start, that is assembled anew with the parameters; a start that was given stays. Sampling instants and times of
-    jumps are data.
+    exact for them to rounding (`mbdae.methods.step_sensitivity`, `collocation_sensitivity`). Where the run began at its
+    mechanism's start, that is assembled again with the parameters; a start that was given stays. Sampling instants and
+    times of jumps are data.
 
     Args:
         sol: the run. At times of ``t_eval`` between its nodes, derivatives are those of short steps of the method.

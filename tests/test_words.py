@@ -1,0 +1,110 @@
+"""The words of the house are the field's: old ones do not come back, and those that are left become fewer.
+
+`.github/GLOSSARY.md` has the words that go and those in their place. Each limit is the number of places that are left
+when it was set; whoever mends some lowers it.
+"""
+
+import ast
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TRACKED = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True).stdout.split()
+FILES = [ROOT / x for x in TRACKED] if TRACKED else [x for x in ROOT.rglob("*") if ".venv" not in x.parts]
+PART = re.compile(
+    "slopes?|turning|rising|settled?|settles|strikes?|struck|blows?|rubs?|rubbing|leaps?|leapt|looks?|looked|stands?|"
+    "standstill|stuff|things?|doubts?|doubtful|departed|blamed?|told|anew|afresh|retraced?|remembered|troubled?|"
+    "estranged|suspect|landed|landing|gaping|halted|freedoms?"
+)
+WHOLE = re.compile(
+    "plain|parts?|pieces?|places?|ends|way|ways|same|near|exactly|half|back|whole|share|shares|head|met|meet|keep|fits|"
+    "refuse|acts|lost|felt|asked|own|usual|many|least|kept|cut|grips|slides|bears|touches|turns|walk|trace|hold|held|"
+    "words|numbers"
+)
+PROSE = re.compile(
+    r"\b(?:slopes?|blows?|leaps?|leapt|rubs?|rubbing|stuff|doubts?|anew|afresh|hitherto)\b"
+    r"|(?<!degree of )(?<!degrees of )\bfreedoms?\b"
+    r"|\b(?:looks?|looked) (?:at|for|ahead|after|back)\b"
+    r"|\b(?:stands?|stood) (?:at|there|in|behind|beside|still|for|open)\b"
+    r"|\b(?:is|are) (?:told|asked|struck|found anew|once more)\b"
+    r"|\b(?:his|her|one's) own\b|\bof (?:one's|its|their) own\b|\bbut for\b"
+    r"|\b(?:shall|likewise|alike|thither|whereto)\b"
+)
+LIMITS = {"names": 244, "members": 120, "prose of Python": 649, "prose of C++": 101, "pages": 113}
+
+
+def words(name):
+    return [x.lower() for x in re.findall(r"[A-Z]?[a-z0-9]+|[A-Z]+(?![a-z])", name)]
+
+
+def sources(*suffixes):
+    return [p for p in FILES if p.suffix in suffixes and p.name != "test_words.py" and p.is_file()]
+
+
+def package():
+    return [p for p in sources(".py") if "mbdae" in p.relative_to(ROOT).parts[:1]]
+
+
+def defined(path):
+    """Names that a module defines: of functions, classes, arguments, variables."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+
+
+def comments_and_docstrings(path):
+    text = path.read_text("utf-8")
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            yield ast.get_docstring(node) or ""
+    yield from re.findall(r"#\s.*$", text, re.M)
+
+
+def found_names():
+    return [f"{p.name}: {n}" for p in package() for n in defined(p) if any(PART.fullmatch(w) for w in words(n))]
+
+
+def found_members():
+    return [
+        f"{p.name}: {n.name}"
+        for p in package()
+        for n in ast.walk(ast.parse(p.read_text("utf-8")))
+        if isinstance(n, ast.FunctionDef | ast.ClassDef) and WHOLE.fullmatch(n.name)
+    ] + [p.name for p in package() if WHOLE.fullmatch(p.stem)]
+
+
+def found_in_python():
+    return [f"{p.name}: {w}" for p in sources(".py") for x in comments_and_docstrings(p) for w in PROSE.findall(x)]
+
+
+def found_in_core():
+    texts = ((p, re.findall(r"//.*$", p.read_text("utf-8"), re.M)) for p in sources(".cpp", ".hpp"))
+    return [f"{p.name}: {w}" for p, lines in texts for x in lines for w in PROSE.findall(x)]
+
+
+def found_in_pages():
+    return [
+        f"{p.name}: {w}" for p in sources(".md") if p.name != "GLOSSARY.md" for w in PROSE.findall(p.read_text("utf-8"))
+    ]
+
+
+FOUND = {
+    "names": found_names,
+    "members": found_members,
+    "prose of Python": found_in_python,
+    "prose of C++": found_in_core,
+    "pages": found_in_pages,
+}
+
+
+@pytest.mark.parametrize("where", FOUND)
+def test_old_words_become_fewer(where):
+    found = FOUND[where]()
+    assert len(found) <= LIMITS[where], f"{len(found)} of at most {LIMITS[where]}: {', '.join(found[-20:])}"
