@@ -9,13 +9,8 @@ from typing import Any, TypeGuard
 from unicodedata import category
 
 MAX_LISTED = 60  # names that a message lists
-CONTROL_CATEGORIES = (
-    "Cc",
-    "Cf",
-    "Cs",
-    "Zl",
-    "Zp",
-)  # control, format (writing direction), halves of characters, line ends
+# control, format (writing direction), halves of characters, line ends
+CONTROL_CATEGORIES = ("Cc", "Cf", "Cs", "Zl", "Zp")
 STATUS = {
     "finished": "the end of the time span was reached",
     "event": "a terminal event occurred",

@@ -1,7 +1,6 @@
 """Functions of time: torques, references and motions that follow a clock, as data that stand in a file.
 
-A plain number is a constant; a Python function of t becomes a `Function`. Inside, all are pieces of polynomials,
-harmonics, or Python functions.
+A number is a constant, a Python function of t a `Function`; inside all are polynomials, harmonics or functions.
 """
 
 from abc import abstractmethod
@@ -15,16 +14,10 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 
 from .. import finite_differences
 from ..errors import InputError
+from . import piecewise_polynomial as piecewise
 from .callbacks import called, checked, function_name
 from .checked_table import Table
-from .piecewise_polynomial import (
-    Beyond,
-    Interpolation,
-    PiecewisePolynomial,
-    Point,
-    interpolant_of_points,
-    require_increasing,
-)
+from .piecewise_polynomial import Beyond, Interpolation, PiecewisePolynomial, Point
 
 SPACING = 3e-3  # s, of differences
 
@@ -168,7 +161,7 @@ class _Points(_Piecewise):
     @field_validator("points", check_fields=False)
     @classmethod
     def _rise(cls, points: tuple[Point, ...]) -> tuple[Point, ...]:
-        return require_increasing(points)
+        return piecewise.require_increasing(points)
 
 class TimeTable(_Points):
     """A smooth curve through points (t, value), t increasing.
@@ -201,7 +194,7 @@ class TimeTable(_Points):
         return self._made(self.beyond or "linear", [t for t, _ in jumps], at_rest=self.beyond == "hold")
 
     def _made(self, beyond: Beyond, breaks: Sequence[float], *, at_rest: bool = False) -> PiecewisePolynomial:
-        c = interpolant_of_points(self.points, self.interpolation, beyond, at_rest=at_rest)
+        c = piecewise.interpolant_of_points(self.points, self.interpolation, beyond, at_rest=at_rest)
         if beyond != "periodic":
             return PiecewisePolynomial.of(c, breaks)
         return PiecewisePolynomial.of(c, (), self.points[-1][0] - self.points[0][0], self.rise)

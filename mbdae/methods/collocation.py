@@ -90,9 +90,8 @@ def collocation_step(
         with suppress(StepError):
             found = stages.solve(K, Z, memory.slopes, memory.solvers)
     if found is None:
-        found = (
-            stages.simplified_newton(K, Z) if estimate else stages.found(K, Z)
-        )  # a shorter step can be taken, or not
+        # a shorter step can be taken, or not
+        found = stages.simplified_newton(K, Z) if estimate else stages.found(K, Z)
     x = h * (a.A[-1] @ found.K) + (0.0 if state.compensation is None else state.compensation)
     y, own = chart.end(t + h, x, found.K[-1], found.Z[-1])
     errors = _errors(a, F, found) if estimate else np.empty((0, system.ny))

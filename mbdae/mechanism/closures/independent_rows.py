@@ -18,9 +18,8 @@ AMBIGUOUS_PIVOT = 1e-5  # of the largest pivot: rows that depend on each other b
 UNDERWAY = 1e-7  # likewise, of a run that came along its branch, and keeps loops closed to the square of that
 MANY_ROWS = 32  # rows: beyond, all of them are looked at where there is reason to
 RESELECTION_RATIO = 0.01  # of the best ratio of pivots since the last choice: below, there is
-PROBE_TOLERANCE = (
-    0.1 * GROWTH_TOLERANCE
-)  # of the largest row: so much of a probe in a row that was dependent is reason, too
+# of the largest row: so much of a probe in a row that was dependent is reason, too
+PROBE_TOLERANCE = 0.1 * GROWTH_TOLERANCE
 CONVERGED, EXTRA_CG_ITERATIONS = (
     1e-32,
     20,

@@ -50,16 +50,12 @@ class Index2System(System):
         self.sticks = False  # joints stick in the mode: they stand still
         self.sliding = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
         self.rank: int | None = None
-        self.beside = (
-            independent_rows.AMBIGUOUS_PIVOT
-        )  # ratio of pivots next to a singular configuration, where no leg begins
+        self.beside = independent_rows.AMBIGUOUS_PIVOT  # ratio of pivots where no leg begins: next to singular ones
         self.floor = 0.0  # of the ratio of pivots: below, the rank has fallen
         self.rows: Array | None = None
         self.held = False  # the rows in use stay as they are, but for `settle`
-        self.place, self.reason = (
-            independent_rows.elimination_order(self.constraints.columns),
-            independent_rows.SelectionTrigger(self.ng),
-        )
+        self.place = independent_rows.elimination_order(self.constraints.columns)
+        self.reason = independent_rows.SelectionTrigger(self.ng)
         self.least_pivot_ratio = 1.0  # smallest ratio of pivots of G M^-1 G^T that a solve met
         self.largest_g = self.largest_rate = 0.0  # |g|, and |G v + g_t| / (1 + |v|), over all rows at ends of steps
         self._last_q = np.full(self.nq, np.nan)
@@ -107,10 +103,8 @@ class Index2System(System):
             if not np.isfinite(self._M).all():
                 raise StepError("nonfinite", f"the state is not finite at t = {t:.17g}")
             joint = self.mechanism.coordinate_joint(abs(info) - 1)
-            raise StepError(
-                "singular",
-                f"the mass matrix is singular at joint {joint!r}, t = {t:.17g}: a body without inertia",
-            )
+            what = f"the mass matrix is singular at joint {joint!r}, t = {t:.17g}: a body without inertia"
+            raise StepError("singular", what)
         return U
 
     def force(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:

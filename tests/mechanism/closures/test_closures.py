@@ -7,16 +7,8 @@ import pinocchio as pin
 import pytest
 from chains import JOINTS, free_force, jacobian, random_q, rates, tree
 
-from mbdae import (
-    Closure,
-    JointDamping,
-    JointSpring,
-    JointTorque,
-    MbdaeError,
-    Mechanism,
-    SpringDamper,
-    finite_differences,
-)
+from mbdae import Closure, JointDamping, JointSpring, JointTorque, MbdaeError, Mechanism, SpringDamper
+from mbdae.finite_differences import numerical_derivative, numerical_jacobian
 
 CLOSURES = {
     "point": lambda a, b: Closure.point(a, b),
@@ -64,7 +56,7 @@ def test_jacobian_is_the_derivative_of_g(model, closure):
         mech = Mechanism(model, [closure(*pair)])
         for q, v in far_states(model):
             g = lambda h: mech.residual(pin.integrate(model, q, h * v), v)[0]  # noqa: B023, E731
-            rate = finite_differences.numerical_derivative(g, 2e-3)
+            rate = numerical_derivative(g, 2e-3)
             assert np.abs(g(0)).max() > 1e-3
             np.testing.assert_allclose(mech.residual(q, v)[1], rate, atol=1e-9 * (1 + np.abs(rate).max()))
 
@@ -78,7 +70,7 @@ def test_accelerations_meet_the_hidden_constraint(model, closure):
         mech = Mechanism(model, [closure(*pair)])
         for q, v in far_states(model, seed=2):
             rate = lambda h: mech.residual(pin.integrate(model, q, h * v), v)[1]  # noqa: B023, E731
-            gamma = finite_differences.numerical_derivative(rate, 1e-3)
+            gamma = numerical_derivative(rate, 1e-3)
             vdot, _, _ = rates(mech, q, v)
             size = 1 + np.abs(gamma).max() + np.abs(vdot).max()
             np.testing.assert_allclose(mech.residual(q, vdot)[1] + gamma, 0, atol=2e-8 * size)
@@ -215,7 +207,7 @@ def test_springs_pull_down_their_potential(force):
         def energy(x, q=q, v=v):
             return with_force.energy(pin.integrate(model, q, x), v)[1]
 
-        gradient = finite_differences.numerical_jacobian(energy, model.nv, 1e-3)
+        gradient = numerical_jacobian(energy, model.nv, 1e-3)
         M, f = free_force(model, q, 0 * v)
         vdot, _, power = rates(with_force, q, 0 * v)
         np.testing.assert_allclose(M @ vdot, -gradient, atol=1e-8)
@@ -235,7 +227,7 @@ def test_dampers_take_energy_at_the_rate_they_say():
             ends = [data.oMf[model.getFrameId(n)].translation for n in ("tip_3", "tip_6")]
             return np.linalg.norm(ends[1] - ends[0])
 
-        speed = finite_differences.numerical_derivative(length, 1e-3)
+        speed = numerical_derivative(length, 1e-3)
         assert rates(Mechanism(model, [], [damper]), q, v)[2] == pytest.approx(-4.0 * speed**2, rel=1e-8)
 
 
