@@ -95,15 +95,15 @@ def test_stages(script, capsys):
 
 
 def test_growth(script, capsys):
-    times = script("growth").main(["--brief"])["python"]
+    times = script("scaling").main(["--brief"])["python"]
     assert list(times) == [1, 2, 5, 10, 20, 40]
     assert min(times.values()) > 0
     assert "exponent" in capsys.readouterr().out
 
 
 def test_exponent(script):
-    assert script("growth").exponent({1: 7.0, 10: 10.0, 100: 1000.0}) == pytest.approx(2)
-    assert script("growth").exponent({1: 7.0, 10: 10.0}) is None
+    assert script("scaling").exponent({1: 7.0, 10: 10.0, 100: 1000.0}) == pytest.approx(2)
+    assert script("scaling").exponent({1: 7.0, 10: 10.0}) is None
 
 
 def test_work_precision(script, capsys, tmp_path):
@@ -142,7 +142,7 @@ def test_motions_along_closed_branches(script):
         truth = branches.Truth(branch, 0.7, 1.0)
         sol = mbdae.solve(branch.mech, (0, 0.1), *truth.at(0), method="pherk6", rtol=1e-11, project=True)
         q, v = truth.at(0.1)
-        assert np.abs(branch.discrepancy(sol.q[-1], q)).max() < 1e-9, kind
+        assert np.abs(branch.apart(sol.q[-1], q)).max() < 1e-9, kind
         np.testing.assert_allclose(sol.v[-1], v, atol=1e-8, err_msg=kind)
         np.testing.assert_allclose(sol.lam[-1], truth.forces(0.1)[0], atol=1e-6, err_msg=kind)
         energy = [sum(branch.mech.energy(*truth.at(t))) for t in np.linspace(0, 1, 20)]

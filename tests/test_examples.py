@@ -63,8 +63,8 @@ def test_first_steps(tmp_path, capsys):
     assert "wrist pin carries" in capsys.readouterr().out
 
 
-def test_own_mechanism(capsys):
-    sol = example("own_mechanism").main(end=1.0)
+def test_custom_mechanism(capsys):
+    sol = example("custom_mechanism").main(end=1.0)
     values = sol.signals()
     np.testing.assert_allclose(values["q.left"], values["q.right"], rtol=0, atol=1e-9)  # a parallelogram
     assert np.ptp(values["q.left"]) > 0.1
@@ -138,9 +138,9 @@ def test_tolerance_sweep(tmp_path, capsys):
     assert "standard deviation" in capsys.readouterr().out
 
 
-def test_own_method(capsys):
+def test_custom_method(capsys):
     try:
-        study = example("own_method").main()
+        study = example("custom_method").main()
     finally:
         mbdae.METHODS.pop("ralston3", None)
     assert study.holds

@@ -55,7 +55,7 @@ class Branch(NamedTuple):
         p, best = self.project(q), np.inf
         for _ in range(4):
             at, T, _ = self.jet(p)
-            d = self.discrepancy(q, at)
+            d = self.apart(q, at)
             best = min(best, float(np.abs(d).max()))
             p = p + self.flow(p) * float(T @ d) / float(T @ T)
         return best

@@ -169,14 +169,14 @@ TELLING = """
 import mbdae.__main__
 from mbdae.integrate.run import RunState
 
-to_go, told = RunState.to_go, []
+to_go, told = RunState.time_left, []
 
 def tell(run):
     if len(run.ts) > 10 and not told:
         told.append(print("under way", flush=True))
     return to_go(run)
 
-RunState.to_go = tell
+RunState.time_left = tell
 mbdae.__main__.main()
 """
 

@@ -82,7 +82,7 @@ def test_equilibria(name, units):
 @pytest.mark.parametrize("name", IN)
 def test_linearizations(name, units):
     """The response of a frame's place to a force on it, over ten decades of frequency."""
-    sides = {"inputs": [f"{IN[name]}.{x}" for x in OUT], "outputs": [f"{IN[name]}.{x}" for x in OUT]}
+    sides = {"inputs": [f"{IN[name]}.{x}" for x in OUT], "outputs": [f"position.{IN[name]}.{x}" for x in OUT]}
     expected, found = (mbdae.linearize(made(name, u), **sides) for u in (SI, units))
     omega = np.geomspace(1e-4, 1e6, 21)
     H = found.response(omega / units.time) * units.of(0, 1, -2)  # N/m

@@ -203,7 +203,7 @@ def test_what_robot_yaml_fixes_is_followed(tmp_path):
     write(tmp_path, text, "robot.urdf")
     mech = mbdae.load(write(tmp_path, "joint_name: [left]\njoint_type: [FIXED]", "robot.yaml"))
     assert mech.joint_names == ["lid"]
-    assert restore(describe(mech)).model == mech.model
+    assert restore(describe(mech), [tmp_path]).model == mech.model
     with pytest.raises(InputError, match="joint 'dial' follows 'right' and cannot be locked alone"):
         mbdae.load(write(tmp_path, "joint_name: [dial]\njoint_type: [FIXED]", "robot.yaml"))
 

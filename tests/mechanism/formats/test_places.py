@@ -139,7 +139,8 @@ def test_a_saved_run_takes_its_meshes_along(model, tmp_path):
 
 
 def test_a_saved_run_reads_meshes_of_installed_packages(tmp_path):
-    mech = mbdae.load("example-robot-data:double_pendulum_description/urdf/double_pendulum.urdf")
+    with pytest.warns(UserWarning, match="not carried over"):
+        mech = mbdae.load("example-robot-data:double_pendulum_description/urdf/double_pendulum.urdf")
     mbdae.solve(mech, (0, 1e-3), step=1e-3).save(tmp_path / "run.npz")
     assert drawn(mech) is not None
     assert drawn(mbdae.Solution.load(tmp_path / "run.npz").mechanism) == drawn(mech)

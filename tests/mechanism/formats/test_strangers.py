@@ -4,8 +4,8 @@ import pytest
 from commands import call
 
 import mbdae
-from mbdae import mechanism
 from mbdae.errors import InputError, MbdaeError
+from mbdae.solution import problem
 from mbdae.studies.sweep.toml_file import read_sweep
 
 TOWER = """def mechanism(floors: int = 1) -> dict:
@@ -57,6 +57,6 @@ def test_a_lack_of_memory_is_one_line(monkeypatch):
     def load(path):
         raise MemoryError("Unable to allocate 10 TiB")
 
-    monkeypatch.setattr(mechanism, "load", load)
+    monkeypatch.setattr(problem, "load", load)
     said = "mbdae: there is not enough memory: Unable to allocate 10 TiB\n"
     assert call("run", "four_bar") == (1, "", said)

@@ -154,7 +154,7 @@ def test_a_notebook_shows_it_and_wrong_input_is_refused(four_bar, tmp_path):
     with pytest.raises(InputError, match=r"\.html, got"):
         four_bar.save(tmp_path / "view.png")
     with pytest.raises(InputError, match="view takes a Mechanism"):
-        mbdae.view("four_bar")
+        mbdae.view(3)
 
 
 def test_the_command(tmp_path, monkeypatch):
